@@ -1,0 +1,87 @@
+#include "app/loop.h"
+
+#include "app/telemetry.h"
+#include "hal.h"
+
+enum { STEP_MS = 3 };
+
+static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
+{
+    hal_imu_t imu;
+    hal_rotation_t rotation;
+    hal_reference_t reference;
+    uint16_t battery_mv;
+
+    sensors->have = 0;
+    sensors->period_ms = period_ms;
+    if (hal_imu_read(&imu) == HAL_OK) {
+        sensors->have |= SENSOR_GYRO | SENSOR_ACCELEROMETER;
+        sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
+        sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
+        sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
+    }
+    if (hal_rotation_read(&rotation) == HAL_OK) {
+        sensors->have |= SENSOR_ROTATION;
+        sensors->rotation_left = rotation.left;
+        sensors->rotation_right = rotation.right;
+    }
+    if (hal_reference_read(&reference) == HAL_OK) {
+        sensors->have |= SENSOR_REFERENCE;
+        sensors->reference_x_um = reference.x_um;
+        sensors->reference_y_um = reference.y_um;
+        sensors->reference_heading_bam16 = reference.heading_bam16;
+        sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
+        sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
+    }
+    if (hal_battery_read(&battery_mv) == HAL_OK) {
+        sensors->have |= SENSOR_BATTERY;
+        sensors->battery_mv = battery_mv;
+    }
+}
+
+static void count(uint16_t *counter)
+{
+    if (*counter < 65535U)
+        (*counter)++;
+}
+
+static void send_telemetry(const loop_config_t *config, loop_state_t *state)
+{
+    uint8_t record[TELEMETRY_SIZE];
+
+    if (config->telemetry_every == 0)
+        return;
+    if (state->until_telemetry > 0) {
+        state->until_telemetry--;
+        return;
+    }
+    state->until_telemetry = (uint8_t)(config->telemetry_every - 1);
+    telemetry_pack(state->tick, &state->step, &state->output, record);
+    (void)hal_link_write(record, TELEMETRY_SIZE);
+}
+
+void loop_start(loop_state_t *state)
+{
+    state->clock_ms = hal_clock_ms() - STEP_MS;
+    hal_motors_write(0, 0);
+}
+
+void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command)
+{
+    const uint32_t now_ms = hal_clock_ms();
+    const uint32_t elapsed_ms = now_ms - state->clock_ms;
+    signals_sensors_t sensors;
+
+    state->clock_ms = now_ms;
+    if (elapsed_ms >= 2 * STEP_MS)
+        count(&state->late_ticks);
+    if (elapsed_ms > config->watchdog_ms && state->step.mode.mode == MODE_RUN) {
+        count(&state->aborted_late);
+        command = MODE_ABORT;
+    }
+    read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > 20 ? 20 : elapsed_ms));
+    step_run(&config->step, route, &state->step, &sensors, command, &state->output);
+    hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
+    send_telemetry(config, state);
+    state->tick++;
+}

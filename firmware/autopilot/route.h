@@ -1,0 +1,31 @@
+/* route.h: the waypoints of a mission, checked once when set. */
+#ifndef BRICKPILOT_AUTOPILOT_ROUTE_H
+#define BRICKPILOT_AUTOPILOT_ROUTE_H
+
+#include <stdint.h>
+
+enum { ROUTE_WAYPOINTS_MAX = 32, ROUTE_COORDINATE_MAX_MM = 30000 };
+
+typedef struct {
+    int16_t x_mm; /* -30000..30000 */
+    int16_t y_mm;
+} route_waypoint_t;
+
+/* All zero is an empty route. */
+typedef struct {
+    const route_waypoint_t *waypoints; /* the caller's; must outlive the route */
+    uint8_t count;                     /* 0..32 */
+} route_t;
+
+typedef enum {
+    ROUTE_OK = 0,
+    ROUTE_EMPTY = 1,
+    ROUTE_TOO_LONG = 2, /* more than ROUTE_WAYPOINTS_MAX */
+    ROUTE_TOO_FAR = 3,  /* a coordinate beyond ROUTE_COORDINATE_MAX_MM */
+    ROUTE_REPEATED = 4  /* a waypoint equal to the one before it: a leg without direction */
+} route_status_t;
+
+/* The route is written only with ROUTE_OK. */
+route_status_t route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count);
+
+#endif

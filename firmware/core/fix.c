@@ -1,0 +1,80 @@
+#include "core/fix.h"
+
+#define BIT31 0x80000000UL
+
+int32_t fix_add32(int32_t a, int32_t b)
+{
+    const uint32_t sum = (uint32_t)a + (uint32_t)b;
+    const bool overflow = (a < 0) == (b < 0) && (sum >= BIT31) != (a < 0);
+    if (overflow)
+        return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
+    return sum == BIT31 ? -FIX_INT32_MAX : (int32_t)sum;
+}
+
+int32_t fix_sub32(int32_t a, int32_t b)
+{
+    const uint32_t difference = (uint32_t)a - (uint32_t)b;
+    const bool overflow = (a < 0) != (b < 0) && (difference >= BIT31) != (a < 0);
+    if (overflow)
+        return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
+    return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
+}
+
+/* The product of a number without and one with a sign: at most 2^31 - 2^15 in magnitude. */
+static int32_t mul_u16_s16(uint16_t a, int16_t b)
+{
+    const uint32_t magnitude = fix_mul_u16(a, fix_abs_u16(b));
+    return b < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+int32_t fix_mul_q16(int32_t a, int16_t b)
+{
+    return fix_mul((int16_t)(a >> 16), b) + (mul_u16_s16((uint16_t)a, b) >> 16);
+}
+
+int32_t fix_mul_q15(int32_t a, int16_t b)
+{
+    const uint32_t high = (uint32_t)fix_mul((int16_t)(a >> 16), b) << 1;
+    const uint32_t product = high + (uint32_t)(mul_u16_s16((uint16_t)a, b) >> 15);
+    /* Only -2^31 times -1 comes here: no product of other operands reaches -2^31. */
+    return product == BIT31 ? FIX_INT32_MAX : (int32_t)product;
+}
+
+uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
+{
+#ifdef FIX_WITHOUT_LIBRARY
+    uint32_t remainder = 0; /* below 2 * divisor: 17 bits */
+    for (uint8_t round = 0; round < 32; round++) {
+        remainder = (remainder << 1) | (dividend >> 31);
+        dividend <<= 1;
+        if (remainder >= divisor) {
+            remainder -= divisor;
+            dividend |= 1;
+        }
+    }
+    return dividend;
+#else
+    return divisor == 0 ? UINT32_MAX : dividend / divisor;
+#endif
+}
+
+int32_t fix_div(int32_t dividend, uint16_t divisor)
+{
+    const uint32_t quotient = fix_div_u32(fix_abs_u32(dividend), divisor);
+    const int32_t magnitude = quotient < BIT31 ? (int32_t)quotient : FIX_INT32_MAX;
+    return dividend < 0 ? -magnitude : magnitude;
+}
+
+uint16_t fix_sqrt_u32(uint32_t value)
+{
+    uint32_t root = 0;
+    for (uint32_t bit = 1UL << 30; bit != 0; bit >>= 2) {
+        const uint32_t trial = root + bit;
+        root >>= 1;
+        if (value >= trial) {
+            value -= trial;
+            root += bit;
+        }
+    }
+    return (uint16_t)root;
+}

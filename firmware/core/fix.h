@@ -1,0 +1,117 @@
+/* fix.h: saturating fixed-point arithmetic without a single library call.
+ *
+ * The RCX's compiler turns every `*` wider than 8 x 8 bits and every `/` into a call the brick cannot answer, so all
+ * products and quotients of variables in firmware/ go through here. Shifts are by constants. Right shifts of negative
+ * numbers are taken to be arithmetic (rounding towards minus infinity), as every compiler we build with does;
+ * test_fix.c asserts it.
+ */
+#ifndef BRICKPILOT_CORE_FIX_H
+#define BRICKPILOT_CORE_FIX_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* The forms without library calls; a test defines it to run them on the host. */
+#ifdef __H8300__
+#define FIX_WITHOUT_LIBRARY
+#endif
+
+#define FIX_INT16_MAX 32767
+#define FIX_INT32_MAX 2147483647L
+
+/* Exact 16 x 16 -> 32 bit product of magnitudes; any operands. */
+static inline uint32_t fix_mul_u16(uint16_t a, uint16_t b)
+{
+#ifdef FIX_WITHOUT_LIBRARY
+    /* Four 8 x 8 -> 16 bit products, each one MULXU.B. */
+    const uint8_t ah = (uint8_t)(a >> 8), al = (uint8_t)a, bh = (uint8_t)(b >> 8), bl = (uint8_t)b;
+    const uint16_t low = (uint16_t)((uint16_t)al * bl), high = (uint16_t)((uint16_t)ah * bh);
+    const uint32_t middle = (uint32_t)(uint16_t)((uint16_t)ah * bl) + (uint16_t)((uint16_t)al * bh);
+    return (((uint32_t)high << 16) | low) + (middle << 8);
+#else
+    return (uint32_t)a * b;
+#endif
+}
+
+static inline uint16_t fix_abs_u16(int16_t value)
+{
+    return value < 0 ? (uint16_t)(0U - (uint16_t)value) : (uint16_t)value;
+}
+static inline uint32_t fix_abs_u32(int32_t value)
+{
+    return value < 0 ? 0UL - (uint32_t)value : (uint32_t)value;
+}
+
+/* Exact signed product. Any operands: at most 2^30 in magnitude. */
+static inline int32_t fix_mul(int16_t a, int16_t b)
+{
+#ifdef FIX_WITHOUT_LIBRARY
+    const uint32_t magnitude = fix_mul_u16(fix_abs_u16(a), fix_abs_u16(b));
+    return (a < 0) != (b < 0) ? -(int32_t)magnitude : (int32_t)magnitude;
+#else
+    return (int32_t)a * b;
+#endif
+}
+
+/* Saturating conversions and sums; any operands. */
+static inline int16_t fix_sat16(int32_t value)
+{
+    return value > 32767L ? (int16_t)32767 : value < -32767L ? (int16_t)-32767 : (int16_t)value;
+}
+int32_t fix_add32(int32_t a, int32_t b); /* saturates at +-(2^31 - 1) */
+int32_t fix_sub32(int32_t a, int32_t b);
+static inline int16_t fix_add16(int16_t a, int16_t b)
+{
+    return fix_sat16((int32_t)a + b);
+}
+static inline int16_t fix_sub16(int16_t a, int16_t b)
+{
+    return fix_sat16((int32_t)a - b);
+}
+
+/* `value` limited to -limit..limit; limit 0..2^31-1. */
+static inline int32_t fix_clamp32(int32_t value, int32_t limit)
+{
+    return value > limit ? limit : value < -limit ? -limit : value;
+}
+static inline int16_t fix_clamp16(int16_t value, int16_t limit)
+{
+    return value > limit ? limit : value < -limit ? (int16_t)-limit : value;
+}
+
+/* value / 2^bits, rounded to the nearest, halves away from zero: fix_round_shift(-v, n) = -fix_round_shift(v, n).
+ * Any value; bits 1..30, a constant. */
+static inline int32_t fix_round_shift(int32_t value, uint8_t bits)
+{
+    const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
+    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+/* The next count: one more, but 65535 stays. */
+static inline uint16_t fix_count_u16(uint16_t count)
+{
+    return count < 65535U ? (uint16_t)(count + 1U) : count;
+}
+
+/* (a * b) >> 16 with the full 48-bit product, rounded towards minus infinity. Any operands: the result always fits. */
+int32_t fix_mul_q16(int32_t a, int16_t b);
+
+/* (a * b) >> 15, saturated at +-(2^31 - 1); rounded towards minus infinity. */
+int32_t fix_mul_q15(int32_t a, int16_t b);
+
+/* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. On the RCX 32 rounds of subtract and shift. */
+uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor);
+
+/* dividend / divisor, rounded towards zero, saturated; divisor 1..65535. */
+int32_t fix_div(int32_t dividend, uint16_t divisor);
+
+/* Integer square root, rounded down. Any operand; 16 rounds. */
+uint16_t fix_sqrt_u32(uint32_t value);
+
+/* Difference of two binary angles, wrapped: -32768..32767 for a - b. */
+static inline int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b)
+{
+    return (int16_t)(uint16_t)(a - b);
+}
+
+#endif

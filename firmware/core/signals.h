@@ -1,0 +1,74 @@
+/* signals.h: the only structs that cross from one stage of the pipeline to the next.
+ *
+ * Frame: the paper's. x forward, y right, z down: heading and yaw rate are positive clockwise seen from above.
+ * Units and formats are in the names: _q4 is a value times 16, _bam16 a binary angle (65536 = one turn),
+ * _q15 a share times 32767. Nothing here is ever a raw sensor count but the rotation sensors, whose counts wrap.
+ */
+#ifndef BRICKPILOT_CORE_SIGNALS_H
+#define BRICKPILOT_CORE_SIGNALS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Bits of signals_sensors_t.have: what the HAL delivered, valid and fresh, in this step. */
+enum {
+    SENSOR_GYRO = 1,
+    SENSOR_ACCELEROMETER = 2,
+    SENSOR_ROTATION = 4,
+    SENSOR_REFERENCE = 8, /* the true state: a simulator's, or a tracked arena's */
+    SENSOR_BATTERY = 16
+};
+
+/* hal -> estimator. Fields whose bit is not set hold no meaning. */
+typedef struct {
+    uint8_t have;              /* SENSOR_* bits */
+    uint8_t period_ms;         /* time since the step before, 1..20 */
+    int16_t accel_surge_mm_s2; /* specific force, -32767..32767 */
+    int16_t accel_sway_mm_s2;
+    int16_t yaw_rate_mrad_s; /* -32767..32767 */
+    uint16_t rotation_left;  /* counts, free-running: wraps at 65536 */
+    uint16_t rotation_right;
+    uint16_t battery_mv;    /* 0..20000 */
+    int32_t reference_x_um; /* -2e9..2e9 */
+    int32_t reference_y_um;
+    uint16_t reference_heading_bam16;
+    int16_t reference_speed_mm_s_q4; /* surge, -32767..32767: +-2.047 m/s */
+    int16_t reference_yaw_rate_mrad_s;
+} signals_sensors_t;
+
+/* estimator -> autopilot, control, telemetry. */
+typedef struct {
+    int32_t x_um;
+    int32_t y_um;
+    uint16_t heading_bam16;
+    int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */
+    int16_t yaw_rate_mrad_s; /* bias removed */
+    int16_t accel_mm_s2;     /* rate of change of speed, filtered; 0 where nothing tells it */
+    bool at_rest;            /* wheels and body stand still: the gyro bias is being learnt */
+    bool valid;              /* false: too little to steer by */
+} signals_state_t;
+
+/* autopilot -> control. */
+typedef struct {
+    bool drive; /* false: motors off, integrators cleared */
+    int16_t speed_mm_s_q4;
+    uint16_t heading_bam16;
+} signals_demand_t;
+
+/* control -> mixer. Motor voltage: each motor gets surge, plus yaw on the left and minus yaw on the right. */
+typedef struct {
+    int16_t surge_mv; /* -20000..20000 */
+    int16_t yaw_mv;
+} signals_effort_t;
+
+/* mixer -> motors, and back to control as its anti-windup. */
+typedef struct {
+    int16_t left_mv; /* what the motor will get: after saturation */
+    int16_t right_mv;
+    int16_t left_q15; /* duty, -32767..32767 = -1..1 times the battery voltage */
+    int16_t right_q15;
+    int8_t surge_saturated; /* 1: more surge was asked than given; -1: less (more negative); 0: given in full */
+    int8_t yaw_saturated;   /* the same for yaw */
+} signals_drive_t;
+
+#endif

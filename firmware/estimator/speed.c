@@ -1,0 +1,146 @@
+#include "estimator/speed.h"
+
+#include "core/fix.h"
+
+enum {
+    Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: (um/s q8) to (mm/s q17) */
+    PER_1000_Q24 = 16777,            /* applied as q15, then 9 bits */
+    MM_S2_Q8_PER_Q17_MS_Q14 = 32000, /* 256 * 1000 / 131072: (mm/s q17 per ms) to (mm/s^2 q8) */
+    LONGEST_PERIOD_MS = 20,
+    MOST_COUNTS = 4096
+};
+
+#define SPEED_LIMIT_MM_S_Q17 1073479680L
+#define JUMP_LIMIT_MM_S_Q17 536870912L
+#define BIAS_LIMIT_MM_S2_Q12 4096000L
+
+static const int16_t PER_PERIOD_Q15[LONGEST_PERIOD_MS + 1] = {0,    32767, 16384, 10923, 8192, 6554, 5461,
+                                                              4681, 4096,  3641,  3277,  2979, 2731, 2521,
+                                                              2341, 2185,  2048,  1928,  1820, 1725, 1638};
+
+/* value * factor / 32768, rounded towards zero. */
+static int32_t share(int32_t value, int16_t factor_q15)
+{
+    const int32_t magnitude = fix_mul_q15((int32_t)fix_abs_u32(value), factor_q15);
+    return value < 0 ? -magnitude : magnitude;
+}
+
+/* value / 2^bits, rounded towards zero. */
+static int32_t fraction(int32_t value, uint8_t bits)
+{
+    uint32_t magnitude = fix_abs_u32(value);
+    for (; bits > 0; bits--)
+        magnitude >>= 1;
+    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+/* value / 2^bits, rounded to the nearest. */
+static int16_t rounded(int32_t value, uint8_t bits)
+{
+    return fix_sat16(fraction(fraction(value, (uint8_t)(bits - 1)) + (value < 0 ? -1 : 1), 1));
+}
+
+static int16_t to_q4(int32_t speed_mm_s_q17)
+{
+    return rounded(speed_mm_s_q17, 13);
+}
+
+static void learn_bias(const speed_config_t *config, speed_state_t *state, int16_t accel_mm_s2)
+{
+    uint8_t bits = 0;
+    for (uint16_t steps = state->learnt_steps; steps > 0 && bits < config->slowest_weight_bits; steps >>= 1)
+        bits++;
+    const int32_t error_q12 = (int32_t)accel_mm_s2 * 4096 - state->accel_bias_mm_s2_q12;
+    state->accel_bias_mm_s2_q12 =
+        fix_clamp32(state->accel_bias_mm_s2_q12 + fraction(error_q12, bits), BIAS_LIMIT_MM_S2_Q12);
+    if (state->learnt_steps < 65535U)
+        state->learnt_steps++;
+}
+
+/* Change of surge by the accelerometer, mm/s q17: eq. 2, with the specific force for X - D_u. */
+static int32_t felt_change(const speed_state_t *state, const speed_input_t *input)
+{
+    const signals_sensors_t *const sensors = input->sensors;
+    const int32_t turning_q4 =
+        share(fix_mul(to_q4(input->predicted_sway_mm_s_q17), input->yaw_rate_mrad_s), PER_1000_Q24);
+    const int16_t accel_mm_s2 = fix_sat16(sensors->accel_surge_mm_s2 -
+                                          (int32_t)rounded(state->accel_bias_mm_s2_q12, 12) + rounded(turning_q4, 13));
+    return share(fix_mul(accel_mm_s2, sensors->period_ms) * 256, Q17_PER_UM_S_Q8_Q15);
+}
+
+/* Travel of the vehicle's middle by the rotation sensors since the step before. */
+static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t *state,
+                                    const signals_sensors_t *sensors)
+{
+    const int16_t left = (int16_t)(uint16_t)(sensors->rotation_left - state->rotation_left);
+    const int16_t right = (int16_t)(uint16_t)(sensors->rotation_right - state->rotation_right);
+    const int16_t counts = state->rotation_known ? fix_clamp16(fix_add16(left, right), MOST_COUNTS) : 0;
+    state->rotation_left = sensors->rotation_left;
+    state->rotation_right = sensors->rotation_right;
+    state->rotation_known = true;
+    const int32_t travel = (int32_t)fix_mul_u16(fix_abs_u16(counts), config->count_travel_um_q2) * 4;
+    return counts < 0 ? -travel : travel;
+}
+
+/* The sensors' say on the speed predicted; returns the travel by which the rotation sensors move the estimate. */
+static int32_t observe(const speed_config_t *config, speed_state_t *state, const speed_input_t *input,
+                       int32_t travel_um_q5, int32_t *speed_mm_s_q17)
+{
+    const signals_sensors_t *const sensors = input->sensors;
+    int32_t made_up_um_q5 = 0;
+    if (sensors->have & SENSOR_ACCELEROMETER) {
+        const int32_t predicted_change = fix_sub32(input->predicted_mm_s_q17, state->speed_mm_s_q17);
+        const int32_t surprise = fix_sub32(felt_change(state, input), predicted_change);
+        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, share(surprise, config->accel_gain_q15));
+    }
+    if (sensors->have & SENSOR_ROTATION) {
+        const int32_t behind = state->behind_um_q5 + counted_travel_um_q5(config, state, sensors) - travel_um_q5;
+        made_up_um_q5 = share(behind, config->behind_to_travel_q15);
+        state->behind_um_q5 = fix_clamp32(behind - made_up_um_q5, SPEED_BEHIND_LIMIT_UM_Q5);
+        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, share(state->behind_um_q5, config->behind_to_speed_q15));
+    }
+    return made_up_um_q5;
+}
+
+static void filter_accel(const speed_config_t *config, speed_state_t *state, int32_t speed_mm_s_q17, uint8_t period_ms)
+{
+    const uint8_t period = period_ms > LONGEST_PERIOD_MS ? LONGEST_PERIOD_MS : period_ms;
+    const int32_t jump = fix_clamp32(fix_sub32(speed_mm_s_q17, state->speed_mm_s_q17), JUMP_LIMIT_MM_S_Q17);
+    const int32_t accel_mm_s2_q8 = 2 * share(share(jump, PER_PERIOD_Q15[period]), MM_S2_Q8_PER_Q17_MS_Q14);
+    state->accel_mm_s2_q8 += share(fix_sub32(accel_mm_s2_q8, state->accel_mm_s2_q8), config->accel_filter_q15);
+}
+
+/* Travel at the mean of two speeds. */
+static int32_t travel(int32_t before_mm_s_q17, int32_t after_mm_s_q17, uint8_t period_ms)
+{
+    return fix_mul(to_q4(before_mm_s_q17), period_ms) + fix_mul(to_q4(after_mm_s_q17), period_ms);
+}
+
+void speed_step(const speed_config_t *config, speed_state_t *state, const speed_input_t *input, speed_output_t *output)
+{
+    const signals_sensors_t *const sensors = input->sensors;
+    int32_t speed = input->predicted_mm_s_q17;
+    const int32_t predicted_travel = travel(state->speed_mm_s_q17, speed, sensors->period_ms);
+
+    if (input->at_rest && (sensors->have & SENSOR_ACCELEROMETER))
+        learn_bias(config, state, sensors->accel_surge_mm_s2);
+    output->travel_um_q5 = predicted_travel + observe(config, state, input, predicted_travel, &speed);
+    if (input->at_rest) {
+        speed = 0;
+        state->behind_um_q5 = 0;
+        output->travel_um_q5 = 0;
+    }
+    if (sensors->have & SENSOR_REFERENCE) {
+        speed = sensors->reference_speed_mm_s_q4 * 8192L;
+        output->travel_um_q5 = travel(state->speed_mm_s_q17, speed, sensors->period_ms);
+    }
+    speed = fix_clamp32(speed, SPEED_LIMIT_MM_S_Q17);
+    filter_accel(config, state, speed, sensors->period_ms);
+    output->sway_travel_um_q5 = travel(state->sway_mm_s_q17, input->predicted_sway_mm_s_q17, sensors->period_ms);
+    state->speed_mm_s_q17 = speed;
+    state->sway_mm_s_q17 = input->predicted_sway_mm_s_q17;
+
+    output->correction_mm_s_q17 = fix_sub32(speed, input->predicted_mm_s_q17);
+    output->speed_mm_s_q4 = to_q4(speed);
+    output->accel_mm_s2 = rounded(state->accel_mm_s2_q8, 8);
+}

@@ -1,0 +1,62 @@
+/* speed.h: surge from the model's prediction, corrected by whatever sensors there are.
+ *
+ * The model, driven by the voltage applied, predicts; this stage compares and returns the correction that the caller
+ * adds to the model's surge (body_correct_surge), so that both go on from the same speed.
+ *
+ *   accelerometer     surge' = specific force + sway * yaw rate; a share of the difference to the model's change of
+ * speed rotation sensors  an observer on the travel of the vehicle's middle: the travel by which the estimate lies
+ * behind the counts moves both the travel (damping) and the speed at rest           the speed is 0, and the
+ * accelerometer's bias is learnt reference         overrides all
+ *
+ * Gains are per step of 3 ms; a late step is corrected by the same amount, which delays and does not upset it.
+ * Negate every input and the state, and the output is negated.
+ */
+#ifndef BRICKPILOT_ESTIMATOR_SPEED_H
+#define BRICKPILOT_ESTIMATOR_SPEED_H
+
+#include "core/signals.h"
+
+#define SPEED_BEHIND_LIMIT_UM_Q5 3200000L /* 100 mm: beyond it the wheels slip, and the observer forgets */
+
+typedef struct {
+    int16_t accel_gain_q15;       /* share of the accelerometer in a change of speed, 0..32767 = 1 */
+    uint8_t slowest_weight_bits;  /* the accelerometer's bias moves by at least 2^-this of the error per step at rest,
+                                     0..12 */
+    uint16_t count_travel_um_q2;  /* travel of a wheel per count, 1..65535: up to 16.4 mm */
+    int16_t behind_to_travel_q15; /* share of the travel behind that is made up in a step, 0..32767 */
+    int16_t behind_to_speed_q15;  /* change of speed [mm/s q17] per travel behind [um q5], in a step, 0..32767 */
+    int16_t accel_filter_q15;     /* share of a new acceleration in the filtered one, 1..32767 */
+} speed_config_t;
+
+/* All zero to begin with, at rest. */
+typedef struct {
+    int32_t speed_mm_s_q17;
+    int32_t sway_mm_s_q17;
+    int32_t behind_um_q5;         /* travel by the counts minus travel estimated, +-100 mm */
+    int32_t accel_mm_s2_q8;       /* filtered */
+    int32_t accel_bias_mm_s2_q12; /* +-1 m/s^2 */
+    uint16_t learnt_steps;        /* stays at 65535 */
+    uint16_t rotation_left;       /* of the step before */
+    uint16_t rotation_right;
+    bool rotation_known;
+} speed_state_t;
+
+typedef struct {
+    const signals_sensors_t *sensors;
+    int32_t predicted_mm_s_q17;      /* the model's surge now, 3 ms after its last correction; +-8.2 m/s */
+    int32_t predicted_sway_mm_s_q17; /* the model's; 0 where wheels cannot slide */
+    int16_t yaw_rate_mrad_s;         /* bias removed */
+    bool at_rest;                    /* of heading_step() */
+} speed_input_t;
+
+typedef struct {
+    int32_t correction_mm_s_q17; /* what the model's surge lacks; +-16.4 m/s */
+    int16_t speed_mm_s_q4;       /* saturates at +-2.047 m/s */
+    int16_t accel_mm_s2;         /* rate of change of speed, filtered, saturates */
+    int32_t travel_um_q5;        /* forward since the step before, the sensors' correction included */
+    int32_t sway_travel_um_q5;
+} speed_output_t;
+
+void speed_step(const speed_config_t *config, speed_state_t *state, const speed_input_t *input, speed_output_t *output);
+
+#endif

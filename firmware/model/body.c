@@ -1,0 +1,204 @@
+#include "model/body.h"
+
+#include "core/fix.h"
+#include "core/trig.h"
+
+enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
+
+typedef struct {
+    int16_t cos_q15;
+    int16_t sin_q15;
+} direction_t;
+
+static direction_t direction_of(uint16_t angle_bam16)
+{
+    return (direction_t){.cos_q15 = trig_cos_q15(angle_bam16), .sin_q15 = trig_sin_q15(angle_bam16)};
+}
+
+/* value * factor / 2^(15 + bits), rounded to the nearest. */
+static int32_t part(int32_t value, int16_t factor_q15, uint8_t bits)
+{
+    const scale_t factor = {.mantissa = factor_q15, .shift = bits};
+    return scale_apply(&factor, value);
+}
+
+static int32_t half(int32_t value)
+{
+    return value < 0 ? -(-value >> 1) : value >> 1;
+}
+static int32_t middle(int32_t before, int32_t after)
+{
+    return before + half(after - before);
+}
+static int32_t clamp_speed(int32_t speed_mm_s_q17)
+{
+    return fix_clamp32(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17);
+}
+static uint16_t round_bam16(uint32_t bam32)
+{
+    return (uint16_t)scale_round_16((int32_t)bam32);
+}
+
+/* Square of a speed, (mm/s)^2 q2. */
+static int32_t square(int32_t speed_mm_s_q17)
+{
+    const uint16_t speed_q1 = (uint16_t)(fix_abs_u32(speed_mm_s_q17) >> 16);
+    return (int32_t)fix_mul_u16(speed_q1, speed_q1);
+}
+
+static void move_axis(int32_t *whole_um, int16_t *rest_um_q12, int32_t travel_um_q12)
+{
+    const int32_t sum = travel_um_q12 + *rest_um_q12;
+    const uint32_t magnitude = fix_abs_u32(sum);
+    const int32_t whole = (int32_t)(magnitude >> 12);
+    const int16_t rest = (int16_t)(magnitude & 0xfffU);
+    *whole_um = fix_add32(*whole_um, sum < 0 ? -whole : whole);
+    *rest_um_q12 = sum < 0 ? (int16_t)-rest : rest;
+}
+
+static void move(body_state_t *state, int32_t x_um_q12, int32_t y_um_q12)
+{
+    move_axis(&state->x_um, &state->x_rest_um_q12, x_um_q12);
+    move_axis(&state->y_um, &state->y_rest_um_q12, y_um_q12);
+}
+
+/* Takes the new yaw rate, which has changed linearly. Returns the heading in the middle of the step. */
+static uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t yaw_rate_mrad_s_q12)
+{
+    const int32_t mean = middle(state->yaw_rate_mrad_s_q12, yaw_rate_mrad_s_q12);
+    const int32_t turned = scale_apply(&coefficients->heading_from_yaw_rate, mean);
+    const uint16_t middle_bam16 = round_bam16(state->heading_bam32 + (uint32_t)half(turned));
+    state->heading_bam32 += (uint32_t)turned;
+    state->yaw_rate_mrad_s_q12 = yaw_rate_mrad_s_q12;
+    return middle_bam16;
+}
+
+/* Eq. 5, on one axis. */
+static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_q17)
+{
+    const int32_t loss = scale_apply(&coefficients->drag, square(speed_mm_s_q17));
+    return speed_mm_s_q17 > 0 ? -loss : loss;
+}
+
+static void step_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
+                         int16_t right_mv)
+{
+    motor_state_t *const mean = &state->motor[0];
+    motor_state_t *const difference = &state->motor[1];
+    const int32_t surge_before = state->surge_mm_s_q17;
+
+    motor_step(&coefficients->motor[0], mean, (int16_t)(left_mv + right_mv), drag(coefficients, surge_before));
+    motor_step(&coefficients->motor[1], difference, (int16_t)(left_mv - right_mv), 0);
+    state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
+
+    const direction_t along = direction_of(
+        turn(coefficients, state, scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13)));
+    const int32_t travel = scale_apply(&coefficients->travel_from_speed, middle(surge_before, state->surge_mm_s_q17));
+    move(state, part(travel, along.cos_q15, 0), part(travel, along.sin_q15, 0));
+}
+
+/* Change of speed by one wheel's thrust in this step, mm/s q24. */
+static int32_t thrust(const body_coefficients_t *coefficients, uint8_t side, motor_state_t *wheel, int16_t voltage_mv)
+{
+    const int32_t before = wheel->speed_mrad_s_q13;
+    motor_step(&coefficients->motor[side], wheel, voltage_mv, 0);
+    return scale_apply16(&coefficients->thrust_from_voltage, voltage_mv) -
+           scale_apply(&coefficients->thrust_from_wheel, middle(before, wheel->speed_mrad_s_q13));
+}
+
+static bool moves(int32_t surge_mm_s_q17, int32_t sway_mm_s_q17)
+{
+    const uint32_t surge = fix_abs_u32(surge_mm_s_q17), sway = fix_abs_u32(sway_mm_s_q17);
+    if (surge >= BODY_REST_SPEED_MM_S_Q17 || sway >= BODY_REST_SPEED_MM_S_Q17)
+        return true;
+    return fix_mul_u16((uint16_t)surge, (uint16_t)surge) + fix_mul_u16((uint16_t)sway, (uint16_t)sway) >=
+           fix_mul_u16(BODY_REST_SPEED_MM_S_Q17, BODY_REST_SPEED_MM_S_Q17);
+}
+
+/* Eq. 6, 7 and 9 seen from the room: along the velocity; for a vehicle that moves backward, along the velocity's mirror
+ * image ahead of it. */
+static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
+{
+    if (!moves(state->surge_mm_s_q17, state->sway_mm_s_q17))
+        return heading_bam16;
+    const uint16_t course_bam16 = trig_atan2_bam16(state->velocity_y_mm_s_q17, state->velocity_x_mm_s_q17);
+    const int16_t astray_bam16 = fix_angle_diff_bam16(course_bam16, heading_bam16);
+    return fix_abs_u16(astray_bam16) <= QUARTER_TURN_BAM16 ? course_bam16
+                                                           : (uint16_t)(2U * heading_bam16 + 32768U - course_bam16);
+}
+
+static void push(body_state_t *state, direction_t along, direction_t ahead, int32_t thrust_mm_s_q24, int32_t drag_surge,
+                 int32_t drag_sway)
+{
+    state->velocity_x_mm_s_q17 =
+        clamp_speed(state->velocity_x_mm_s_q17 + part(thrust_mm_s_q24, along.cos_q15, THRUST_TO_SPEED_BITS) +
+                    part(drag_surge, ahead.cos_q15, 0) - part(drag_sway, ahead.sin_q15, 0));
+    state->velocity_y_mm_s_q17 =
+        clamp_speed(state->velocity_y_mm_s_q17 + part(thrust_mm_s_q24, along.sin_q15, THRUST_TO_SPEED_BITS) +
+                    part(drag_surge, ahead.sin_q15, 0) + part(drag_sway, ahead.cos_q15, 0));
+}
+
+static void step_paper(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
+{
+    const int32_t left = thrust(coefficients, 0, &state->motor[0], left_mv);
+    const int32_t right = thrust(coefficients, 1, &state->motor[1], right_mv);
+    const int32_t x_before = state->velocity_x_mm_s_q17;
+    const int32_t y_before = state->velocity_y_mm_s_q17;
+    const int32_t gain = scale_apply(&coefficients->yaw_rate_from_thrust, left - right);
+
+    const direction_t before = direction_of(body_heading_bam16(state));
+    const uint16_t middle_bam16 = turn(
+        coefficients, state, fix_clamp32(fix_add32(state->yaw_rate_mrad_s_q12, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12));
+    push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
+         drag(coefficients, state->surge_mm_s_q17), drag(coefficients, state->sway_mm_s_q17));
+    const int32_t x = state->velocity_x_mm_s_q17;
+    const int32_t y = state->velocity_y_mm_s_q17;
+    move(state, scale_apply(&coefficients->travel_from_speed, middle(x_before, x)),
+         scale_apply(&coefficients->travel_from_speed, middle(y_before, y)));
+
+    const direction_t ahead = direction_of(body_heading_bam16(state));
+    state->surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
+    state->sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
+}
+
+void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
+{
+    left_mv = fix_clamp16(left_mv, MOTOR_VOLTAGE_LIMIT_MV);
+    right_mv = fix_clamp16(right_mv, MOTOR_VOLTAGE_LIMIT_MV);
+    if (coefficients->profile == BODY_PAPER)
+        step_paper(coefficients, state, left_mv, right_mv);
+    else
+        step_coupled(coefficients, state, left_mv, right_mv);
+}
+
+void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
+{
+    if (coefficients->profile == BODY_PAPER) {
+        const direction_t ahead = direction_of(body_heading_bam16(state));
+        state->velocity_x_mm_s_q17 = clamp_speed(state->velocity_x_mm_s_q17 + part(change_mm_s_q17, ahead.cos_q15, 0));
+        state->velocity_y_mm_s_q17 = clamp_speed(state->velocity_y_mm_s_q17 + part(change_mm_s_q17, ahead.sin_q15, 0));
+        state->surge_mm_s_q17 = clamp_speed(state->surge_mm_s_q17 + change_mm_s_q17);
+        return;
+    }
+    motor_state_t *const mean = &state->motor[0];
+    const int32_t quarter = scale_apply(&coefficients->quarter_wheel_from_surge, change_mm_s_q17);
+    const int32_t change = fix_add32(fix_add32(quarter, quarter), fix_add32(quarter, quarter));
+    mean->speed_mrad_s_q13 = fix_clamp32(fix_add32(mean->speed_mrad_s_q13, change), MOTOR_SPEED_LIMIT_MRAD_S_Q13);
+    state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
+}
+
+void body_wheels(const body_coefficients_t *coefficients, const body_state_t *state, body_wheels_t *wheels)
+{
+    const motor_state_t *const first = &state->motor[0];
+    const motor_state_t *const second = &state->motor[1];
+    const bool paper = coefficients->profile == BODY_PAPER;
+    wheels->left_current_ua_q7 = paper ? first->current_ua_q7 : first->current_ua_q7 + second->current_ua_q7;
+    wheels->right_current_ua_q7 = paper ? second->current_ua_q7 : first->current_ua_q7 - second->current_ua_q7;
+    wheels->left_mrad_s_q13 = paper ? first->speed_mrad_s_q13 : first->speed_mrad_s_q13 + second->speed_mrad_s_q13;
+    wheels->right_mrad_s_q13 = paper ? second->speed_mrad_s_q13 : first->speed_mrad_s_q13 - second->speed_mrad_s_q13;
+}
+
+uint16_t body_heading_bam16(const body_state_t *state)
+{
+    return round_bam16(state->heading_bam32);
+}

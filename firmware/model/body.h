@@ -1,0 +1,79 @@
+/* body.h: the vehicle's motors and body, eq. 2 to 19, in fixed point; one step is 3 ms.
+ *
+ * Profile BODY_COUPLED. Wheels neither slip nor slide, so surge = r_w (w_l + w_r) / 2, yaw rate = r_w (w_l - w_r) /
+ * (2 half-track), sway = 0, and the tyre force puts the body's inertia onto the wheels. Mean and half difference of
+ * both wheels are then two motors that do not know of each other, with the inertias J + m r_w^2 / 2 and J + J_z r_w^2 /
+ * (2 half-track^2). Only air drag (eq. 5) ties them to the past step.
+ *
+ * Profile BODY_PAPER. Each wheel turns for itself (eq. 14). Thrust is eq. 15 to 17 with the wheel speed's mean over the
+ * step, along the velocity vector (eq. 6, 7, 9), or along the heading below BODY_REST_SPEED; nothing damps yaw. The
+ * velocity is kept in the room's frame, where the Coriolis terms of eq. 2 and 3 vanish, and turned into surge and sway.
+ *
+ * Both: no branch treats left and right, or forward and backward, differently. Mirror the voltages, and the run is
+ * mirrored, bit for bit. Everything saturates at the limits given; a motor that floats is not modelled.
+ */
+#ifndef BRICKPILOT_MODEL_BODY_H
+#define BRICKPILOT_MODEL_BODY_H
+
+#include "model/motor.h"
+
+#define BODY_PERIOD_MS 3
+#define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: two of them fit in 31 bits */
+#define BODY_YAW_RATE_LIMIT_MRAD_S_Q12 1966080000L /* 480 rad/s */
+#define BODY_REST_SPEED_MM_S_Q17 45875U            /* 0.35 mm/s: below it motion has no direction */
+
+typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
+
+/* Made by the generator from SI values, which also proves that nothing overflows. Units of value and result in
+ * brackets. */
+typedef struct {
+    body_profile_t profile;
+    motor_coefficients_t
+        motor[2]; /* coupled: mean, half difference, with the sum or difference of mV as input; paper: left, right */
+    scale_t drag; /* [(mm/s)^2 q2 to: coupled mrad/s q13 of the mean wheel, paper mm/s q17], per step */
+    scale_t travel_from_speed;        /* [mm/s q17 to um q12], per step */
+    scale_t heading_from_yaw_rate;    /* [mrad/s q12 to bam32], per step */
+    scale_t surge_from_wheel;         /* coupled [mrad/s q13 to mm/s q17] */
+    scale_t quarter_wheel_from_surge; /* coupled, [mm/s q17 to mrad/s q13] and quartered */
+    scale_t yaw_rate_from_wheel;      /* coupled [mrad/s q13 to mrad/s q12] */
+    scale_t thrust_from_voltage;      /* paper [mV to mm/s q24], per step and wheel, for scale_apply16 */
+    scale_t thrust_from_wheel;        /* paper [mrad/s q13 to mm/s q24], per step and wheel */
+    scale_t yaw_rate_from_thrust;     /* paper [mm/s q24 to mrad/s q12] */
+} body_coefficients_t;
+
+/* All zero is a vehicle at rest at the origin. */
+typedef struct {
+    motor_state_t motor[2];      /* as coefficients.motor */
+    int32_t velocity_x_mm_s_q17; /* paper: in the room */
+    int32_t velocity_y_mm_s_q17;
+    int32_t surge_mm_s_q17; /* +-8.19 m/s, saturates */
+    int32_t sway_mm_s_q17;
+    int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s, saturates */
+    uint32_t heading_bam32;      /* 2^32 = one turn */
+    int32_t x_um;                /* +-2147 m, saturates */
+    int32_t y_um;
+    int16_t x_rest_um_q12; /* what x_um leaves out, below 1 um */
+    int16_t y_rest_um_q12;
+} body_state_t;
+
+/* What the two wheels do, whatever the profile. */
+typedef struct {
+    int32_t left_current_ua_q7;
+    int32_t right_current_ua_q7;
+    int32_t left_mrad_s_q13;
+    int32_t right_mrad_s_q13;
+} body_wheels_t;
+
+/* One step with both voltages held; beyond +-16383 mV they are clamped. */
+void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
+
+/* Adds `change_mm_s_q17` (+-8.19 m/s) to the surge, as an observer's correction does: in `coupled` both wheels follow.
+ */
+void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
+
+void body_wheels(const body_coefficients_t *coefficients, const body_state_t *state, body_wheels_t *wheels);
+
+/* Heading rounded to a 65536th of a turn. */
+uint16_t body_heading_bam16(const body_state_t *state);
+
+#endif

@@ -1,0 +1,42 @@
+/* motor.h: a gear motor with its load, eq. 12 to 14, in fixed point.
+ *
+ * Two states, current and speed at the wheel. Rolling friction (eq. 13, with the absolute value of the speed) is linear
+ * in speed, so the motor is a linear system and the step of 3 ms is exact for a voltage that is held (matrix
+ * exponential, taken by the generator). The current is found from scratch in each step, the speed by its change, so
+ * that the slow time constant and the final speed are right to 1e-4 of their value.
+ *
+ * One pair of states serves a wheel (profile paper), or the mean or half the difference of both wheels (coupled: see
+ * body.h); the coefficients say which. The terminals always have a voltage: a motor that floats is not modelled.
+ * Negate voltage, load and state, and the state after the step is negated, bit for bit.
+ */
+#ifndef BRICKPILOT_MODEL_MOTOR_H
+#define BRICKPILOT_MODEL_MOTOR_H
+
+#include "model/scale.h"
+
+#define MOTOR_VOLTAGE_LIMIT_MV 16383
+#define MOTOR_SPEED_LIMIT_MRAD_S_Q13 786432000L /* 96 rad/s: two of them still fit in 31 bits */
+
+/* New current = sum of the current_from_ terms; change of speed = sum of the speed_from_ terms. The generator refuses
+ * parameters with which a sum could pass 2^31 anywhere within the limits above. */
+typedef struct {
+    scale_t current_from_current;
+    scale_t current_from_speed;
+    scale_t current_from_voltage; /* for scale_apply16, input mV */
+    scale_t speed_from_current;
+    scale_t speed_from_speed; /* less than zero: this is minus the share of speed lost in a step */
+    scale_t speed_from_voltage;
+} motor_coefficients_t;
+
+/* All zero is a motor at rest. */
+typedef struct {
+    int32_t current_ua_q7;    /* +-16.7 A */
+    int32_t speed_mrad_s_q13; /* +-96 rad/s, saturates */
+} motor_state_t;
+
+/* One step of 3 ms with `voltage_mv` (any) held. `load_mrad_s_q13` is the change of speed that an outside torque causes
+ * in this step, +-20 rad/s. */
+void motor_step(const motor_coefficients_t *coefficients, motor_state_t *state, int16_t voltage_mv,
+                int32_t load_mrad_s_q13);
+
+#endif

@@ -1,0 +1,69 @@
+#include "sil/sil.h"
+
+#include <stddef.h>
+#include <string.h>
+
+static __thread sil_port_t *bound;
+
+void sil_bind(sil_port_t *port)
+{
+    bound = port;
+}
+
+uint32_t hal_clock_ms(void)
+{
+    return bound->clock_ms;
+}
+
+hal_status_t hal_imu_read(hal_imu_t *out)
+{
+    if (bound->imu_status == HAL_OK)
+        *out = bound->imu;
+    return bound->imu_status;
+}
+
+hal_status_t hal_rotation_read(hal_rotation_t *out)
+{
+    if (bound->rotation_status == HAL_OK)
+        *out = bound->rotation;
+    return bound->rotation_status;
+}
+
+hal_status_t hal_reference_read(hal_reference_t *out)
+{
+    if (bound->reference_status == HAL_OK)
+        *out = bound->reference;
+    return bound->reference_status;
+}
+
+hal_status_t hal_battery_read(uint16_t *out_mv)
+{
+    if (bound->battery_status == HAL_OK)
+        *out_mv = bound->battery_mv;
+    return bound->battery_status;
+}
+
+void hal_motors_write(int16_t left_q15, int16_t right_q15)
+{
+    bound->left_q15 = left_q15;
+    bound->right_q15 = right_q15;
+    bound->motor_writes++;
+}
+
+uint16_t hal_link_write(const uint8_t *bytes, uint16_t size)
+{
+    const size_t room = (size_t)(SIL_LINK_SIZE - bound->link_out_size);
+    const size_t taken = size < room ? size : room;
+    memcpy(bound->link_out + bound->link_out_size, bytes, taken);
+    bound->link_out_size = (uint16_t)(bound->link_out_size + taken);
+    return (uint16_t)taken;
+}
+
+uint16_t hal_link_read(uint8_t *bytes, uint16_t size)
+{
+    const size_t taken = size < bound->link_in_size ? size : bound->link_in_size;
+    memcpy(bytes, bound->link_in, taken);
+    memmove(bound->link_in, bound->link_in + taken, bound->link_in_size - taken);
+    bound->link_in_size = (uint16_t)(bound->link_in_size - taken);
+    return (uint16_t)taken;
+}

@@ -1,0 +1,20 @@
+/* model.h: a vehicle as the C interface builds it. brickpilot_sim.h documents the functions. */
+#ifndef BRICKPILOT_PLANT_MODEL_H
+#define BRICKPILOT_PLANT_MODEL_H
+
+#include "effects/effect.h"
+
+enum { MODEL_EFFECTS = 16 }; /* switched on at a time */
+
+struct bp_model {
+    int vehicle;
+    int profile;
+    double parameter[PARAMETER_COUNT];
+    int effect_count;
+    struct {
+        const effect_t *effect;
+        double value[BP_MAX_PARAMETERS];
+    } effect[MODEL_EFFECTS]; /* in the order of the table, so that the order of switching on does not matter */
+};
+
+#endif

@@ -1,0 +1,254 @@
+#include "plant/plant.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "models/rcx_gen.h"
+#include "plant/body.h"
+#include "plant/contact.h"
+#include "plant/output.h"
+
+/* Share of a step by which an interval may exceed a whole number of steps: rounding in sample times adds no step. */
+static const double STEP_SLACK = 1e-6;
+
+static void run_hooks(plant_t *plant, site_t site)
+{
+    for (int i = 0; i < plant->hook_count[site]; i++) {
+        const plant_hook_t *hook = &plant->hook[site][i];
+        hook->hook(hook->value, hook->memory, &plant->vehicle);
+    }
+}
+
+static void gather_hooks(plant_t *plant, const bp_model *model)
+{
+    double *memory = plant->memory;
+    memset(plant->hook_count, 0, sizeof plant->hook_count);
+    for (int i = 0; i < model->effect_count; i++) {
+        const effect_t *effect = model->effect[i].effect;
+        memset(memory, 0, (size_t)effect->memory_count * sizeof *memory);
+        for (int site = 0; site < SITE_COUNT; site++)
+            if (effect->hook[site] != NULL)
+                plant->hook[site][plant->hook_count[site]++] =
+                    (plant_hook_t){effect->hook[site], model->effect[i].value, memory};
+        memory += effect->memory_count;
+    }
+}
+
+/* The nominal motor of either side. Eq. 13 with eq. 14 is a loss linear in the speed: m g sigma r_w abs(w) at the
+ * radius r_w. */
+static motor_t nominal_motor(const vehicle_t *vehicle)
+{
+    const double *p = vehicle->parameter;
+    const double radius = vehicle->vehicle == BP_MOTOR ? contact_load_lever(p) : p[PARAMETER_WHEEL_RADIUS];
+    const double weight = p[PARAMETER_MASS] * p[PARAMETER_GRAVITY];
+    motor_t motor = {.resistance = p[PARAMETER_RESISTANCE],
+                     .inductance = p[PARAMETER_INDUCTANCE],
+                     .torque_constant = p[PARAMETER_TORQUE_CONSTANT],
+                     .emf_constant = p[PARAMETER_EMF_CONSTANT],
+                     .inertia = p[PARAMETER_WHEEL_INERTIA],
+                     .drag = p[PARAMETER_VISCOUS_FRICTION] + weight * p[PARAMETER_ROLLING_FRICTION] * radius * radius};
+    if (vehicle->vehicle == BP_MOTOR && (p[PARAMETER_FORCE_PER_VOLT] > 0 || p[PARAMETER_TORQUE_PER_VOLT] > 0)) {
+        const bool linear = p[PARAMETER_FORCE_PER_VOLT] > 0;
+        motor.torque_constant = 0;
+        motor.emf_constant = 0;
+        motor.torque_per_volt = linear ? p[PARAMETER_FORCE_PER_VOLT] : p[PARAMETER_TORQUE_PER_VOLT];
+        motor.inertia = linear ? 0 : motor.inertia;
+    }
+    return motor;
+}
+
+static void set_motors(plant_t *plant)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    vehicle->motor[0] = nominal_motor(vehicle);
+    vehicle->motor[1] = vehicle->vehicle == BP_MOTOR ? (motor_t){.resistance = 1} : vehicle->motor[0];
+    run_hooks(plant, SITE_MOTOR);
+}
+
+/* Wheels and body of a coupled vehicle start in agreement. */
+static void join_speeds(vehicle_t *vehicle)
+{
+    bp_state *state = &vehicle->state;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    if (state->wheel_speed[0] == 0 && state->wheel_speed[1] == 0) {
+        state->wheel_speed[0] = (state->surge + half_track * state->yaw_rate) / radius;
+        state->wheel_speed[1] = (state->surge - half_track * state->yaw_rate) / radius;
+    }
+    state->surge = 0.5 * radius * (state->wheel_speed[0] + state->wheel_speed[1]);
+    state->yaw_rate = 0.5 * radius / half_track * (state->wheel_speed[0] - state->wheel_speed[1]);
+    state->sway = 0;
+}
+
+static bool finite_state(const bp_state *state)
+{
+    const double values[] = {state->x,
+                             state->y,
+                             state->heading,
+                             state->surge,
+                             state->sway,
+                             state->yaw_rate,
+                             state->current[0],
+                             state->current[1],
+                             state->wheel_speed[0],
+                             state->wheel_speed[1],
+                             state->wheel_angle[0],
+                             state->wheel_angle[1],
+                             state->age,
+                             state->charge};
+    double sum = 0;
+    for (size_t i = 0; i < sizeof values / sizeof values[0]; i++)
+        sum += values[i] * 0;
+    return sum == 0;
+}
+
+static void sense(plant_t *plant, double step)
+{
+    if (plant->hook_count[SITE_SENSOR] == 0)
+        return;
+    plant->vehicle.step = step;
+    output_row(&plant->vehicle, plant->vehicle.output);
+    run_hooks(plant, SITE_SENSOR);
+}
+
+static void start_state(vehicle_t *vehicle, const bp_state *initial)
+{
+    if (initial != NULL)
+        vehicle->state = *initial;
+    bp_state *state = &vehicle->state;
+    if (vehicle->vehicle == BP_MOTOR) {
+        state->current[1] = 0;
+        state->wheel_speed[1] = 0;
+        state->wheel_angle[1] = 0;
+        state->surge = contact_load_lever(vehicle->parameter) * state->wheel_speed[0];
+    } else if (vehicle->profile == BP_COUPLED) {
+        join_speeds(vehicle);
+    }
+    vehicle->accel_surge = -state->sway * state->yaw_rate;
+    vehicle->accel_sway = state->surge * state->yaw_rate;
+}
+
+int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step)
+{
+    if ((initial != NULL && !finite_state(initial)) || !(motor_step >= 0) || !(body_step >= 0))
+        return BP_E_RANGE;
+    plant->model = model;
+    plant->motor_step = motor_step > 0 ? motor_step : RCX_MOTOR_STEP;
+    plant->body_step = body_step > 0 ? body_step : RCX_BODY_STEP;
+    plant->wheels = (wheels_t){0};
+    plant->vehicle = (vehicle_t){.parameter = model->parameter,
+                                 .vehicle = model->vehicle,
+                                 .profile = model->profile,
+                                 .supply = model->parameter[PARAMETER_BATTERY_VOLTAGE]};
+    vehicle_t *vehicle = &plant->vehicle;
+    gather_hooks(plant, model);
+    start_state(vehicle, initial);
+    run_hooks(plant, SITE_START);
+    set_motors(plant);
+    contact_of(vehicle->vehicle, vehicle->profile)->prepare(&plant->wheels, vehicle);
+    if (!(plant->wheels.inertia.left > 0) || !(plant->wheels.inertia.right > 0))
+        return BP_E_RANGE;
+    sense(plant, 0);
+    return 0;
+}
+
+/* Command to voltage at the motors. */
+static void drive(plant_t *plant, const double input[2])
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
+    for (int k = 0; k < count; k++)
+        vehicle->command[k] = input[k];
+    run_hooks(plant, SITE_TIMING);
+    const double scale = vehicle->supply / vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    for (int k = 0; k < count; k++)
+        vehicle->voltage[k] = vehicle->command[k] * scale;
+    run_hooks(plant, SITE_DRIVE);
+}
+
+static bool floating_changed(const plant_t *plant)
+{
+    const wheels_t *wheels = &plant->wheels;
+    const double *voltage = plant->vehicle.voltage;
+    return isnan(voltage[0]) != wheels->floats[0] || isnan(voltage[1]) != wheels->floats[1];
+}
+
+static void motor_steps(plant_t *plant, const double input[2], double h, int count)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    const bool drive_varies = plant->hook_count[SITE_TIMING] + plant->hook_count[SITE_DRIVE] > 0;
+    const bool wheel_varies = plant->hook_count[SITE_WHEEL] > 0;
+    vehicle->step = h;
+    drive(plant, input);
+    wheels_prepare(&plant->wheels, vehicle, h);
+    for (int i = 0; i < count; i++) {
+        if (drive_varies && i > 0) {
+            drive(plant, input);
+            if (floating_changed(plant))
+                wheels_prepare(&plant->wheels, vehicle, h);
+        }
+        if (wheel_varies) {
+            memset(vehicle->wheel_torque, 0, sizeof vehicle->wheel_torque);
+            memset(vehicle->dry, 0, sizeof vehicle->dry);
+            run_hooks(plant, SITE_WHEEL);
+        }
+        wheels_step(&plant->wheels, vehicle);
+    }
+}
+
+static void body_step(plant_t *plant, const double input[2], double step, double h, int motor_count)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    wheels_t *wheels = &plant->wheels;
+    const contact_t *contact = contact_of(vehicle->vehicle, vehicle->profile);
+    const bp_state before = vehicle->state;
+
+    vehicle->step = step;
+    body_prepare(vehicle, step);
+    run_hooks(plant, SITE_BODY);
+    vehicle->supply = vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    run_hooks(plant, SITE_SUPPLY);
+    if (plant->hook_count[SITE_MOTOR] > 0)
+        set_motors(plant);
+    contact->prepare(wheels, vehicle);
+
+    wheels->energy[0] = 0;
+    wheels->energy[1] = 0;
+    motor_steps(plant, input, h, motor_count);
+    contact->finish(vehicle, &before, step);
+
+    const double charge = (wheels->energy[0] + wheels->energy[1]) / vehicle->supply;
+    vehicle->supply_current = charge / step;
+    vehicle->state.charge += charge;
+    vehicle->state.age += step;
+    sense(plant, step);
+}
+
+/* How many even steps of at most `limit` make up `interval`: at least 1, or -1 beyond 1e9. */
+static int even_steps(double interval, double limit)
+{
+    const double count = ceil(interval / limit - STEP_SLACK);
+    return count > 1e9 ? -1 : count < 1 ? 1 : (int)count;
+}
+
+int plant_advance(plant_t *plant, const double input[2], double dt)
+{
+    const int body_count = dt > 0 && isfinite(dt) ? even_steps(dt, plant->body_step) : -1;
+    if (body_count < 0)
+        return BP_E_TIME;
+    const double step = dt / body_count;
+    const int motor_count = even_steps(step, plant->motor_step);
+    if (motor_count < 0)
+        return BP_E_TIME;
+    for (int i = 0; i < body_count; i++)
+        body_step(plant, input, step, step / motor_count, motor_count);
+    return finite_state(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
+}
+
+void plant_outputs(const plant_t *plant, double *out)
+{
+    if (plant->hook_count[SITE_SENSOR] > 0)
+        memcpy(out, plant->vehicle.output, sizeof plant->vehicle.output);
+    else
+        output_row(&plant->vehicle, out);
+}

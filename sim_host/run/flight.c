@@ -1,0 +1,163 @@
+/* flight.c: bp_fly(): one closed loop of plant, sensors and firmware. The manual is brickpilot_sim.h. */
+#include <math.h>
+#include <stddef.h>
+
+#include "app/params_gen.h"
+#include "brickpilot_sim.h"
+#include "run/flight_log.h"
+#include "sensors/battery.h"
+#include "sensors/encoder.h"
+
+static const double STEP_S = 0.003;
+static const double TURN = 6.283185307179586;
+
+typedef struct {
+    const bp_flight *request;
+    plant_t plant;
+    sil_port_t port;
+    loop_state_t loop;
+    route_waypoint_t waypoints[BP_MAX_WAYPOINTS];
+    route_t route;
+    loop_config_t config;
+    imu_t imu;
+    imu_config_t imu_config;
+    encoder_config_t encoder_config;
+    battery_config_t battery_config;
+    imu_reading_t measured;
+    double output[OUTPUT_COUNT];
+    double path;
+} flight_t;
+
+static int16_t to_int16(double value)
+{
+    return value > 32767 ? (int16_t)32767 : value < -32767 ? (int16_t)-32767 : (int16_t)lrint(value);
+}
+
+static int32_t to_int32(double value)
+{
+    return value > 2e9 ? 2000000000 : value < -2e9 ? -2000000000 : (int32_t)lrint(value);
+}
+
+static uint16_t to_bam16(double angle)
+{
+    return (uint16_t)llrint(angle * (65536.0 / TURN));
+}
+
+/* What the robot's sensors say now, into the mailbox. */
+static void sense(flight_t *flight, uint32_t now_ms)
+{
+    const int sensors = flight->request->sensors;
+    const double *out = flight->output;
+    const bp_state *state = &flight->plant.vehicle.state;
+    sil_port_t *port = &flight->port;
+    imu_reading_t truth;
+
+    plant_outputs(&flight->plant, flight->output);
+    truth = (imu_reading_t){out[OUTPUT_ACCEL_SURGE], out[OUTPUT_ACCEL_SWAY], out[OUTPUT_YAW_RATE]};
+    flight->measured = sensors == BP_SENSORS_IDEAL ? truth : imu_read(&flight->imu_config, &flight->imu, &truth);
+    port->clock_ms = now_ms;
+    port->imu = (hal_imu_t){to_int16(flight->measured.accel_surge * 1e3), to_int16(flight->measured.accel_sway * 1e3),
+                            to_int16(flight->measured.yaw_rate * 1e3)};
+    port->rotation.left = (uint16_t)encoder_read(&flight->encoder_config, out[OUTPUT_WHEEL_ANGLE_LEFT]);
+    port->rotation.right = (uint16_t)encoder_read(&flight->encoder_config, out[OUTPUT_WHEEL_ANGLE_RIGHT]);
+    port->battery_mv = (uint16_t)to_int16(battery_read(&flight->battery_config, out[OUTPUT_BATTERY_VOLTAGE]) * 1e3);
+    port->reference = (hal_reference_t){to_int32(state->x * 1e6), to_int32(state->y * 1e6), to_bam16(state->heading),
+                                        to_int16(state->surge * 16e3), to_int16(state->yaw_rate * 1e3)};
+}
+
+static int prepare(flight_t *flight)
+{
+    const bp_flight *request = flight->request;
+    flight->config = request->controller == BP_PAPER ? PARAMS_PAPER : PARAMS_COUPLED;
+    if (request->cruise > 0)
+        flight->config.step.mode.los.cruise_mm_s_q4 = to_int16(request->cruise * 16e3);
+    flight->imu_config = imu_config_default();
+    flight->encoder_config = encoder_config_default();
+    flight->battery_config = battery_config_default();
+    imu_start(&flight->imu, request->seed);
+
+    flight->port.imu_status = request->sensors == BP_SENSORS_IDEAL ? HAL_ABSENT : HAL_OK;
+    flight->port.rotation_status = request->sensors == BP_SENSORS_IMU_ENCODERS ? HAL_OK : HAL_ABSENT;
+    flight->port.reference_status = request->sensors == BP_SENSORS_IDEAL ? HAL_OK : HAL_ABSENT;
+    flight->port.battery_status = HAL_OK;
+
+    for (int i = 0; i < request->waypoint_count; i++)
+        flight->waypoints[i] = (route_waypoint_t){to_int16(request->waypoints[2 * i] * 1e3),
+                                                  to_int16(request->waypoints[2 * i + 1] * 1e3)};
+    if (request->waypoint_count > 0 &&
+        route_set(&flight->route, flight->waypoints, (uint8_t)request->waypoint_count) != ROUTE_OK)
+        return BP_E_RANGE;
+    return plant_start(&flight->plant, request->model, &request->initial, request->motor_step, 0);
+}
+
+/* The motors' voltages of a manoeuvre, as its schedule has them until its path is done. */
+static void follow_schedule(flight_t *flight, int step, double voltage[2])
+{
+    const bp_flight *request = flight->request;
+    const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
+    const bool done = request->stop_path > 0 && flight->path >= request->stop_path;
+
+    for (int side = 0; side < 2; side++)
+        voltage[side] = done ? 0 : request->drive[2 * step + side];
+    flight->port.left_q15 = isnan(voltage[0]) ? (int16_t)0 : to_int16(voltage[0] / battery * 32767);
+    flight->port.right_q15 = isnan(voltage[1]) ? (int16_t)0 : to_int16(voltage[1] / battery * 32767);
+    flight->path += fabs(flight->plant.vehicle.state.surge) * STEP_S;
+}
+
+static void control(flight_t *flight, int step, double voltage[2])
+{
+    const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
+
+    flight->port.link_out_size = 0;
+    loop_tick(&flight->config, &flight->route, &flight->loop,
+              step == flight->request->start_step ? MODE_START : MODE_NONE);
+    voltage[0] = flight->port.left_q15 / 32767.0 * battery;
+    voltage[1] = flight->port.right_q15 / 32767.0 * battery;
+}
+
+static int fly(flight_t *flight)
+{
+    const bp_flight *request = flight->request;
+
+    for (int step = 0; step < request->steps; step++) {
+        double voltage[2];
+        sense(flight, (uint32_t)step * 3U);
+        if (request->drive != NULL)
+            follow_schedule(flight, step, voltage);
+        else
+            control(flight, step, voltage);
+        if (request->motors != NULL) {
+            request->motors[2 * step] = flight->port.left_q15;
+            request->motors[2 * step + 1] = flight->port.right_q15;
+        }
+        if (request->log != NULL)
+            flight_log_row(request->log + (size_t)step * FLIGHT_LOG_COLUMNS, step * STEP_S, &flight->plant,
+                           flight->output, &flight->measured, &flight->port, voltage,
+                           request->drive != NULL ? NULL : &flight->loop);
+        const int status = plant_advance(&flight->plant, voltage, STEP_S);
+        if (status != 0)
+            return status;
+    }
+    return 0;
+}
+
+const char *bp_log_name(int index)
+{
+    return flight_log_name(index);
+}
+
+int bp_fly(bp_flight *request)
+{
+    flight_t flight = {.request = request};
+
+    if (request->waypoint_count < 0 || request->waypoint_count > BP_MAX_WAYPOINTS || request->steps < 1)
+        return request->status = BP_E_RANGE;
+    request->status = prepare(&flight);
+    if (request->status != 0)
+        return request->status;
+    sil_bind(&flight.port);
+    loop_start(&flight.loop);
+    request->status = fly(&flight);
+    sil_bind(NULL);
+    return request->status;
+}

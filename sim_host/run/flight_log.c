@@ -1,0 +1,110 @@
+#include "run/flight_log.h"
+
+#include <stddef.h>
+
+static const double TURN = 6.283185307179586;
+
+/* In the order in which flight_log_row() writes them. */
+static const char *const NAMES[FLIGHT_LOG_COLUMNS] = {
+    "time_s", "true_x_m", "true_y_m", "true_heading_rad", "true_speed_m_s", "true_sway_m_s", "true_yaw_rate_rad_s",
+    "true_accel_surge_m_s2", "true_accel_sway_m_s2", "left_wheel_rad_s", "right_wheel_rad_s", "left_current_a",
+    "right_current_a", "battery_v", "left_voltage_v", "right_voltage_v",
+    /* sensors */
+    "measured_accel_surge_m_s2", "measured_accel_sway_m_s2", "measured_yaw_rate_rad_s", "measured_left_counts",
+    "measured_right_counts",
+    /* controller */
+    "estimate_x_m", "estimate_y_m", "estimate_heading_rad", "estimate_speed_m_s", "estimate_yaw_rate_rad_s", "at_rest",
+    "mode", "fault", "phase", "waypoint", "overshoots", "demand_speed_m_s", "demand_heading_rad", "heading_error_rad",
+    "cross_track_m", "speed_p_v", "speed_i_v", "speed_d_v", "yaw_p_v", "yaw_i_v", "yaw_d_v", "surge_effort_v",
+    "yaw_effort_v", "left_duty", "right_duty", "surge_saturated", "yaw_saturated"};
+
+const char *flight_log_name(int index)
+{
+    return index >= 0 && index < FLIGHT_LOG_COLUMNS ? NAMES[index] : NULL;
+}
+
+static double *put_truth(double *at, double time, const plant_t *plant, const double *output, const double voltage[2])
+{
+    const bp_state *state = &plant->vehicle.state;
+    const double values[] = {time,
+                             state->x,
+                             state->y,
+                             state->heading,
+                             state->surge,
+                             state->sway,
+                             state->yaw_rate,
+                             plant->vehicle.accel_surge,
+                             plant->vehicle.accel_sway,
+                             state->wheel_speed[0],
+                             state->wheel_speed[1],
+                             state->current[0],
+                             state->current[1],
+                             output[OUTPUT_BATTERY_VOLTAGE],
+                             voltage[0],
+                             voltage[1]};
+    for (size_t i = 0; i < sizeof values / sizeof *values; i++)
+        *at++ = values[i];
+    return at;
+}
+
+static double *put_sensors(double *at, const imu_reading_t *imu, const sil_port_t *port)
+{
+    *at++ = imu->accel_surge;
+    *at++ = imu->accel_sway;
+    *at++ = imu->yaw_rate;
+    *at++ = (int16_t)port->rotation.left;
+    *at++ = (int16_t)port->rotation.right;
+    return at;
+}
+
+static double bam16_to_rad(uint16_t angle)
+{
+    return (int16_t)angle * (TURN / 65536.0);
+}
+
+static void put_controller(double *at, const loop_state_t *loop, const sil_port_t *port)
+{
+    const step_output_t *out = &loop->output;
+    const mode_state_t *mode = &loop->step.mode;
+    const double values[] = {out->state.x_um * 1e-6,
+                             out->state.y_um * 1e-6,
+                             bam16_to_rad(out->state.heading_bam16),
+                             out->state.speed_mm_s_q4 / 16e3,
+                             out->state.yaw_rate_mrad_s * 1e-3,
+                             out->state.at_rest,
+                             mode->mode,
+                             mode->fault,
+                             mode->guidance.phase,
+                             mode->guidance.waypoint,
+                             mode->guidance.overshoots,
+                             mode->demand.speed_mm_s_q4 / 16e3,
+                             bam16_to_rad(mode->demand.heading_bam16),
+                             mode->guidance.heading_error_bam16 * (TURN / 65536.0),
+                             mode->guidance.cross_track_mm * 1e-3,
+                             out->speed.proportional_mv * 1e-3,
+                             out->speed.integral_mv * 1e-3,
+                             out->speed.derivative_mv * 1e-3,
+                             out->heading.proportional_mv * 1e-3,
+                             out->heading.integral_mv * 1e-3,
+                             out->heading.derivative_mv * 1e-3,
+                             out->effort.surge_mv * 1e-3,
+                             out->effort.yaw_mv * 1e-3,
+                             port->left_q15 / 32767.0,
+                             port->right_q15 / 32767.0,
+                             loop->step.drive.surge_saturated,
+                             loop->step.drive.yaw_saturated};
+    for (size_t i = 0; i < sizeof values / sizeof *values; i++)
+        *at++ = values[i];
+}
+
+void flight_log_row(double *row, double time, const plant_t *plant, const double *output, const imu_reading_t *imu,
+                    const sil_port_t *port, const double voltage[2], const loop_state_t *loop)
+{
+    double *at = put_sensors(put_truth(row, time, plant, output, voltage), imu, port);
+    if (loop != NULL) {
+        put_controller(at, loop, port);
+        return;
+    }
+    while (at < row + FLIGHT_LOG_COLUMNS)
+        *at++ = 0;
+}

@@ -1,0 +1,21 @@
+/* flight_log.h: the columns of a closed loop's log, one row a control step. */
+#ifndef BRICKPILOT_RUN_FLIGHT_LOG_H
+#define BRICKPILOT_RUN_FLIGHT_LOG_H
+
+#include "app/loop.h"
+#include "sensors/imu.h"
+#include "plant/plant.h"
+#include "sil/sil.h"
+
+enum { FLIGHT_LOG_COLUMNS = 48 };
+
+/* Name of a column, its unit at the end; NULL beyond the last. */
+const char *flight_log_name(int index);
+
+/* Fills one row of FLIGHT_LOG_COLUMNS. `imu` is what was measured, `output` the plant's row of this moment, `voltage`
+ * what the motors are commanded for the coming step (V). `loop` is NULL in a manoeuvre: the controller's columns are
+ * then 0. */
+void flight_log_row(double *row, double time, const plant_t *plant, const double *output, const imu_reading_t *imu,
+                    const sil_port_t *port, const double voltage[2], const loop_state_t *loop);
+
+#endif

@@ -1,0 +1,73 @@
+#include <math.h>
+#include <pthread.h>
+#include <stddef.h>
+
+#include "brickpilot_sim.h"
+#include "plant/plant.h"
+
+enum { THREADS_MAX = 64 };
+
+typedef struct {
+    bp_run *runs;
+    int count;
+    int next;
+    pthread_mutex_t lock;
+} queue_t;
+
+static int simulate(plant_t *plant, const bp_run *run)
+{
+    const int inputs = run->model->vehicle == BP_MOTOR ? 1 : 2;
+    if (run->samples < 1)
+        return BP_E_TIME;
+    int status = plant_start(plant, run->model, &run->initial, run->motor_step, run->body_step);
+    if (status != 0)
+        return status;
+    plant_outputs(plant, run->output);
+    for (int k = 0; k + 1 < run->samples; k++) {
+        const double *given = run->input + (ptrdiff_t)k * inputs;
+        const double input[2] = {given[0], inputs == 2 ? given[1] : 0};
+        status = plant_advance(plant, input, run->time[k + 1] - run->time[k]);
+        if (status != 0)
+            return status;
+        plant_outputs(plant, run->output + (ptrdiff_t)(k + 1) * OUTPUT_COUNT);
+    }
+    return 0;
+}
+
+static void simulate_run(bp_run *run)
+{
+    plant_t plant;
+    run->status = simulate(&plant, run);
+    run->final = run->status == 0 ? plant.vehicle.state : run->initial;
+}
+
+static void *work(void *argument)
+{
+    queue_t *queue = argument;
+    for (;;) {
+        pthread_mutex_lock(&queue->lock);
+        const int mine = queue->next < queue->count ? queue->next++ : -1;
+        pthread_mutex_unlock(&queue->lock);
+        if (mine < 0)
+            return NULL;
+        simulate_run(&queue->runs[mine]);
+    }
+}
+
+int bp_simulate(bp_run *runs, int count, int threads)
+{
+    queue_t queue = {.runs = runs, .count = count, .lock = PTHREAD_MUTEX_INITIALIZER};
+    pthread_t helper[THREADS_MAX];
+    int helpers = 0;
+    const int wanted = threads < count ? threads : count;
+    while (helpers < wanted - 1 && helpers < THREADS_MAX && pthread_create(&helper[helpers], NULL, work, &queue) == 0)
+        helpers++;
+    work(&queue); /* the caller works too, so a thread that cannot be had costs time only */
+    for (int i = 0; i < helpers; i++)
+        pthread_join(helper[i], NULL);
+
+    for (int i = 0; i < count; i++)
+        if (runs[i].status != 0)
+            return runs[i].status;
+    return 0;
+}

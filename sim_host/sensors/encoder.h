@@ -1,0 +1,18 @@
+/* encoder.h: a rotation sensor on a wheel. */
+#ifndef BRICKPILOT_SENSORS_ENCODER_H
+#define BRICKPILOT_SENSORS_ENCODER_H
+
+#include <stdint.h>
+
+typedef struct {
+    double counts_per_turn; /* of the wheel, above 0 */
+} encoder_config_t;
+
+/* The robot's, [sensors.encoder] of models/rcx.toml. */
+encoder_config_t encoder_config_default(void);
+
+/* Free-running count at this wheel angle (rad, unwrapped), forward positive, rounded towards minus infinity.
+ * Its low 16 bits are what the HAL delivers. */
+int64_t encoder_read(const encoder_config_t *config, double wheel_angle);
+
+#endif

@@ -1,0 +1,37 @@
+/* imu.h: two accelerometers and a gyro behind the brick's converter: bias, white noise, range, resolution, in that
+ * order. */
+#ifndef BRICKPILOT_SENSORS_IMU_H
+#define BRICKPILOT_SENSORS_IMU_H
+
+#include "sensors/random.h"
+
+typedef struct {
+    double accel_noise_sd;   /* m/s^2, per reading */
+    double accel_range;      /* m/s^2, both signs; beyond it the reading stays at the end of the scale */
+    double accel_bias_surge; /* m/s^2 */
+    double accel_bias_sway;
+    double gyro_noise_sd; /* rad/s */
+    double gyro_range;    /* rad/s */
+    double gyro_bias;     /* rad/s */
+    int bits; /* of the converter, 1..24: resolution is 2 range / 2^bits, rounded to nearest; 0 does not quantise */
+} imu_config_t;
+
+typedef struct {
+    random_t random;
+} imu_t;
+
+typedef struct {
+    double accel_surge; /* m/s^2, specific force */
+    double accel_sway;
+    double yaw_rate; /* rad/s */
+} imu_reading_t;
+
+/* The robot's, [sensors.imu] of models/rcx.toml. */
+imu_config_t imu_config_default(void);
+
+void imu_start(imu_t *imu, uint64_t seed);
+
+/* What the IMU says when the truth is `truth`. Each call draws new noise. */
+imu_reading_t imu_read(const imu_config_t *config, imu_t *imu, const imu_reading_t *truth);
+
+#endif

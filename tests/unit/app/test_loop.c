@@ -1,0 +1,154 @@
+#include <string.h>
+
+#include "app/loop.h"
+#include "app/params_gen.h"
+#include "app/telemetry.h"
+#include "sil/sil.h"
+#include "unity.h"
+
+static const route_waypoint_t AHEAD[] = {{1000, 0}};
+static sil_port_t port;
+static loop_state_t state;
+static loop_config_t config;
+static route_t route;
+
+void setUp(void)
+{
+    port = (sil_port_t){.imu_status = HAL_ABSENT, .rotation_status = HAL_ABSENT, .battery_mv = 9000};
+    memset(&state, 0, sizeof state);
+    config = PARAMS_COUPLED;
+    route_set(&route, AHEAD, 1);
+    sil_bind(&port);
+    loop_start(&state);
+}
+void tearDown(void)
+{
+    sil_bind(NULL);
+}
+
+/* `ticks` ticks, each `period_ms` after the one before, the first of them with `command`. */
+static void run(int ticks, uint32_t period_ms, mode_command_t command)
+{
+    for (int i = 0; i < ticks; i++) {
+        loop_tick(&config, &route, &state, i == 0 ? command : MODE_NONE);
+        port.clock_ms += period_ms;
+        port.link_out_size = 0;
+    }
+}
+
+static void test_loop_stops_the_motors_before_anything_else(void)
+{
+    port.left_q15 = 5;
+    loop_start(&state);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+static void test_loop_keeps_the_motors_off_until_started(void)
+{
+    run(100, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT32(101, port.motor_writes);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+static void test_loop_drives_towards_a_waypoint_ahead(void)
+{
+    run(200, 3, MODE_START);
+    TEST_ASSERT_GREATER_THAN_INT16(1000, port.left_q15);
+    TEST_ASSERT_EQUAL_INT16(port.left_q15, port.right_q15);
+    TEST_ASSERT_EQUAL_UINT16(0, state.late_ticks);
+}
+
+static void test_loop_counts_late_ticks_and_drives_on(void)
+{
+    run(10, 3, MODE_START);
+    run(5, 6, MODE_NONE);
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(5, state.late_ticks);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+}
+
+static void test_loop_aborts_when_the_watchdog_was_not_served(void)
+{
+    run(200, 3, MODE_START);
+    port.clock_ms += config.watchdog_ms;
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
+    TEST_ASSERT_EQUAL(MODE_COMMANDED, state.step.mode.fault);
+    TEST_ASSERT_EQUAL_UINT16(1, state.aborted_late);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+static void test_loop_survives_a_clock_that_wraps(void)
+{
+    port.clock_ms = UINT32_MAX - 3U;
+    loop_start(&state);
+    run(20, 3, MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+    TEST_ASSERT_EQUAL_UINT16(0, state.late_ticks);
+}
+
+static void test_loop_stops_when_every_sensor_falls_silent(void)
+{
+    run(200, 3, MODE_START);
+    port.reference_status = HAL_STALE;
+    run(1 + (config.step.heading.blind_ms + config.step.mode.lost_ms) / 3 + 2, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
+    TEST_ASSERT_EQUAL(MODE_STATE_LOST, state.step.mode.fault);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
+{
+    port.imu_status = port.rotation_status = HAL_OK;
+    port.reference_status = port.battery_status = HAL_ABSENT;
+    run(300, 3, MODE_NONE);
+    TEST_ASSERT_TRUE(state.output.state.at_rest);
+    TEST_ASSERT_EQUAL_UINT16(config.step.battery_nominal_mv, state.step.battery_mv);
+    for (int i = 0; i < 167; i++) { /* a hand that turns the robot is not steady */
+        port.imu.yaw_rate_mrad_s = 800;
+        run(1, 3, MODE_NONE);
+        port.imu.yaw_rate_mrad_s = 1200;
+        run(1, 3, MODE_NONE);
+    }
+    TEST_ASSERT_INT16_WITHIN(40, 10451, (int16_t)state.output.state.heading_bam16); /* 1.002 rad */
+}
+
+static void test_loop_sends_a_telemetry_record_every_so_many_ticks(void)
+{
+    int records = 0;
+    config.telemetry_every = 10;
+    for (int i = 0; i < 100; i++) {
+        port.link_out_size = 0;
+        loop_tick(&config, &route, &state, MODE_NONE);
+        port.clock_ms += 3;
+        records += port.link_out_size / TELEMETRY_SIZE;
+    }
+    TEST_ASSERT_EQUAL_INT(10, records);
+    port.link_out_size = 0;
+    config.telemetry_every = 0;
+    loop_tick(&config, &route, &state, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(0, port.link_out_size);
+}
+
+static void test_loop_counters_do_not_wrap(void)
+{
+    state.late_ticks = 65535;
+    run(3, 9, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.late_ticks);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_loop_stops_the_motors_before_anything_else);
+    RUN_TEST(test_loop_keeps_the_motors_off_until_started);
+    RUN_TEST(test_loop_drives_towards_a_waypoint_ahead);
+    RUN_TEST(test_loop_counts_late_ticks_and_drives_on);
+    RUN_TEST(test_loop_aborts_when_the_watchdog_was_not_served);
+    RUN_TEST(test_loop_survives_a_clock_that_wraps);
+    RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);
+    RUN_TEST(test_loop_takes_gyro_accelerometer_and_rotation_sensors);
+    RUN_TEST(test_loop_sends_a_telemetry_record_every_so_many_ticks);
+    RUN_TEST(test_loop_counters_do_not_wrap);
+    return UNITY_END();
+}

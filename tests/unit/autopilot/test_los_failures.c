@@ -1,0 +1,127 @@
+#include "unicycle.h"
+
+static void test_los_leg_that_takes_too_long_ends_the_route(void)
+{
+    config.leg_timeout_ms = 3000;
+    for (int i = 0; i < 1000; i++) {
+        step();
+        TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    }
+    step();
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    TEST_ASSERT_FALSE(output.demand.drive);
+    TEST_ASSERT_EQUAL_INT16(0, output.demand.speed_mm_s_q4);
+}
+
+static void test_los_ended_route_stays_ended_until_reset(void)
+{
+    config.leg_timeout_ms = 0;
+    step();
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    config.leg_timeout_ms = 20000;
+    step();
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    los_reset(&state);
+    step();
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+}
+
+static void test_los_skips_failed_legs_but_not_the_last(void)
+{
+    config.leg_timeout_ms = 30;
+    config.skip_failed = true;
+    run_ms(1000);
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    TEST_ASSERT_EQUAL_UINT8(7, output.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(7, output.skipped);
+}
+
+static void test_los_leg_after_a_skip_begins_where_the_robot_is(void)
+{
+    config.leg_timeout_ms = 0;
+    config.skip_failed = true;
+    step_at(-700.0, 300.0, 10.0);
+    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
+    TEST_ASSERT_INT16_WITHIN(1, 0, output.cross_track_mm);
+}
+
+static void test_los_counts_an_overshoot_and_comes_back(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    set_route(AHEAD, 1);
+    step_at(500.0, 0.0, 0.0);
+    config.bearing_hold_mm = 300;
+    step_at(800.0, -120.0, 0.0);
+    step_at(1149.0, -120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(0, output.overshoots);
+    step_at(1152.0, -120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    step_at(1160.0, -120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+    TEST_ASSERT_GREATER_THAN_INT16(16384, output.heading_error_bam16);
+    run_ms(10000);
+    TEST_ASSERT_EQUAL(LOS_ARRIVED, output.status);
+    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+}
+
+static void test_los_counts_an_overshoot_while_coasting_in_brake(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    set_route(AHEAD, 1);
+    step_at(500.0, 0.0, 0.0);
+    robot.speed_mm_s = 500.0;
+    step_at(900.0, -120.0, 0.0);
+    step_at(990.0, -200.0, 0.0);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
+    step_at(1160.0, -200.0, 0.0);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
+    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+}
+
+static void test_los_too_many_overshoots_end_the_route(void)
+{
+    static const route_waypoint_t AHEAD[] = {{3000, 0}};
+    config.max_overshoots = 1;
+    set_route(AHEAD, 1);
+    for (uint16_t pass = 1; pass <= 2; pass++) {
+        robot = (unicycle_t){0};
+        while (output.phase != LOS_DRIVE)
+            step();
+        TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+        step_at(3160.0, 120.0, 0.0);
+        TEST_ASSERT_EQUAL_UINT16(pass, output.overshoots);
+    }
+    TEST_ASSERT_EQUAL(LOS_OVERSHOT, output.status);
+    TEST_ASSERT_FALSE(output.demand.drive);
+}
+
+static void test_los_too_many_overshoots_skip_the_waypoint_where_told_to(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}, {3000, 0}};
+    config.skip_failed = true;
+    config.max_overshoots = 0;
+    set_route(AHEAD, 2);
+    step_at(0.0, 0.0, 0.0);
+    step_at(1160.0, 120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(1, output.skipped);
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    run_ms(10000);
+    TEST_ASSERT_EQUAL(LOS_ARRIVED, output.status);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_los_leg_that_takes_too_long_ends_the_route);
+    RUN_TEST(test_los_ended_route_stays_ended_until_reset);
+    RUN_TEST(test_los_skips_failed_legs_but_not_the_last);
+    RUN_TEST(test_los_leg_after_a_skip_begins_where_the_robot_is);
+    RUN_TEST(test_los_counts_an_overshoot_and_comes_back);
+    RUN_TEST(test_los_counts_an_overshoot_while_coasting_in_brake);
+    RUN_TEST(test_los_too_many_overshoots_end_the_route);
+    RUN_TEST(test_los_too_many_overshoots_skip_the_waypoint_where_told_to);
+    return UNITY_END();
+}

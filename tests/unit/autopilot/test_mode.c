@@ -1,0 +1,216 @@
+#include "autopilot/mode.h"
+#include "unity.h"
+
+enum { PERIOD_MS = 3 };
+
+static const route_waypoint_t WAYPOINTS[] = {{1000, 0}, {2000, 0}};
+static mode_config_t config;
+static route_t route;
+static mode_state_t state;
+static signals_state_t signals;
+
+void setUp(void)
+{
+    config = (mode_config_t){.los = {.acceptance_mm = 100,
+                                     .cruise_mm_s_q4 = 4000,
+                                     .decel_mm_s2 = 500,
+                                     .pivot_bam16 = 5461,
+                                     .align_bam16 = 364,
+                                     .overshoot_mm = 150,
+                                     .leg_timeout_ms = 10000},
+                             .lost_ms = 30};
+    state = (mode_state_t){0};
+    signals = (signals_state_t){.valid = true};
+    TEST_ASSERT_EQUAL(ROUTE_OK, route_set(&route, WAYPOINTS, 2));
+}
+void tearDown(void) {}
+
+static void step(mode_command_t command)
+{
+    mode_step(&config, &route, &state, &signals, command, PERIOD_MS);
+}
+
+static void step_at_mm(int32_t x_mm, int32_t y_mm)
+{
+    signals.x_um = x_mm * 1000;
+    signals.y_um = y_mm * 1000;
+    step(MODE_NONE);
+}
+
+static void assert_stopped(mode_name_t mode, mode_fault_t fault)
+{
+    TEST_ASSERT_EQUAL(mode, state.mode);
+    TEST_ASSERT_EQUAL(fault, state.fault);
+    TEST_ASSERT_FALSE(state.demand.drive);
+    TEST_ASSERT_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+}
+
+static void test_mode_idles_with_motors_off_until_started(void)
+{
+    for (int i = 0; i < 100; i++)
+        step(MODE_NONE);
+    assert_stopped(MODE_IDLE, MODE_NO_FAULT);
+    step(MODE_ABORT);
+    step(MODE_RESET);
+    assert_stopped(MODE_IDLE, MODE_NO_FAULT);
+}
+
+static void test_mode_start_drives_in_the_same_step(void)
+{
+    step(MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+    TEST_ASSERT_TRUE(state.demand.drive);
+    TEST_ASSERT_EQUAL_INT16(4000, state.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_UINT16(0, state.demand.heading_bam16);
+}
+
+static void test_mode_passes_the_heading_on(void)
+{
+    signals.heading_bam16 = 1000;
+    signals.y_um = -100000;
+    step(MODE_START);
+    TEST_ASSERT_EQUAL_UINT16(state.guidance.demand.heading_bam16, state.demand.heading_bam16);
+    TEST_ASSERT_UINT16_WITHIN(2, 1040, state.demand.heading_bam16);
+}
+
+static void test_mode_arrives_at_the_last_waypoint_and_stays(void)
+{
+    step(MODE_START);
+    step_at_mm(950, 0);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+    step_at_mm(1950, 0);
+    for (uint32_t rest_ms = PERIOD_MS; rest_ms < config.los.rest_ms; rest_ms += PERIOD_MS) {
+        TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+        step(MODE_NONE);
+    }
+    step(MODE_NONE);
+    assert_stopped(MODE_ARRIVED, MODE_NO_FAULT);
+    step(MODE_START);
+    step(MODE_ABORT);
+    assert_stopped(MODE_ARRIVED, MODE_NO_FAULT);
+    step(MODE_RESET);
+    assert_stopped(MODE_IDLE, MODE_NO_FAULT);
+}
+
+static void test_mode_leg_time_out_is_a_fault(void)
+{
+    config.los.leg_timeout_ms = 30;
+    step(MODE_START);
+    for (int i = 0; i < 9; i++) {
+        step(MODE_NONE);
+        TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+    }
+    step(MODE_NONE);
+    assert_stopped(MODE_FAULT, MODE_LEG_TIMED_OUT);
+}
+
+static void test_mode_overshoot_is_a_fault(void)
+{
+    step(MODE_START);
+    step_at_mm(1160, 120);
+    assert_stopped(MODE_FAULT, MODE_LEG_OVERSHOT);
+}
+
+static void test_mode_abort_is_a_fault(void)
+{
+    step(MODE_START);
+    step(MODE_ABORT);
+    assert_stopped(MODE_FAULT, MODE_COMMANDED);
+}
+
+static void test_mode_empty_route_is_a_fault(void)
+{
+    route = (route_t){0};
+    step(MODE_START);
+    assert_stopped(MODE_FAULT, MODE_NO_ROUTE);
+}
+
+static void test_mode_keeps_the_last_demand_while_the_state_is_briefly_lost(void)
+{
+    step(MODE_START);
+    signals.valid = false;
+    for (int i = 0; i < 10; i++) {
+        step(MODE_NONE);
+        TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+        TEST_ASSERT_EQUAL_INT16(4000, state.demand.speed_mm_s_q4);
+    }
+    step(MODE_NONE);
+    assert_stopped(MODE_FAULT, MODE_STATE_LOST);
+}
+
+static void test_mode_lost_time_begins_anew_with_each_valid_state(void)
+{
+    step(MODE_START);
+    for (int i = 0; i < 100; i++) {
+        signals.valid = i % 10 == 0;
+        step(MODE_NONE);
+    }
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+}
+
+static void test_mode_without_a_state_starts_with_motors_off_and_gives_up(void)
+{
+    signals.valid = false;
+    step(MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+    TEST_ASSERT_FALSE(state.demand.drive);
+    for (int i = 0; i < 10; i++)
+        step(MODE_NONE);
+    assert_stopped(MODE_FAULT, MODE_STATE_LOST);
+}
+
+static void test_mode_lost_time_begins_anew_with_each_start(void)
+{
+    step(MODE_START);
+    signals.valid = false;
+    for (int i = 0; i < 9; i++)
+        step(MODE_NONE);
+    step(MODE_ABORT);
+    step(MODE_RESET);
+    step(MODE_START);
+    for (int i = 0; i < 9; i++)
+        step(MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+}
+
+static void test_mode_only_a_reset_leaves_fault(void)
+{
+    step(MODE_START);
+    step(MODE_ABORT);
+    step(MODE_START);
+    step_at_mm(1950, 0);
+    step(MODE_ABORT);
+    assert_stopped(MODE_FAULT, MODE_COMMANDED);
+    step(MODE_RESET);
+    assert_stopped(MODE_IDLE, MODE_NO_FAULT);
+    step(MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+    TEST_ASSERT_EQUAL_UINT8(0, state.guidance.waypoint);
+}
+
+static void test_mode_reset_does_not_stop_a_run(void)
+{
+    step(MODE_START);
+    step(MODE_RESET);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_mode_idles_with_motors_off_until_started);
+    RUN_TEST(test_mode_start_drives_in_the_same_step);
+    RUN_TEST(test_mode_passes_the_heading_on);
+    RUN_TEST(test_mode_arrives_at_the_last_waypoint_and_stays);
+    RUN_TEST(test_mode_leg_time_out_is_a_fault);
+    RUN_TEST(test_mode_overshoot_is_a_fault);
+    RUN_TEST(test_mode_abort_is_a_fault);
+    RUN_TEST(test_mode_empty_route_is_a_fault);
+    RUN_TEST(test_mode_keeps_the_last_demand_while_the_state_is_briefly_lost);
+    RUN_TEST(test_mode_lost_time_begins_anew_with_each_valid_state);
+    RUN_TEST(test_mode_without_a_state_starts_with_motors_off_and_gives_up);
+    RUN_TEST(test_mode_lost_time_begins_anew_with_each_start);
+    RUN_TEST(test_mode_only_a_reset_leaves_fault);
+    RUN_TEST(test_mode_reset_does_not_stop_a_run);
+    return UNITY_END();
+}

@@ -1,0 +1,193 @@
+#include "app/params_gen.h"
+#include "estimator/heading.h"
+#include "unity.h"
+
+static const heading_config_t *const CONFIG = &PARAMS_COUPLED.step.heading;
+static heading_state_t state;
+static signals_sensors_t sensors;
+static heading_input_t input;
+static heading_output_t output;
+
+void setUp(void)
+{
+    state = (heading_state_t){.heading_bam32 = 0};
+    sensors = (signals_sensors_t){.have = SENSOR_GYRO, .period_ms = 3};
+    input = (heading_input_t){.sensors = &sensors};
+}
+
+void tearDown(void) {}
+
+static void run(int16_t rate_mrad_s, int steps)
+{
+    sensors.yaw_rate_mrad_s = rate_mrad_s;
+    for (int i = 0; i < steps; i++)
+        heading_step(CONFIG, &state, &input, &output);
+}
+
+static void run_driven(int16_t rate_mrad_s, int steps)
+{
+    input.driven = true;
+    run(rate_mrad_s, steps);
+    input.driven = false;
+}
+
+static void test_heading_turns_3_rad_in_3_s_at_1_rad_s(void)
+{
+    state.raw_rate_mrad_s = 1000;
+    run_driven(1000, 1000);
+    TEST_ASSERT_UINT32_WITHIN(683565276U * 3 / 50000, 683565276U * 3, state.heading_bam32);
+    TEST_ASSERT_EQUAL_UINT16((state.heading_bam32 + 32768U) >> 16, output.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_takes_the_mean_of_two_samples(void)
+{
+    run_driven(1000, 1);
+    TEST_ASSERT_UINT32_WITHIN(100, 1025348, state.heading_bam32);
+}
+
+static void test_heading_is_the_same_to_both_sides_bit_for_bit(void)
+{
+    run(17, 200);
+    run_driven(1234, 777);
+    const heading_output_t right = output;
+    const uint32_t turned = state.heading_bam32;
+    setUp();
+    run(-17, 200);
+    run_driven(-1234, 777);
+    TEST_ASSERT_EQUAL_UINT32(0U - turned, state.heading_bam32);
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)(0U - right.heading_bam16), output.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-right.yaw_rate_mrad_s, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_learns_the_bias_of_the_first_quiet_block(void)
+{
+    run(20, HEADING_BLOCK_STEPS - 1);
+    TEST_ASSERT_FALSE(output.bias_known);
+    TEST_ASSERT_FALSE(output.at_rest);
+    run(20, 1);
+    TEST_ASSERT_TRUE(output.bias_known);
+    TEST_ASSERT_TRUE(output.at_rest);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_EQUAL_INT16(0, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_averages_a_noisy_gyro_at_rest(void)
+{
+    uint32_t seed = 7;
+    for (int i = 0; i < 40 * HEADING_BLOCK_STEPS; i++) {
+        seed = seed * 1664525U + 1013904223U;
+        run((int16_t)(20 + (int)((seed >> 8) % 81) - 40), 1);
+    }
+    TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_TRUE(output.at_rest);
+}
+
+static void test_heading_bias_follows_slowly_once_learnt(void)
+{
+    run(20, 20 * HEADING_BLOCK_STEPS);
+    run(36, 2 * HEADING_BLOCK_STEPS);
+    TEST_ASSERT_INT16_WITHIN(100, 22 * 256, state.bias_mrad_s_q8);
+    run(36, 60 * HEADING_BLOCK_STEPS);
+    TEST_ASSERT_INT16_WITHIN(256, 36 * 256, state.bias_mrad_s_q8);
+}
+
+static void test_heading_does_not_drift_after_a_rest(void)
+{
+    run(20, 2 * HEADING_BLOCK_STEPS);
+    const uint32_t before = state.heading_bam32;
+    run_driven(20, 20000);
+    TEST_ASSERT_UINT32_WITHIN(683565, before, state.heading_bam32);
+}
+
+static void test_heading_learns_nothing_while_driven(void)
+{
+    run_driven(20, 3 * HEADING_BLOCK_STEPS);
+    TEST_ASSERT_FALSE(output.bias_known);
+}
+
+static void test_heading_learns_nothing_while_the_model_moves(void)
+{
+    input.predicted_speed_mm_s_q4 = (int16_t) - (CONFIG->rest_speed_mm_s_q4 + 1);
+    run(20, 3 * HEADING_BLOCK_STEPS);
+    TEST_ASSERT_FALSE(output.at_rest);
+}
+
+static void test_heading_learns_nothing_while_the_wheels_count(void)
+{
+    sensors.have |= SENSOR_ROTATION;
+    for (int i = 0; i < 8; i++) {
+        sensors.rotation_left++;
+        run(20, 40);
+    }
+    TEST_ASSERT_FALSE(output.bias_known);
+    run(20, HEADING_BLOCK_STEPS);
+    TEST_ASSERT_TRUE(output.bias_known);
+    sensors.rotation_right--;
+    run(20, 1);
+    TEST_ASSERT_FALSE(output.at_rest);
+}
+
+static void test_heading_learns_nothing_from_a_loud_gyro(void)
+{
+    for (int i = 0; i < 100; i++) {
+        run(20, 10);
+        run((int16_t)(21 + CONFIG->quiet_mrad_s), 10);
+    }
+    TEST_ASSERT_FALSE(output.bias_known);
+}
+
+static void test_heading_bias_saturates_at_its_limit(void)
+{
+    run(1000, HEADING_BLOCK_STEPS);
+    TEST_ASSERT_EQUAL_INT16(HEADING_BIAS_LIMIT_MRAD_S * 256, state.bias_mrad_s_q8);
+}
+
+static void test_heading_takes_the_reference_above_all(void)
+{
+    run(500, 10);
+    sensors.have |= SENSOR_REFERENCE;
+    sensors.reference_heading_bam16 = 54321;
+    sensors.reference_yaw_rate_mrad_s = -77;
+    run(500, 1);
+    TEST_ASSERT_EQUAL_UINT16(54321, output.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-77, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long(void)
+{
+    run(20, HEADING_BLOCK_STEPS);
+    run_driven(1020, 100);
+    sensors.have = 0;
+    input.predicted_yaw_rate_mrad_s = 1000;
+    run_driven(0, 33);
+    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_TRUE(output.valid);
+    run_driven(0, 1);
+    TEST_ASSERT_FALSE(output.valid);
+    run_driven(0, 30000);
+    TEST_ASSERT_FALSE(output.valid);
+    sensors.have = SENSOR_GYRO;
+    run_driven(1020, 1);
+    TEST_ASSERT_TRUE(output.valid);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_heading_turns_3_rad_in_3_s_at_1_rad_s);
+    RUN_TEST(test_heading_takes_the_mean_of_two_samples);
+    RUN_TEST(test_heading_is_the_same_to_both_sides_bit_for_bit);
+    RUN_TEST(test_heading_learns_the_bias_of_the_first_quiet_block);
+    RUN_TEST(test_heading_averages_a_noisy_gyro_at_rest);
+    RUN_TEST(test_heading_bias_follows_slowly_once_learnt);
+    RUN_TEST(test_heading_does_not_drift_after_a_rest);
+    RUN_TEST(test_heading_learns_nothing_while_driven);
+    RUN_TEST(test_heading_learns_nothing_while_the_model_moves);
+    RUN_TEST(test_heading_learns_nothing_while_the_wheels_count);
+    RUN_TEST(test_heading_learns_nothing_from_a_loud_gyro);
+    RUN_TEST(test_heading_bias_saturates_at_its_limit);
+    RUN_TEST(test_heading_takes_the_reference_above_all);
+    RUN_TEST(test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long);
+    return UNITY_END();
+}

@@ -1,0 +1,170 @@
+#include "mixer/mixer.h"
+#include "unity.h"
+
+static const mixer_config_t CONFIG = {.battery_floor_mv = 6000, .max_duty_q15 = 32767};
+enum { BATTERY_MV = 9000 };
+static mixer_state_t state;
+
+void setUp(void)
+{
+    state = (mixer_state_t){0};
+}
+void tearDown(void) {}
+
+static signals_drive_t mix_with(const mixer_config_t *config, int16_t surge_mv, int16_t yaw_mv, uint16_t battery_mv)
+{
+    const signals_effort_t effort = {.surge_mv = surge_mv, .yaw_mv = yaw_mv};
+    signals_drive_t drive;
+    mixer_step(config, &state, &effort, battery_mv, &drive);
+    return drive;
+}
+
+static signals_drive_t mix(int16_t surge_mv, int16_t yaw_mv)
+{
+    return mix_with(&CONFIG, surge_mv, yaw_mv, BATTERY_MV);
+}
+
+static void assert_voltages(int left_mv, int right_mv, signals_drive_t drive)
+{
+    TEST_ASSERT_EQUAL_INT16(left_mv, drive.left_mv);
+    TEST_ASSERT_EQUAL_INT16(right_mv, drive.right_mv);
+}
+
+static void assert_flags(int surge, int yaw, signals_drive_t drive)
+{
+    TEST_ASSERT_EQUAL_INT8(surge, drive.surge_saturated);
+    TEST_ASSERT_EQUAL_INT8(yaw, drive.yaw_saturated);
+}
+
+static void test_mixer_adds_yaw_on_the_left_and_takes_it_on_the_right(void)
+{
+    const signals_drive_t drive = mix(3000, 1000);
+    assert_voltages(4000, 2000, drive);
+    assert_flags(0, 0, drive);
+}
+
+static void test_mixer_gives_surge_what_yaw_leaves(void)
+{
+    const signals_drive_t drive = mix(8000, 3000);
+    assert_voltages(9000, 3000, drive);
+    assert_flags(1, 0, drive);
+    assert_flags(-1, 0, mix(-8000, 3000));
+}
+
+static void test_mixer_gives_yaw_all_there_is(void)
+{
+    const signals_drive_t drive = mix(500, 12000);
+    assert_voltages(9000, -9000, drive);
+    assert_flags(1, 1, drive);
+    assert_flags(-1, -1, mix(-500, -12000));
+}
+
+static void test_mixer_keeps_yaw_whatever_the_surge(void)
+{
+    for (int32_t surge = -32768; surge <= 32767; surge += 111) {
+        const signals_drive_t drive = mix((int16_t)surge, -2500);
+        TEST_ASSERT_EQUAL_INT16(-5000, drive.left_mv - drive.right_mv);
+    }
+}
+
+static void test_mixer_swaps_motors_when_yaw_turns_over_and_negates_when_both_do(void)
+{
+    for (int surge = -21000; surge <= 21000; surge += 700)
+        for (int yaw = -21000; yaw <= 21000; yaw += 650) {
+            const signals_drive_t drive = mix((int16_t)surge, (int16_t)yaw);
+            const signals_drive_t mirrored = mix((int16_t)surge, (int16_t)-yaw);
+            const signals_drive_t backward = mix((int16_t)-surge, (int16_t)-yaw);
+            assert_voltages(drive.right_mv, drive.left_mv, mirrored);
+            assert_flags(drive.surge_saturated, -drive.yaw_saturated, mirrored);
+            assert_voltages(-drive.left_mv, -drive.right_mv, backward);
+            assert_flags(-drive.surge_saturated, -drive.yaw_saturated, backward);
+            TEST_ASSERT_EQUAL_INT16(drive.right_q15, mirrored.left_q15);
+            TEST_ASSERT_EQUAL_INT16(drive.left_q15, mirrored.right_q15);
+            TEST_ASSERT_EQUAL_INT16(-drive.left_q15, backward.left_q15);
+            TEST_ASSERT_EQUAL_INT16(-drive.right_q15, backward.right_q15);
+        }
+}
+
+static void test_mixer_duty_is_voltage_over_battery_to_half_a_unit(void)
+{
+    for (uint16_t battery = 6000; battery <= 20000; battery = (uint16_t)(battery + 613))
+        for (int surge = -6000; surge <= 6000; surge += 37) {
+            const signals_drive_t drive = mix_with(&CONFIG, (int16_t)surge, 0, battery);
+            TEST_ASSERT_DOUBLE_WITHIN(0.5000001, 32767.0 * surge / battery, drive.left_q15);
+        }
+}
+
+static void test_mixer_full_battery_voltage_is_duty_32767(void)
+{
+    for (uint32_t battery = 6000; battery <= 20000; battery++) {
+        const signals_drive_t drive = mix_with(&CONFIG, INT16_MAX, 0, (uint16_t)battery);
+        TEST_ASSERT_EQUAL_INT16(battery, drive.left_mv);
+        TEST_ASSERT_EQUAL_INT16(32767, drive.left_q15);
+        TEST_ASSERT_EQUAL_INT16(32767, drive.right_q15);
+    }
+}
+
+static void test_mixer_same_effort_takes_more_duty_from_a_weaker_battery(void)
+{
+    TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 4500, 0, 9000).left_q15);
+    TEST_ASSERT_EQUAL_INT16(21845, mix_with(&CONFIG, 4500, 0, 6750).left_q15);
+}
+
+static void test_mixer_takes_a_battery_below_the_floor_for_the_floor(void)
+{
+    TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 3000, 0, 0).left_q15);
+    TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 3000, 0, 5999).left_q15);
+    TEST_ASSERT_EQUAL_UINT16(2, state.battery_low_steps);
+    mix_with(&CONFIG, 3000, 0, 6000);
+    TEST_ASSERT_EQUAL_UINT16(2, state.battery_low_steps);
+}
+
+static void test_mixer_takes_a_battery_above_20_v_for_20_v(void)
+{
+    assert_voltages(20000, 20000, mix_with(&CONFIG, INT16_MAX, 0, 20001));
+    assert_voltages(20000, 20000, mix_with(&CONFIG, INT16_MAX, 0, UINT16_MAX));
+}
+
+static void test_mixer_never_passes_max_duty(void)
+{
+    for (int16_t max_duty = 1; max_duty < 32000; max_duty = (int16_t)(max_duty + 501)) {
+        const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = max_duty};
+        for (uint16_t battery = 6000; battery <= 20000; battery = (uint16_t)(battery + 377)) {
+            const signals_drive_t drive = mix_with(&config, INT16_MIN, INT16_MIN, battery);
+            TEST_ASSERT_GREATER_OR_EQUAL_INT16(-max_duty, drive.left_q15);
+            TEST_ASSERT_LESS_OR_EQUAL_INT16(max_duty, drive.right_q15);
+            const signals_drive_t straight = mix_with(&config, INT16_MAX, 0, battery);
+            TEST_ASSERT_LESS_OR_EQUAL_INT16(max_duty, straight.left_q15);
+        }
+    }
+}
+
+static void test_mixer_counts_saturated_steps_and_stays_at_the_end(void)
+{
+    mix(9001, 0);
+    mix(0, 9001);
+    mix(4500, 4500);
+    TEST_ASSERT_EQUAL_UINT16(1, state.surge_saturated_steps);
+    TEST_ASSERT_EQUAL_UINT16(1, state.yaw_saturated_steps);
+    state.surge_saturated_steps = UINT16_MAX;
+    mix(9001, 0);
+    TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.surge_saturated_steps);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_mixer_adds_yaw_on_the_left_and_takes_it_on_the_right);
+    RUN_TEST(test_mixer_gives_surge_what_yaw_leaves);
+    RUN_TEST(test_mixer_gives_yaw_all_there_is);
+    RUN_TEST(test_mixer_keeps_yaw_whatever_the_surge);
+    RUN_TEST(test_mixer_swaps_motors_when_yaw_turns_over_and_negates_when_both_do);
+    RUN_TEST(test_mixer_duty_is_voltage_over_battery_to_half_a_unit);
+    RUN_TEST(test_mixer_full_battery_voltage_is_duty_32767);
+    RUN_TEST(test_mixer_same_effort_takes_more_duty_from_a_weaker_battery);
+    RUN_TEST(test_mixer_takes_a_battery_below_the_floor_for_the_floor);
+    RUN_TEST(test_mixer_takes_a_battery_above_20_v_for_20_v);
+    RUN_TEST(test_mixer_never_passes_max_duty);
+    RUN_TEST(test_mixer_counts_saturated_steps_and_stays_at_the_end);
+    return UNITY_END();
+}

@@ -1,0 +1,205 @@
+#include "app/params_gen.h"
+#include "model/body.h"
+#include "unity.h"
+
+static const body_coefficients_t *const COUPLED = &PARAMS_COUPLED.step.model;
+static const body_coefficients_t *const PAPER = &PARAMS_PAPER.step.model;
+static body_state_t state;
+
+void setUp(void)
+{
+    state = (body_state_t){.heading_bam32 = 0};
+}
+void tearDown(void) {}
+
+static body_state_t run(const body_coefficients_t *coefficients, int16_t left_mv, int16_t right_mv, int steps)
+{
+    for (int i = 0; i < steps; i++)
+        body_step(coefficients, &state, left_mv, right_mv);
+    return state;
+}
+
+/* A curve, a reversal of one wheel, and a coast. */
+static body_state_t tour(const body_coefficients_t *coefficients, int16_t left_mv, int16_t right_mv)
+{
+    setUp();
+    run(coefficients, left_mv, right_mv, 400);
+    run(coefficients, left_mv, (int16_t)-right_mv, 150);
+    return run(coefficients, 0, 0, 100);
+}
+
+static void assert_left_and_right_mirror(const body_coefficients_t *coefficients)
+{
+    body_wheels_t wheels, mirrored;
+    setUp();
+    body_state_t one = run(coefficients, 6001, 4502, 500);
+    setUp();
+    body_state_t other = run(coefficients, 4502, 6001, 500);
+    body_wheels(coefficients, &one, &wheels);
+    body_wheels(coefficients, &other, &mirrored);
+    TEST_ASSERT_NOT_EQUAL_INT32(0, one.y_um);
+    TEST_ASSERT_EQUAL_INT32(one.x_um, other.x_um);
+    TEST_ASSERT_EQUAL_INT32(one.y_um, -other.y_um);
+    TEST_ASSERT_EQUAL_UINT32(one.heading_bam32, 0U - other.heading_bam32);
+    TEST_ASSERT_EQUAL_INT32(one.surge_mm_s_q17, other.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(one.sway_mm_s_q17, -other.sway_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(one.yaw_rate_mrad_s_q12, -other.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_EQUAL_INT32(wheels.left_mrad_s_q13, mirrored.right_mrad_s_q13);
+    TEST_ASSERT_EQUAL_INT32(wheels.right_current_ua_q7, mirrored.left_current_ua_q7);
+}
+
+static void test_body_left_and_right_mirror_bit_for_bit(void)
+{
+    assert_left_and_right_mirror(COUPLED);
+    assert_left_and_right_mirror(PAPER);
+}
+
+static void test_coupled_forward_and_backward_mirror_bit_for_bit(void)
+{
+    const body_state_t forward = tour(COUPLED, 6000, 5000);
+    const body_state_t backward = tour(COUPLED, -6000, -5000);
+    TEST_ASSERT_NOT_EQUAL_INT32(0, forward.y_um);
+    TEST_ASSERT_EQUAL_INT32(forward.x_um, -backward.x_um);
+    TEST_ASSERT_EQUAL_INT32(forward.y_um, backward.y_um);
+    TEST_ASSERT_EQUAL_UINT32(forward.heading_bam32, 0U - backward.heading_bam32);
+    TEST_ASSERT_EQUAL_INT32(forward.surge_mm_s_q17, -backward.surge_mm_s_q17);
+}
+
+static void test_paper_forward_and_backward_mirror_bit_for_bit_on_the_straight(void)
+{
+    const body_state_t forward = run(PAPER, 5000, 5000, 700);
+    setUp();
+    const body_state_t backward = run(PAPER, -5000, -5000, 700);
+    TEST_ASSERT_GREATER_THAN_INT32(700000, forward.x_um);
+    TEST_ASSERT_EQUAL_INT32(forward.x_um, -backward.x_um);
+    TEST_ASSERT_EQUAL_INT32(forward.surge_mm_s_q17, -backward.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(0, backward.y_um);
+}
+
+/* Fault 1: half voltage gives 1.54 m/s in 7 s, against a rim speed of 0.67. */
+static void test_paper_outruns_its_wheels_and_coupled_does_not(void)
+{
+    run(PAPER, 4500, 4500, 2333);
+    TEST_ASSERT_INT32_WITHIN(40, 1540, state.surge_mm_s_q17 / 131072);
+    setUp();
+    run(COUPLED, 4500, 4500, 2333);
+    TEST_ASSERT_INT32_WITHIN(10, 670, state.surge_mm_s_q17 / 131072);
+}
+
+/* Fault 3: thrust follows the velocity. */
+static void test_paper_is_driven_sideways_by_a_little_sway(void)
+{
+    state.velocity_y_mm_s_q17 = state.sway_mm_s_q17 = 131072;
+    run(PAPER, 9000, 9000, 300);
+    TEST_ASSERT_GREATER_THAN_INT32(50 * 131072, state.sway_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(131072, 0, state.surge_mm_s_q17);
+}
+
+/* Fault 4: nothing damps yaw. */
+static void test_paper_spin_goes_on_and_coupled_spin_stops(void)
+{
+    run(PAPER, 4500, -4500, 1000);
+    run(PAPER, 0, 0, 300);
+    const int32_t spin = state.yaw_rate_mrad_s_q12;
+    run(PAPER, 0, 0, 1000);
+    TEST_ASSERT_EQUAL_INT32(spin, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_GREATER_THAN_INT32(1000 * 4096, spin);
+    setUp();
+    run(COUPLED, 4500, -4500, 1000);
+    run(COUPLED, 0, 0, 2000);
+    TEST_ASSERT_INT32_WITHIN(4096 / 10, 0, state.yaw_rate_mrad_s_q12);
+}
+
+static void test_paper_at_rest_is_pushed_along_its_heading(void)
+{
+    state.heading_bam32 = 0x40000000U;
+    run(PAPER, 9000, 9000, 30);
+    TEST_ASSERT_GREATER_THAN_INT32(100, state.y_um);
+    TEST_ASSERT_EQUAL_INT32(0, state.x_um);
+}
+
+static void test_paper_crawling_below_the_rest_speed_has_no_direction(void)
+{
+    state.velocity_y_mm_s_q17 = state.sway_mm_s_q17 = BODY_REST_SPEED_MM_S_Q17 / 2;
+    run(PAPER, 9000, 9000, 1);
+    TEST_ASSERT_GREATER_THAN_INT32(BODY_REST_SPEED_MM_S_Q17, state.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(BODY_REST_SPEED_MM_S_Q17 / 2, state.velocity_y_mm_s_q17);
+}
+
+static void test_paper_moving_backward_is_pushed_ahead(void)
+{
+    state.velocity_x_mm_s_q17 = state.surge_mm_s_q17 = -100 * 131072;
+    run(PAPER, 9000, 9000, 20);
+    TEST_ASSERT_GREATER_THAN_INT32(-100 * 131072, state.surge_mm_s_q17);
+}
+
+static void test_body_clamps_voltages_beyond_its_range(void)
+{
+    run(COUPLED, INT16_MAX, INT16_MIN, 50);
+    const body_state_t beyond = state;
+    setUp();
+    run(COUPLED, 16383, -16383, 50);
+    TEST_ASSERT_EQUAL_INT32(state.yaw_rate_mrad_s_q12, beyond.yaw_rate_mrad_s_q12);
+}
+
+static void test_body_saturates_and_never_wraps(void)
+{
+    for (int i = 0; i < 60; i++) {
+        run(PAPER, INT16_MAX, INT16_MIN, 500);
+        TEST_ASSERT_GREATER_OR_EQUAL_INT32(0, state.yaw_rate_mrad_s_q12);
+    }
+    TEST_ASSERT_EQUAL_INT32(BODY_YAW_RATE_LIMIT_MRAD_S_Q12, state.yaw_rate_mrad_s_q12);
+    setUp();
+    state.velocity_x_mm_s_q17 = state.surge_mm_s_q17 = BODY_SPEED_LIMIT_MM_S_Q17;
+    state.x_um = INT32_MAX - 10;
+    run(PAPER, INT16_MAX, INT16_MAX, 100);
+    TEST_ASSERT_EQUAL_INT32(INT32_MAX, state.x_um);
+    TEST_ASSERT_LESS_OR_EQUAL_INT32(BODY_SPEED_LIMIT_MM_S_Q17, state.surge_mm_s_q17);
+}
+
+static void assert_surge_takes_a_correction(const body_coefficients_t *coefficients)
+{
+    setUp();
+    run(coefficients, 4500, 4500, 200);
+    const int32_t before = state.surge_mm_s_q17;
+    body_correct_surge(coefficients, &state, 20 * 131072);
+    TEST_ASSERT_INT32_WITHIN(200, before + 20 * 131072, state.surge_mm_s_q17);
+    run(coefficients, 4500, 4500, 1);
+    TEST_ASSERT_INT32_WITHIN(3 * 131072, before + 20 * 131072, state.surge_mm_s_q17);
+    body_correct_surge(coefficients, &state, -BODY_SPEED_LIMIT_MM_S_Q17);
+    body_correct_surge(coefficients, &state, -BODY_SPEED_LIMIT_MM_S_Q17);
+    TEST_ASSERT_LESS_THAN_INT32(-3000 * 131072, state.surge_mm_s_q17);
+}
+
+static void test_body_surge_takes_a_correction_and_keeps_it(void)
+{
+    assert_surge_takes_a_correction(COUPLED);
+    assert_surge_takes_a_correction(PAPER);
+}
+
+static void test_body_heading_is_rounded_to_the_nearest(void)
+{
+    state.heading_bam32 = 0x12348000U;
+    TEST_ASSERT_EQUAL_UINT16(0x1235, body_heading_bam16(&state));
+    state.heading_bam32 = 0U - 0x12348000U;
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)-0x1235, body_heading_bam16(&state));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_body_left_and_right_mirror_bit_for_bit);
+    RUN_TEST(test_coupled_forward_and_backward_mirror_bit_for_bit);
+    RUN_TEST(test_paper_forward_and_backward_mirror_bit_for_bit_on_the_straight);
+    RUN_TEST(test_paper_outruns_its_wheels_and_coupled_does_not);
+    RUN_TEST(test_paper_is_driven_sideways_by_a_little_sway);
+    RUN_TEST(test_paper_spin_goes_on_and_coupled_spin_stops);
+    RUN_TEST(test_paper_at_rest_is_pushed_along_its_heading);
+    RUN_TEST(test_paper_crawling_below_the_rest_speed_has_no_direction);
+    RUN_TEST(test_paper_moving_backward_is_pushed_ahead);
+    RUN_TEST(test_body_clamps_voltages_beyond_its_range);
+    RUN_TEST(test_body_saturates_and_never_wraps);
+    RUN_TEST(test_body_surge_takes_a_correction_and_keeps_it);
+    RUN_TEST(test_body_heading_is_rounded_to_the_nearest);
+    return UNITY_END();
+}
