@@ -76,7 +76,7 @@ static const loop_config_t PARAMS_COUPLED = {
         },
         .heading_pid = {
             .kp_mv_q10 = 982,
-            .ki_mv_q10 = 0,
+            .ki_mv_q10 = 1963,
             .kd_mv_q10 = 2048,
             .limit_mv = 6000,
         },
@@ -130,8 +130,8 @@ static const loop_config_t PARAMS_PAPER = {
             .accel_gain_q15 = 1638,
             .slowest_weight_bits = 10,
             .count_travel_um_q2 = 21363,
-            .behind_to_travel_q15 = 98,
-            .behind_to_speed_q15 = 101,
+            .behind_to_travel_q15 = 0,
+            .behind_to_speed_q15 = 0,
             .accel_filter_q15 = 4564,
         },
         .mode = {

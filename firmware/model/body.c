@@ -112,7 +112,7 @@ static bool moves(int32_t surge_mm_s_q17, int32_t sway_mm_s_q17)
     if (surge >= BODY_REST_SPEED_MM_S_Q17 || sway >= BODY_REST_SPEED_MM_S_Q17)
         return true;
     return fix_mul_u16((uint16_t)surge, (uint16_t)surge) + fix_mul_u16((uint16_t)sway, (uint16_t)sway) >=
-           fix_mul_u16(BODY_REST_SPEED_MM_S_Q17, BODY_REST_SPEED_MM_S_Q17);
+           fix_mul_u16((uint16_t)BODY_REST_SPEED_MM_S_Q17, (uint16_t)BODY_REST_SPEED_MM_S_Q17);
 }
 
 /* Eq. 6, 7 and 9 seen from the room: along the velocity; for a vehicle that moves backward, along the velocity's mirror

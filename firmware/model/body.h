@@ -20,7 +20,7 @@
 #define BODY_PERIOD_MS 3
 #define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: two of them fit in 31 bits */
 #define BODY_YAW_RATE_LIMIT_MRAD_S_Q12 1966080000L /* 480 rad/s */
-#define BODY_REST_SPEED_MM_S_Q17 45875U            /* 0.35 mm/s: below it motion has no direction */
+#define BODY_REST_SPEED_MM_S_Q17 45875L            /* 0.35 mm/s: below it motion has no direction */
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 

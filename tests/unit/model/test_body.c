@@ -133,6 +133,16 @@ static void test_paper_moving_backward_is_pushed_ahead(void)
     TEST_ASSERT_GREATER_THAN_INT32(-100 * 131072, state.surge_mm_s_q17);
 }
 
+static void test_body_with_the_left_wheel_faster_turns_right(void)
+{
+    run(COUPLED, 4500, 1500, 100);
+    TEST_ASSERT_GREATER_THAN_INT32(1000 * 4096, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_GREATER_THAN_INT32(0, state.y_um);
+    setUp();
+    run(PAPER, 4500, 1500, 100);
+    TEST_ASSERT_GREATER_THAN_INT32(100 * 4096, state.yaw_rate_mrad_s_q12);
+}
+
 static void test_body_clamps_voltages_beyond_its_range(void)
 {
     run(COUPLED, INT16_MAX, INT16_MIN, 50);
@@ -197,6 +207,7 @@ int main(void)
     RUN_TEST(test_paper_at_rest_is_pushed_along_its_heading);
     RUN_TEST(test_paper_crawling_below_the_rest_speed_has_no_direction);
     RUN_TEST(test_paper_moving_backward_is_pushed_ahead);
+    RUN_TEST(test_body_with_the_left_wheel_faster_turns_right);
     RUN_TEST(test_body_clamps_voltages_beyond_its_range);
     RUN_TEST(test_body_saturates_and_never_wraps);
     RUN_TEST(test_body_surge_takes_a_correction_and_keeps_it);

@@ -1,0 +1,63 @@
+"""What each set of sensors allows: the mission over many seeds, with a plant that is as the firmware believes and with ones that are not.
+
+Prints the table of firmware/README.md and draws firmware/sensors.svg: `.venv/bin/python tests/loop/sensor_study.py`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from brickpilot import flight, scenario
+from brickpilot.model import rcx
+from brickpilot.plot import BLUE, GREEN, ORANGE, figure, to_svg
+
+SEEDS = 50
+PLANTS: dict[str, dict[str, dict[str, object]]] = {
+    "as believed": {},
+    "10 % heavier, motors 5 % weaker": {"parameters": {"mass": 0.99, "torque_constant": 0.18525}},
+    "dry friction 5 mN m a wheel": {"effects": {"coulomb_friction": {"torque": 0.005}}},
+    "wheels 2 % larger": {"parameters": {"wheel_radius": 0.041616}},
+}
+COLOURS = {"ideal": GREEN, "imu+encoders": BLUE, "imu": ORANGE}
+
+
+def fly(sensors: str, changes: dict[str, dict[str, object]], seed: int) -> flight.Flight:
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), **changes)  # type: ignore[arg-type]
+    return flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed))
+
+
+def believed_wrong_by(flown: flight.Flight) -> np.ndarray:
+    log = flown.log
+    return np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
+
+
+def main() -> None:
+    drawn, axes = figure(len(PLANTS), row_height=1.7)
+    print("| plant | sensors | all 8 waypoints | waypoints, mean | position believed wrong by, rms, median (95th) | cross-track rms, median |")
+    print("|---|---|---|---|---|---|")
+    for axis, (title, changes) in zip(axes, PLANTS.items(), strict=True):
+        for sensors, colour in COLOURS.items():
+            flights = [fly(sensors, changes, seed) for seed in range(1 if sensors == "ideal" else SEEDS)]
+            figures = [flight.summary(flown) for flown in flights]
+            reached = np.array([figure["waypoints_reached"] for figure in figures])
+            error = np.array([figure["position_estimate_error_m"] for figure in figures])
+            cross = np.array([figure["cross_track_rms_m"] for figure in figures])
+            print(
+                f"| {title} | {sensors} | {np.mean(reached == 8):.0%} of {len(figures)} | {reached.mean():.1f} | "
+                f"{1000 * np.median(error):.0f} mm ({1000 * np.percentile(error, 95):.0f} mm) | {1000 * np.median(cross):.0f} mm |"
+            )
+            wrong = np.median([believed_wrong_by(flown) for flown in flights], axis=0)
+            axis.plot(flights[0].log["time_s"][::20], 1000 * wrong[::20], color=colour, label=sensors)
+        axis.set_title(title, fontsize=9, loc="left")
+        axis.set_ylabel("mm")
+    axes[0].legend(loc="upper left", ncols=3)
+    axes[-1].set_xlabel("time (s)")
+    svg = to_svg(drawn, "position the robot believes in: error over time, median of the seeds")
+    Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(svg.replace("currentColor", "#404040") + "\n")
+
+
+if __name__ == "__main__":
+    main()
