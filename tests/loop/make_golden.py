@@ -1,4 +1,4 @@
-"""Writes tests/loop/golden/motor_streams.txt: SHA-256 of the motor commands of the mission, seed 0. A change needs a reason in its commit."""
+"""Writes golden/motor_streams.txt: SHA-256 of the motor commands, seed 0. A change needs a reason in its commit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each set of sensors allows: the mission over many seeds, with a plant that is as the firmware believes and with ones that are not.
+"""What each set of sensors allows: the mission over many seeds, on a plant as the firmware believes and on others.
 
 Prints the table of firmware/README.md and draws firmware/sensors.svg: `.venv/bin/python tests/loop/sensor_study.py`.
 """
@@ -9,7 +9,6 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-
 from brickpilot import flight, scenario
 from brickpilot.model import rcx
 from brickpilot.plot import BLUE, GREEN, ORANGE, figure, to_svg
@@ -36,7 +35,10 @@ def believed_wrong_by(flown: flight.Flight) -> np.ndarray:
 
 def main() -> None:
     drawn, axes = figure(len(PLANTS), row_height=1.7)
-    print("| plant | sensors | all 8 waypoints | waypoints, mean | position believed wrong by, rms, median (95th) | cross-track rms, median |")
+    print(
+        "| plant | sensors | all 8 waypoints | waypoints, mean "
+        "| position believed wrong by, rms, median (95th) | cross-track rms, median |"
+    )
     print("|---|---|---|---|---|---|")
     for axis, (title, changes) in zip(axes, PLANTS.items(), strict=True):
         for sensors, colour in COLOURS.items():
@@ -47,7 +49,8 @@ def main() -> None:
             cross = np.array([figure["cross_track_rms_m"] for figure in figures])
             print(
                 f"| {title} | {sensors} | {np.mean(reached == 8):.0%} of {len(figures)} | {reached.mean():.1f} | "
-                f"{1000 * np.median(error):.0f} mm ({1000 * np.percentile(error, 95):.0f} mm) | {1000 * np.median(cross):.0f} mm |"
+                f"{1000 * np.median(error):.0f} mm ({1000 * np.percentile(error, 95):.0f} mm) "
+                f"| {1000 * np.median(cross):.0f} mm |"
             )
             wrong = np.median([believed_wrong_by(flown) for flown in flights], axis=0)
             axis.plot(flights[0].log["time_s"][::20], 1000 * wrong[::20], color=colour, label=sensors)
@@ -56,7 +59,9 @@ def main() -> None:
     axes[0].legend(loc="upper left", ncols=3)
     axes[-1].set_xlabel("time (s)")
     svg = to_svg(drawn, "position the robot believes in: error over time, median of the seeds")
-    Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(svg.replace("currentColor", "#404040") + "\n")
+    Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(
+        svg.replace("currentColor", "#808080") + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,46 @@
+"""The RCX's own compiler (16-bit int) takes the firmware, and leaves only the HAL to be linked."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIM = Path(__file__).with_name("h8_include")  # stdint.h and stdbool.h, which this compiler comes without
+FLAGS = ["-std=gnu99", "-O2", "-fno-builtin", "-fomit-frame-pointer", "-Wall", "-Wextra", "-Werror"]
+HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text()))
+
+
+def undefined_after_linking(sources: list[Path], folder: Path) -> set[str]:
+    """Symbols that stay undefined when all of `sources` are compiled for the H8/300 and put together."""
+    objects = []
+    for number, source in enumerate(sources):
+        objects.append(folder / f"{number}_{source.stem}.o")
+        command = ["h8300-hms-gcc", *FLAGS, f"-I{SHIM}", f"-I{ROOT}/firmware", f"-I{ROOT}/hal/include", f"-I{ROOT}/hal"]
+        subprocess.run([*command, "-c", str(source), "-o", str(objects[-1])], check=True)
+    whole = folder / "whole.o"
+    subprocess.run(["h8300-hms-ld", "-r", "-o", str(whole), *map(str, objects)], check=True)
+    listed = subprocess.run(["h8300-hms-nm", "-u", str(whole)], check=True, capture_output=True, text=True).stdout
+    return {line.split()[-1].removeprefix("_") for line in listed.splitlines() if line.strip()}
+
+
+@pytest.fixture(autouse=True)
+def _compiler() -> None:
+    assert shutil.which("h8300-hms-gcc"), "no h8300-hms-gcc: tests/run installs it"
+
+
+def test_firmware_needs_nothing_but_the_hal(tmp_path: Path) -> None:
+    sources = sorted((ROOT / "firmware").rglob("*.c"))
+    assert len(sources) > 10
+    missing = undefined_after_linking(sources, tmp_path)
+    assert missing <= HAL, f"library calls: {sorted(missing - HAL)}"
+
+
+def test_a_plain_product_is_caught(tmp_path: Path) -> None:
+    source = tmp_path / "bad.c"
+    source.write_text("long product(long a, long b) { return a * b; }\n")
+    assert not undefined_after_linking([source], tmp_path) <= HAL

@@ -1,0 +1,94 @@
+"""Data sets whose truth is known: the plant's outputs with seeded noise, written as a user would have logged them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from brickpilot import model as model_file
+from brickpilot import plant
+from brickpilot.model import Model
+from brickpilot.plant import OpenLoopRun, State
+
+TURNS = {"accel_sway", "yaw_rate", "yaw_angle"}
+
+MANOEUVRES = {
+    "straight": (4.0, 4.0),
+    "straight_back": (-6.0, -6.0),
+    "spin": (4.5, -4.5),
+    "curve": (6.0, 3.0),
+}
+
+
+def robot(**changes: float) -> Model:
+    """The packaged robot with some values changed; no air drag, no inductance."""
+    rcx = model_file.rcx()
+    return Model("truth", "diff_drive", "coupled", {**rcx.parameters, "drag_area": 0.0, "inductance": 0.0, **changes})
+
+
+def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
+    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. With a seed: irregular samples."""
+    time = np.arange(0.0, seconds, period)
+    if jitter_seed is not None:
+        time = time + np.random.default_rng(jitter_seed).uniform(-0.4, 0.4, len(time)) * period
+        time = time - time[0]
+    on = (time > 0.1) & (time < 0.7 * seconds)
+    return time, np.where(on[:, np.newaxis], [left, right], 0.0)
+
+
+def write(
+    folder: Path,
+    truth: Model,
+    signals: Mapping[str, float],
+    nominal: str,
+    *,
+    seed: int = 0,
+    manoeuvres: Mapping[str, tuple[float, float]] = MANOEUVRES,
+    frame: str = "FRD",
+    units: Mapping[str, tuple[str, float]] | None = None,
+    jitter: bool = False,
+    roles: Sequence[str] | None = None,
+    spoil=None,
+    start: State | None = None,
+    initial: str = "",
+) -> Path:
+    """Writes a data set and returns its folder.
+
+    Args:
+        signals: outputs and the sd of the noise put on each, SI.
+        nominal: the lines below [nominal].
+        units: signal -> (unit, how many of it are one SI unit).
+        start: the state every run truly starts from.
+        initial: what the file states of it, the inside of a TOML table.
+        spoil: called with (run name, table of columns) before it is written, to damage it.
+    """
+    random = np.random.default_rng(seed)
+    folder.mkdir(parents=True)
+    units = dict(units or {})
+    lines = ['name = "synthetic"', f'vehicle = "{truth.vehicle}"', f'frame = "{frame}"', "[signals]"]
+    lines += ['time = { column = "t", unit = "s" }']
+    lines += [f'voltage_{side} = {{ column = "v_{side}", unit = "V" }}' for side in ("left", "right")]
+    for name in signals:
+        lines.append(f'{name} = {{ column = "{name}", unit = "{units.get(name, (plant.outputs()[name], 1.0))[0]}" }}')
+    lines += ["[nominal]", nominal]
+    for number, (name, (left, right)) in enumerate(manoeuvres.items()):
+        time, voltages = steps(left, right, jitter_seed=seed + number if jitter else None)
+        outputs = plant.simulate([(truth, OpenLoopRun(time=time, inputs=voltages, initial=start or State()))])[
+            0
+        ].outputs
+        table = {"t": time, "v_left": voltages[:, 0], "v_right": voltages[:, 1]}
+        for signal, sd in signals.items():
+            sign = -1.0 if frame == "FLU" and signal in TURNS else 1.0
+            noisy = outputs[signal] + random.normal(0.0, sd, len(time))
+            table[signal] = sign * noisy * units.get(signal, ("", 1.0))[1]
+        if spoil is not None:
+            spoil(name, table)
+        rows = np.column_stack(list(table.values()))
+        text = "\n".join([",".join(table), *(",".join(f"{value:.12g}" for value in row) for row in rows)])
+        (folder / f"{name}.csv").write_text(text + "\n", encoding="utf-8")
+        role = roles[number] if roles is not None else "fit"
+        lines += ["[[runs]]", f'name = "{name}"', f'file = "{name}.csv"', *([f'role = "{role}"'] if role else [])]
+        lines += [f"initial = {{ {initial} }}"] if initial else []
+    (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder

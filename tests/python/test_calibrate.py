@@ -1,0 +1,221 @@
+"""Calibration on data whose truth is known, and what it says where the data cannot tell."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from brickpilot import dataset, model
+from brickpilot.calibrate import calibrate
+from brickpilot.errors import InputError
+from brickpilot.output_error import correlation_time, noise_sd
+from brickpilot.plot_compare import calibrate_page
+from synthetic import robot, write
+
+WHEELS = {"wheel_speed_left": 0.1, "wheel_speed_right": 0.1, "yaw_rate": 0.02}
+IMU = {"accel_surge": 0.03, "yaw_rate": 0.014}
+
+# All but three values, so that wheel speeds and voltage tell those three.
+KNOWN = """
+rolling_friction = 0.015
+half_track = 0.07
+wheel_radius = 0.0408
+wheel_inertia = 1e-4
+resistance = 22.0
+torque_constant = 0.195
+viscous_friction = 1.8e-5
+"""
+THREE = {"emf_constant": 0.245, "yaw_inertia": 0.006, "mass": 0.9}
+
+
+def fitted(folder, truth, nominal=KNOWN, signals=WHEELS, **options):
+    effects = options.pop("effects", ())
+    return calibrate(dataset.read(write(folder, truth, signals, nominal, **options)), effects=effects)
+
+
+def test_perturbed_parameters_are_recovered_from_noisy_data(tmp_path):
+    found = fitted(tmp_path / "set", robot(emf_constant=0.21, yaw_inertia=0.009, mass=1.3))
+    for name, value in {"emf_constant": 0.21, "yaw_inertia": 0.009, "mass": 1.3}.items():
+        estimate = found.parameters[name]
+        assert estimate.identifiable
+        assert estimate.value == pytest.approx(value, rel=0.02)
+        assert estimate.ci95[0] < value < estimate.ci95[1]
+        assert estimate.ci95[1] - estimate.ci95[0] < 0.1 * value
+    assert set(found.parameters) == set(THREE)
+
+
+@pytest.mark.parametrize("initial", ["", "wheel_speed_left = 0.0, wheel_speed_right = 0.0, yaw_rate = 0.0"])
+def test_intervals_cover_the_truth_as_often_as_they_say(tmp_path, initial):
+    """51 or more of 60 intervals of 95 % hold the truth with a chance of 99.9 %, from a noisy start or a stated one."""
+    covered = 0
+    for seed in range(20):
+        found = fitted(tmp_path / str(seed), robot(), seed=seed, initial=initial)
+        for name, value in THREE.items():
+            low, high = found.parameters[name].ci95
+            covered += low <= value <= high
+    assert 51 <= covered <= 60
+
+
+def test_intervals_shrink_with_the_noise(tmp_path):
+    quiet = fitted(tmp_path / "quiet", robot(), signals={name: sd / 10 for name, sd in WHEELS.items()})
+    loud = fitted(tmp_path / "loud", robot())
+    for name in ("emf_constant", "yaw_inertia"):
+        widths = [found.parameters[name].ci95[1] - found.parameters[name].ci95[0] for found in (quiet, loud)]
+        assert widths[0] < 0.3 * widths[1]
+
+
+def test_imu_and_voltage_cannot_tell_mass_torque_constant_and_resistance_apart(tmp_path):
+    stated = ["half_track = 0.07", "wheel_inertia = 1e-4", "viscous_friction = 1.8e-5", "rolling_friction = 0.015"]
+    nominal = "\n".join([*stated, "emf_constant = 0.245"])
+    found = fitted(tmp_path / "set", robot(), nominal, IMU)
+    together = {name for group in found.cannot_tell_apart for name in group}
+    assert {"mass", "torque_constant", "resistance"} <= together
+    for name in ("mass", "torque_constant", "resistance"):
+        assert not found.parameters[name].identifiable
+        assert found.parameters[name].ci95 is None
+    assert json.loads(json.dumps(found.to_json(), allow_nan=False))["parameters"]["mass"]["ci95"] == [None, None]
+
+
+def test_loss_in_proportion_to_speed_cannot_be_told_from_the_back_emf(tmp_path):
+    nominal = KNOWN.replace("rolling_friction = 0.015", "mass = 0.9")
+    found = fitted(tmp_path / "set", robot(), nominal)
+    assert ("emf_constant", "rolling_friction") in found.cannot_tell_apart
+    assert found.parameters["yaw_inertia"].identifiable
+
+
+def test_what_cannot_be_told_apart_is_told_in_combination(tmp_path):
+    found = fitted(tmp_path / "set", robot(), "half_track = 0.07")
+    told = {one.name: one for one in found.combinations}
+    gain = 0.195 / (0.195 * 0.245 + 22.0 * (1.8e-5 + 0.015 * 0.9 * 9.81 * 0.0408**2))
+    assert told["wheel speed per volt"].value == pytest.approx(gain, rel=0.02)
+    assert told["wheel speed per volt"].ci95[0] < gain < told["wheel speed per volt"].ci95[1]
+
+
+def test_a_stated_value_with_sd_holds_what_the_data_leave_open(tmp_path):
+    nominal = KNOWN + "mass = { value = 0.9, sd = 0.02 }\n"
+    nominal = nominal.replace("torque_constant = 0.195\n", "")
+    found = fitted(tmp_path / "set", robot(), nominal)
+    assert found.parameters["mass"].value == pytest.approx(0.9, abs=0.06)
+    assert found.parameters["torque_constant"].identifiable
+    assert found.parameters["torque_constant"].value == pytest.approx(0.195, rel=0.05)
+
+
+def test_a_value_far_from_its_prior_is_reported_as_a_finding(tmp_path):
+    nominal = KNOWN + "emf_constant = { value = 0.3, sd = 0.003 }\n"
+    found = fitted(tmp_path / "set", robot(), nominal)
+    assert any("emf_constant left its prior" in note for note in found.notes)
+
+
+def test_planted_outliers_move_an_estimate_by_less_than_its_interval(tmp_path):
+    def spoil(run, table):
+        rows = np.random.default_rng(5).choice(len(table["t"]), 8, replace=False)
+        table["wheel_speed_left"][rows] += 100.0
+
+    clean = fitted(tmp_path / "clean", robot())
+    spoilt = fitted(tmp_path / "spoilt", robot(), spoil=spoil)
+    for name in ("emf_constant", "yaw_inertia"):
+        low, high = clean.parameters[name].ci95
+        assert abs(spoilt.parameters[name].value - clean.parameters[name].value) < high - low
+
+
+def test_units_and_frame_of_the_files_do_not_matter(tmp_path):
+    plain = fitted(tmp_path / "plain", robot())
+    units = {"yaw_rate": ("deg/s", 180 / math.pi), "wheel_speed_left": ("rpm", 30 / math.pi)}
+    other = fitted(tmp_path / "other", robot(), frame="FLU", units=units)
+    for name in THREE:
+        assert other.parameters[name].value == pytest.approx(plain.parameters[name].value, rel=1e-4)
+
+
+def test_mirrored_data_give_the_same_parameters(tmp_path):
+    turned = {"straight": (4.0, 4.0), "spin": (-4.5, 4.5), "curve": (3.0, 6.0)}
+    one = fitted(
+        tmp_path / "one",
+        robot(),
+        manoeuvres={n: (b, a) for n, (a, b) in turned.items()},
+        signals=dict.fromkeys(WHEELS, 0.0),
+    )
+    two = fitted(tmp_path / "two", robot(), manoeuvres=turned, signals=dict.fromkeys(WHEELS, 0.0))
+    for name in THREE:
+        assert two.parameters[name].value == pytest.approx(one.parameters[name].value, rel=1e-3)
+
+
+def test_irregular_samples_are_fitted_on_their_own_times(tmp_path):
+    found = fitted(tmp_path / "set", robot(), jitter=True)
+    assert found.parameters["emf_constant"].value == pytest.approx(0.245, rel=0.01)
+    assert found.parameters["yaw_inertia"].value == pytest.approx(0.006, rel=0.03)
+
+
+def test_an_effect_asked_for_is_fitted_from_far_off_its_preset(tmp_path):
+    truth = model.Model("truth", "diff_drive", "coupled", robot().parameters, {"coulomb_friction": {"torque": 0.002}})
+    found = fitted(tmp_path / "set", truth, effects=["coulomb_friction"])
+    assert found.parameters["coulomb_friction.torque"].value == pytest.approx(0.002, rel=0.1)
+    assert found.model.effects["coulomb_friction"]["torque"] == found.parameters["coulomb_friction.torque"].value
+
+
+def test_the_same_seed_gives_the_same_result(tmp_path):
+    data = dataset.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
+    assert calibrate(data, seed=3).to_json() == calibrate(data, seed=3, threads=1).to_json()
+
+
+def test_the_written_model_is_the_fitted_one(tmp_path):
+    found = fitted(tmp_path / "set", robot())
+    model.save(found.model, tmp_path / "model.toml")
+    assert dict(model.load(tmp_path / "model.toml").parameters) == dict(found.model.parameters)
+
+
+def test_held_out_runs_are_not_fitted(tmp_path):
+    def spoil(run, table):
+        if run == "curve":
+            table["wheel_speed_left"] *= 1.5
+
+    roles = ["fit", "fit", "fit", "held_out"]
+    found = fitted(tmp_path / "set", robot(), roles=roles, spoil=spoil)
+    assert found.parameters["emf_constant"].value == pytest.approx(0.245, rel=0.01)
+    gaps = {(gap.run, gap.signal): gap for gap in found.gaps}
+    assert gaps["curve", "wheel_speed_left"].after > 0.25
+    assert gaps["curve", "wheel_speed_left"].role == "held_out"
+
+
+def test_unknown_effects_and_parameters_are_refused(tmp_path):
+    data = dataset.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
+    with pytest.raises(InputError, match="no such effect"):
+        calibrate(data, effects=["phlogiston"])
+    with pytest.raises(InputError, match="gravity"):
+        calibrate(data, free=["gravity"])
+
+
+def test_a_fixed_value_is_fitted_when_asked(tmp_path):
+    data = dataset.read(write(tmp_path / "set", robot(mass=1.2), WHEELS, KNOWN + "mass = 0.9\n"))
+    assert "mass" not in calibrate(data).parameters
+    assert calibrate(data, free=["mass"]).parameters["mass"].value == pytest.approx(1.2, rel=0.05)
+
+
+def test_nothing_free_is_said_and_no_error(tmp_path):
+    everything = KNOWN + "".join(f"{name} = {value}\n" for name, value in THREE.items())
+    found = fitted(tmp_path / "set", robot(), everything)
+    assert not found.parameters
+    assert any("Nothing to fit" in note for note in found.notes)
+
+
+def test_the_page_stands_alone_and_names_every_parameter(tmp_path):
+    page = calibrate_page(fitted(tmp_path / "set", robot()))
+    assert all(name in page for name in THREE)
+    assert "<script" not in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_noise_is_told_from_a_smooth_signal():
+    time = np.linspace(0, 10, 5000)
+    values = np.sin(time) + np.random.default_rng(1).normal(0, 0.01, 5000)
+    assert noise_sd(values) == pytest.approx(0.01, rel=0.1)
+
+
+def test_correlation_time_of_a_first_order_residual():
+    random, value, series = np.random.default_rng(2), 0.0, []
+    for _ in range(20000):
+        value = 0.9 * value + random.normal()
+        series.append(value)
+    assert correlation_time([np.array(series)]) == pytest.approx(19.0, rel=0.25)
+    assert correlation_time([random.normal(size=20000)]) == pytest.approx(1.0, abs=0.3)

@@ -1,0 +1,150 @@
+"""The command line as scripts see it: files, keys, exit status, and one line for what a user got wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bad_datasets import BAD
+from brickpilot import cli, plant
+from command import brickpilot
+from test_dataset import measured
+
+RUN_KEYS = {
+    "waypoints_total", "waypoints_reached", "closest_approach_m", "reached_at_s", "position_estimate_error_m",
+    "cross_track_rms_m", "heading_rms_rad", "times_real_time", "motor_stream_sha256", "steps", "profile",
+    "sensors", "seed",
+}  # fmt: skip
+
+
+def test_run_writes_a_folder_and_prints_nothing_but_json(tmp_path: Path) -> None:
+    done = brickpilot("run", "--json", "--sensors", "imu+encoders", "--seed", "5", "--out", "out", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads(done.stdout)
+    assert figures.keys() >= RUN_KEYS
+    assert (figures["waypoints_reached"], figures["steps"], figures["seed"]) == (8, 20000, 5)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["log.csv", "report.html", "summary.json"]
+    assert json.loads((tmp_path / "out" / "summary.json").read_text()) == figures
+    log = np.genfromtxt(tmp_path / "out" / "log.csv", delimiter=",", names=True)
+    assert len(log) == figures["steps"]
+    assert log["time_s"][-1] == pytest.approx(59.997)
+
+
+def test_the_page_of_a_run_needs_nothing_from_elsewhere(tmp_path: Path) -> None:
+    brickpilot("run", "--out", "out", cwd=tmp_path)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "8 of 8 waypoints reached in order" in page
+    assert page.count("<svg") == 4
+    assert not re.search(r"(?:src|href)=\"(?!#)", page)
+    assert "<script" not in page
+    assert not re.search(r"url\((?!#)", page)
+
+
+def test_the_same_command_gives_the_same_bytes_and_replaces_its_own_folder(tmp_path: Path) -> None:
+    logs = []
+    for _ in range(2):
+        assert brickpilot("run", "fig5", "--sensors", "imu", cwd=tmp_path).returncode == 0
+        logs.append((tmp_path / "runs" / "fig5-coupled-imu" / "log.csv").read_bytes())
+    assert logs[0] == logs[1]
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["fig5-coupled-imu"]
+
+
+@pytest.mark.parametrize("name", ["mission", "fig4", "fig5", "forward_1m", "spin_one_motor"])
+@pytest.mark.parametrize("profile", ["coupled", "paper"])
+def test_every_packaged_scenario_runs_in_both_profiles(name: str, profile: str, tmp_path: Path) -> None:
+    assert cli.main(["run", name, "--profile", profile, "--out", str(tmp_path / "out")]) is None
+    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+
+
+def test_a_scenario_file_may_change_plant_and_effects(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "heavy"\nkind = "manoeuvre"\nduration_s = 3\nsegments = [{ from_s = 0, left_V = 0.5, right_V = 0.5 }]\n'
+        "[parameters]\nmass = 1.2\n[effects.coulomb_friction]\ntorque = 0.006\n"
+    )
+    done = brickpilot("run", "--scenario", "s.toml", "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["final_speed_m_s"] == 0.0  # 0.5 V gives 4.4 mN m: less than the friction holds
+
+
+def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]) -> None:
+    cli.main(["effects"])
+    listed = capsys.readouterr().out
+    assert all(effect.name in listed and effect.equation in listed for effect in plant.effects())
+    cli.main(["effects", "actuator_deadband", "--json"])
+    assert [effect["name"] for effect in json.loads(capsys.readouterr().out)] == ["actuator_deadband"]
+
+
+def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
+    cli.main(["bench", "--json"])
+    figures = json.loads(capsys.readouterr().out)
+    assert figures.keys() == {"full_loop", "plant"}
+    for figure in figures.values():
+        assert figure.keys() == {"value", "unit", "peer", "ratio"}
+        assert figure["value"] > 0
+
+
+def test_compare_calibrate_and_import_work_together(tmp_path: Path) -> None:
+    rows = ["t;u;w"]
+    speed = 0.0
+    for k in range(600):
+        volts = 6.0 if k % 200 < 120 else 0.0
+        rows.append(f"{k * 5};{volts};{speed:.6f}")
+        speed += 0.005 * (20.0 * volts - 4.0 * speed)
+    (tmp_path / "log.txt").write_text("\n".join(rows) + "\n")
+    arguments = [
+        "--header",
+        "--delimiter",
+        ";",
+        "--map",
+        "time=t:ms",
+        "--map",
+        "voltage=u",
+        "--map",
+        "speed=w",
+        "--vehicle",
+        "motor",
+    ]
+    done = brickpilot(
+        "import", "table", "log.txt", *arguments, "--nominal", "wheel_inertia=1e-4", "--out", "bench", cwd=tmp_path
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    done = brickpilot("calibrate", "bench", "--json", "--out", "fit", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert all(
+        entry.keys() >= {"value", "unit", "ci95", "identifiable"}
+        for entry in json.loads(done.stdout)["parameters"].values()
+    )
+    done = brickpilot("compare", "bench", "--model", "fit/model.toml", "--json", "--out", "seen", cwd=tmp_path)
+    (run,) = json.loads(done.stdout)["runs"]
+    assert run["signals"]["speed"].keys() == {"ils", "ils_normalised", "rms_error", "rms_signal"}
+    assert run["signals"]["speed"]["rms_error"] < 0.02 * run["signals"]["speed"]["rms_signal"]
+    assert sorted(path.name for path in (tmp_path / "seen").iterdir()) == ["compare.json", "report.html"]
+    assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == ["calibrate.json", "model.toml", "report.html"]
+
+
+@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.name)
+def test_a_bad_data_set_is_refused_in_one_line_that_names_the_place(
+    bad, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad.write(tmp_path / "set")
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["compare", str(tmp_path / "set")])
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert said.err.startswith(f"brickpilot: {bad.place(tmp_path / 'set')}")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_the_importer_takes_both_logs_of_a_real_drivetrain(tmp_path: Path) -> None:
+    logs = measured("frc_drivetrain")
+    done = brickpilot(
+        "import", "wpilib", *map(str, sorted(logs.glob("*.json"))), "--out", "frc", "--json", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(json.loads(done.stdout)["runs"]) == 10

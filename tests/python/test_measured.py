@@ -1,0 +1,72 @@
+"""The measured sets: what compare and calibrate find on machines whose truth nobody knows, within stated bounds."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from brickpilot import dataset
+from brickpilot.calibrate import calibrate
+from brickpilot.compare import compare
+from brickpilot.importers.wpilib import import_wpilib
+
+DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+
+pytestmark = pytest.mark.skipif(
+    not (DATA / "linear_axis").is_dir(), reason=f"no measured sets in {DATA}; BRICKPILOT_DATA says where they are"
+)
+
+
+def fitted(folder, *effects):
+    data = dataset.read(folder)
+    found = calibrate(data, effects=effects)
+    return found, compare(data, found.model)
+
+
+def test_linear_axis_without_dry_friction_leaves_a_sixth_of_the_velocity():
+    found, compared = fitted(DATA / "linear_axis")
+    assert set(found.parameters) == {"mass", "viscous_friction"}
+    assert all(one.identifiable for one in found.parameters.values())
+    for role in ("fit", "held_out"):
+        assert compared.share(role, "velocity", windows=True) == pytest.approx(0.16, abs=0.015)
+
+
+def test_linear_axis_with_coulomb_friction_comes_near_the_published_values():
+    """Published, with an offset beside: 95.11 kg, 203.5 N s/m, 20.39 N (Janot, Gautier & Brunot 2019)."""
+    found, compared = fitted(DATA / "linear_axis", "coulomb_friction")
+    assert found.parameters["mass"].value == pytest.approx(95.1, rel=0.08)
+    assert found.parameters["coulomb_friction.torque"].value == pytest.approx(20.4, rel=0.3)
+    assert found.parameters["viscous_friction"].value == pytest.approx(203.5, rel=0.4)
+    assert compared.share("held_out", "velocity", windows=True) < 0.125
+
+
+def test_lego_motor_needs_a_dead_band_at_low_duty():
+    plain, before = fitted(DATA / "lego_ev3_motor")
+    dead, after = fitted(DATA / "lego_ev3_motor", "actuator_deadband")
+    assert "angle is frozen" in " ".join(plain.notes)
+    assert not plain.parameters["resistance"].identifiable
+    assert dead.parameters["actuator_deadband.voltage"].value / 9.0 == pytest.approx(0.071, abs=0.015)
+    assert after.share("held_out", "speed") < 0.6 * before.share("held_out", "speed")
+    assert before.share("held_out", "speed") < 0.12
+
+
+def test_micromouse_straight_runs_are_fitted_through_their_collisions():
+    found, compared = fitted(DATA / "micromouse")
+    told = {one.name: one.value for one in found.combinations}
+    assert told["speed per volt"] == pytest.approx(1.38, rel=0.1)
+    straight = next(run for run in compared.runs if run.name == "t0_2")
+    assert straight.signals["wheel_travel_left"].share < 0.12
+    assert compared.share("held_out", "wheel_travel_left") < 0.6
+
+
+def test_frc_drivetrain_needs_dry_friction(tmp_path):
+    files = [DATA / "frc_drivetrain" / f"{name}-data.json" for name in ("linear", "angular")]
+    import_wpilib(files, tmp_path / "frc")
+    plain, before = fitted(tmp_path / "frc")
+    dry, after = fitted(tmp_path / "frc", "coulomb_friction")
+    told = {one.name: one.value for one in dry.combinations}
+    assert 0.7 < told["dry friction in volts"] < 1.2
+    assert told["speed per volt"] == pytest.approx(0.417, rel=0.1)
+    assert after.share("held_out", "wheel_velocity_left") < 0.6 * before.share("held_out", "wheel_velocity_left")
+    assert plain.roles == dry.roles

@@ -1,0 +1,72 @@
+"""Combinations of parameters that motion at steady speed and its onset show, whatever the parameters are one by one.
+
+D = K_t K_e + R (b_s + sigma m g r^2) is what eqs. 12 to 14 leave of a wheel once the current has settled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Formula:
+    """`text`: in the paper's symbols. `value_at` takes all parameters, "mass" or "effect.parameter"; NaN: undefined."""
+
+    name: str
+    text: str
+    unit: str
+    value_at: Callable[[Values], float]
+
+
+def _steady(p: Values) -> float:
+    """D of the module's docstring, of one wheel."""
+    loss = p["viscous_friction"] + p["rolling_friction"] * p["mass"] * p["gravity"] * p["wheel_radius"] ** 2
+    return p["torque_constant"] * p["emf_constant"] + p["resistance"] * loss
+
+
+def _wheel_gain(p: Values) -> float:
+    return p["torque_constant"] / _steady(p)
+
+
+def _turn(p: Values) -> float:
+    return p["wheel_radius"] / p["half_track"]
+
+
+def _straight_time(p: Values) -> float:
+    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / 2) / _steady(p)
+
+
+def _spin_time(p: Values) -> float:
+    return p["resistance"] * (p["wheel_inertia"] + p["yaw_inertia"] * _turn(p) ** 2 / 2) / _steady(p)
+
+
+def _motor_time(p: Values) -> float:
+    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2) / _steady(p)
+
+
+def _dry_voltage(p: Values) -> float:
+    return p.get("coulomb_friction.torque", np.nan) * p["resistance"] / p["torque_constant"]
+
+
+_DRY = Formula("dry friction in volts", "coulomb_friction R / K_t", "V", _dry_voltage)
+
+FORMULAS: dict[str, tuple[Formula, ...]] = {
+    "diff_drive": (
+        Formula("speed per volt", "r K_t / D", "m/s/V", lambda p: p["wheel_radius"] * _wheel_gain(p)),
+        Formula("wheel speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
+        Formula("straight time constant", "R (J + m r^2 / 2) / D", "s", _straight_time),
+        Formula("spin rate per volt", "r K_t / (half_track D)", "rad/s/V", lambda p: _turn(p) * _wheel_gain(p)),
+        Formula("spin time constant", "R (J + J_z (r / half_track)^2 / 2) / D", "s", _spin_time),
+        _DRY,
+    ),
+    "motor": (
+        Formula("speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
+        Formula("time constant", "R (J + m r^2) / D", "s", _motor_time),
+        _DRY,
+    ),
+}

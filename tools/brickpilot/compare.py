@@ -1,0 +1,153 @@
+"""Measured data meets a model: every run simulated from its own inputs, and how far that is from the measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from brickpilot import holdout
+from brickpilot.calibrate import calibrate
+from brickpilot.dataset import Dataset, Run
+from brickpilot.errors import InputError
+from brickpilot.ils import SignalError, pooled, signal_error
+from brickpilot.model import Model
+from brickpilot.replay import SUMMED, Array, Outputs, Replay, Window, is_judged, measured_rates
+
+Progress = Callable[[int, int, str], None]
+
+WINDOW_S = 1.0
+"""Length of the open-loop windows in which a motor's velocity is judged, unless the caller says otherwise."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One signal of one run, drawn: `simulated` and `measured` at `time`, (n,) each; NaN is a gap."""
+
+    time: Array
+    simulated: Array
+    measured: Array
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """`signals`: by measured signal. `windows`: by rate, over open-loop windows; empty where there are none."""
+
+    name: str
+    role: str
+    signals: Mapping[str, SignalError]
+    windows: Mapping[str, SignalError]
+    traces: Mapping[str, Trace]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` found.
+
+    Attributes:
+        window_s: length of the open-loop windows, s; 0 where none were made.
+        notes: sentences on what the program chose by itself: roles, fitted parameters, signals left out.
+    """
+
+    dataset: str
+    model: Model
+    runs: tuple[RunComparison, ...]
+    window_s: float
+    notes: tuple[str, ...]
+
+    def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
+        """rms error over rms signal of all runs of `role` ("fit" or "held_out") together; None where there is none."""
+        found = [(run.windows if windows else run.signals) for run in self.runs if run.role == role]
+        return pooled(errors[signal] for errors in found if signal in errors).share
+
+    def to_json(self) -> dict[str, Any]:
+        runs = []
+        for run in self.runs:
+            entry: dict[str, Any] = {"name": run.name, "role": run.role}
+            entry["signals"] = {name: error.to_json() for name, error in run.signals.items()}
+            if run.windows:
+                errors = {name: error.to_json() for name, error in run.windows.items()}
+                entry["windows"] = {"window_s": self.window_s, "signals": errors}
+            runs.append(entry)
+        return {"dataset": self.dataset, "runs": runs, "notes": list(self.notes)}
+
+
+def compare(
+    dataset: Dataset,
+    model: Model | None = None,
+    *,
+    window_s: float | None = None,
+    seed: int = 0,
+    threads: int = 2,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Simulates every run open loop from its own inputs.
+
+    Args:
+        model: None: the data set's nominal values, and what those lack is first fitted on the fit runs.
+        window_s: s; a motor's velocity is also judged in open-loop windows of this length, each restarted from the
+            measured state, because position sums the error up and an integral hides what it is made of. 0: no windows;
+            None: 1 s, for runs at least three times as long.
+        seed: of the fit's starts.
+
+    Raises:
+        InputError: the model is of another vehicle than the data; `window_s` is negative or the vehicle is not a motor.
+    """
+    if model is not None and model.vehicle != dataset.vehicle:
+        raise InputError(
+            f"the model is a {model.vehicle}, the data set {dataset.name} is of a {dataset.vehicle}", field="--model"
+        )
+    if window_s is not None and (window_s < 0 or (window_s > 0 and dataset.vehicle != "motor")):
+        raise InputError("windows need a length above 0 and a data set of a motor", field="--window")
+    replay = Replay(dataset)
+    roles = holdout.assign(dataset, replay.inputs)
+    notes = [roles.note]
+    if model is None:
+        fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress)
+        model = fitted.model
+        free = ", ".join(fitted.parameters)
+        notes.append(
+            f"The data set does not give {free}: fitted on the fit runs first." if free else "Nothing was fitted."
+        )
+        notes.extend(note for note in fitted.notes if note != roles.note)
+    if progress:
+        progress(0, 1, "simulating")
+    outputs = replay.simulate([model], threads=threads)[0]
+    length = _window_s(dataset, window_s)
+    windows = replay.windows(model, length, threads=threads) if length else {}
+    runs = [
+        _run(run, model, roles.by_run[run.name], outputs[run.name], windows.get(run.name, [])) for run in dataset.runs
+    ]
+    if progress:
+        progress(1, 1, "simulated")
+    return Comparison(dataset.name, model, tuple(runs), length, tuple(notes))
+
+
+def _window_s(dataset: Dataset, asked: float | None) -> float:
+    if asked is not None:
+        return asked
+    shortest = min(float(run.time[-1] - run.time[0]) for run in dataset.runs)
+    return WINDOW_S if dataset.vehicle == "motor" and shortest >= 3 * WINDOW_S else 0.0
+
+
+def _run(run: Run, model: Model, role: str, outputs: Outputs, windows: list[Window]) -> RunComparison:
+    errors, traces = {}, {}
+    for name, measured in run.outputs.items():
+        if is_judged(name, outputs, model):
+            errors[name] = signal_error(run.time, outputs[name], measured, relative=name in SUMMED)
+            traces[name] = Trace(run.time, outputs[name], measured)
+    in_windows = {}
+    for rate, measured in (measured_rates(run) if windows else {}).items():
+        spans = [(w.samples, w.outputs[rate]) for w in windows]
+        in_windows[rate] = pooled(signal_error(run.time[s], simulated, measured[s]) for s, simulated in spans)
+        traces[f"{rate} in windows"] = _joined(run.time, measured, spans)
+    return RunComparison(run.name, role, errors, in_windows, traces)
+
+
+def _joined(time: Array, measured: Array, spans: list[tuple[slice, Array]]) -> Trace:
+    simulated = np.full_like(time, np.nan)
+    for samples, values in spans:
+        simulated[samples] = values
+    return Trace(time, simulated, measured)

@@ -1,0 +1,26 @@
+"""The one error a user can cause."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(Exception):
+    """Bad input, told in one line that names the place, `file:line: field: what is wrong`: the CLI exits 2 with it.
+
+    Args:
+        message: what is wrong and what would be right; one sentence, no newline.
+        file: the file it stands in, as the user named it.
+        line: 1-based line in that file, where one line is to blame.
+        field: the key, column, option or signal, e.g. ``nominal.mass``.
+    """
+
+    def __init__(
+        self, message: str, *, file: Path | str | None = None, line: int | None = None, field: str | None = None
+    ) -> None:
+        place = ""
+        if file is not None:
+            place += f"{file}:" if line is None else f"{file}:{line}:"
+        if field is not None:
+            place += f" {field}:" if place else f"{field}:"
+        super().__init__(" ".join(f"{place} {message}".strip().splitlines()))

@@ -1,0 +1,68 @@
+"""tests/numeric/model_sets_gen.h: the model's coefficients beside the SI values they were made from."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+
+from brickpilot.gen.c_text import body_initialiser
+from brickpilot.gen.coefficients import PROFILES
+
+SEED = 2006
+PERTURBED_SETS = 6
+SPREAD = 0.25
+FIXED = ("gravity", "air_density", "battery_voltage")
+
+
+def _follow_from_the_motor(values: dict[str, float]) -> None:
+    """Eq. 16 and 17 speak of the same motor as eq. 12: else full voltage would brake."""
+    values["stall_torque"] = values["torque_constant"] * values["battery_voltage"] / values["resistance"]
+    values["no_load_speed"] = values["battery_voltage"] / values["emf_constant"]
+
+
+def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
+    """The nominal values, then sets drawn within +-25 %: all but constants, supply, and what follows from others."""
+    draw = random.Random(SEED)
+    sets = [dict(nominal)]
+    for _ in range(PERTURBED_SETS):
+        perturbed = {
+            name: value if name in FIXED else float(f"{value * draw.uniform(1 - SPREAD, 1 + SPREAD):.6g}")
+            for name, value in nominal.items()
+        }
+        _follow_from_the_motor(perturbed)
+        sets.append(perturbed)
+    return sets
+
+
+def render(nominal: Mapping[str, float], step: float) -> str:
+    """The header's text."""
+    names = list(nominal)
+    blocks = []
+    for values in value_sets(nominal):
+        numbers = ", ".join(f"{values[name]!r}" for name in names)
+        bodies = [
+            f".{profile} = {body_initialiser(profile, make(values, step), 1)}" for profile, make in PROFILES.items()
+        ]
+        blocks.append("    {.value = {" + numbers + "},\n     " + ",\n     ".join(bodies) + "},")
+    quoted = ", ".join(f'"{name}"' for name in names)
+    return (
+        f"""/* model_sets_gen.h: generated from rcx.toml by `python -m brickpilot.gen`.
+ * Vehicles in SI units, and the firmware's coefficients: nominal, then {PERTURBED_SETS} up to {SPREAD:.0%} off. */
+#ifndef BRICKPILOT_TESTS_MODEL_SETS_GEN_H
+#define BRICKPILOT_TESTS_MODEL_SETS_GEN_H
+
+#include "model/body.h"
+
+enum {{ MODEL_SETS = {PERTURBED_SETS + 1}, MODEL_SET_VALUES = {len(names)} }};
+
+static const char *const MODEL_SET_NAME[MODEL_SET_VALUES] = {{{quoted}}};
+
+static const struct {{
+    double value[MODEL_SET_VALUES];
+    body_coefficients_t coupled;
+    body_coefficients_t paper;
+}} MODEL_SET[MODEL_SETS] = {{
+"""
+        + "\n".join(blocks)
+        + "\n};\n\n#endif\n"
+    )

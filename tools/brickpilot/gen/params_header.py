@@ -1,0 +1,152 @@
+"""firmware/app/params_gen.h: the controller's constants for both profiles, in the firmware's formats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from brickpilot.gen.c_text import initialiser
+from brickpilot.gen.coefficients import PROFILES, loss
+from brickpilot.gen.quantise import QuantisationError, integer
+
+INT16, UINT16, UINT8, UINT32 = 32767, 65535, 255, 2**32 - 1
+BAM16 = 65536 / (2 * math.pi)
+MV_Q10_PER_SPEED = 1024 * 1e3 / 16e3  # gain per 1/16 mm/s, of a gain in V s/m
+MV_Q10_PER_ANGLE = 1024 * 1e3 / BAM16
+MV_Q10_PER_RATE = 1024 * 1e3 / 1e3  # per mm/s^2 or mrad/s
+SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
+
+
+def _weight_bits(table: Mapping[str, float], name: str, high: int) -> int:
+    bits = math.log2(table[name])
+    if not bits.is_integer():
+        raise QuantisationError(f"{name}: {table[name]:g} is no power of two")
+    return integer(bits, 0, high, name)
+
+
+def _q15(share: float, name: str) -> int:
+    return integer(share * 32767, 0, INT16, name)
+
+
+def _model(profile: str, values: Mapping[str, float], step: float) -> dict[str, Any]:
+    return {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
+
+
+def _heading(common: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "quiet_mrad_s": integer(common["gyro_quiet"] * 1e3, 1, INT16, "gyro_quiet"),
+        "rest_speed_mm_s_q4": integer(common["rest_speed"] * 16e3, 0, INT16, "rest_speed"),
+        "slowest_weight_bits": _weight_bits(common, "gyro_bias_blocks", 7),
+        "blind_ms": integer(common["blind_time"] * 1e3, 0, 65000, "blind_time"),
+    }
+
+
+def _speed(
+    common: Mapping[str, float], own: Mapping[str, float], radius: float, counts: float, step: float
+) -> dict[str, Any]:
+    """The observer has a double pole at its bandwidth b: 2 b on the travel, b^2 on the speed."""
+    band = own["observer_bandwidth"]
+    return {
+        "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
+        "slowest_weight_bits": _weight_bits(common, "accel_bias_steps", 12),
+        "count_travel_um_q2": integer(2 * math.pi * radius / counts * 4e6, 1, UINT16, "counts_per_turn"),
+        "behind_to_travel_q15": _q15(2 * band * step, "observer_bandwidth"),
+        "behind_to_speed_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
+        "accel_filter_q15": _q15(1 - math.exp(-step / common["accel_filter_time"]), "accel_filter_time"),
+    }
+
+
+def _los(own: Mapping[str, float], length: float) -> dict[str, Any]:
+    def whole(name: str, factor: float, low: int, high: int) -> int:
+        return integer(own[name] * factor, low, high, name)
+
+    return {
+        "acceptance_mm": integer(length / 2 * 1e3, 1, INT16, "length"),
+        "bearing_hold_mm": whole("bearing_hold", 1e3, 0, INT16),
+        "cruise_mm_s_q4": whole("cruise", 16e3, 1, INT16),
+        "creep_mm_s_q4": whole("creep", 16e3, 0, round(own["cruise"] * 16e3)),
+        "decel_mm_s2": whole("decel", 1e3, 1, INT16),
+        "pivot_bam16": whole("pivot", BAM16, 1, INT16),
+        "align_bam16": whole("align", BAM16, 1, round(own["pivot"] * BAM16)),
+        "rest_speed_mm_s_q4": whole("rest_speed", 16e3, 0, UINT16),
+        "rest_ms": whole("rest_time", 1e3, 0, UINT16),
+        "rest_yaw_rate_mrad_s": whole("rest_yaw_rate", 1e3, 0, UINT16),
+        "settle_ms": whole("settle_time", 1e3, 0, UINT16),
+        "overshoot_mm": whole("overshoot", 1e3, 1, INT16),
+        "max_overshoots": whole("max_overshoots", 1, 0, UINT8),
+        "skip_failed": bool(whole("skip_failed", 1, 0, 1)),
+        "leg_timeout_ms": whole("leg_timeout", 1e3, 1, UINT32),
+    }
+
+
+def _pid(own: Mapping[str, float], loop: str, per_error: float) -> dict[str, Any]:
+    factors = {"kp": per_error, "ki": per_error, "kd": MV_Q10_PER_RATE}
+    gains = {
+        f"{gain}_mv_q10": integer(own[f"{loop}_{gain}"] * factor, 0, INT16, f"{loop}_{gain}")
+        for gain, factor in factors.items()
+    }
+    return {**gains, "limit_mv": integer(own[f"{loop}_limit"] * 1e3, 0, 20000, f"{loop}_limit")}
+
+
+def holding_voltage(values: Mapping[str, float]) -> float:
+    """Voltage of both motors per speed that the coupled vehicle then holds on level ground, V s/m; no air drag."""
+    per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
+    return per_wheel_speed / values["wheel_radius"]
+
+
+def _plain(table: Mapping[str, Any]) -> dict[str, float]:
+    return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
+
+
+def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
+    common, step = _plain(vehicle["estimator"]), float(vehicle["rates"]["body_step"]["value"])
+    estimator, counts = _plain(vehicle["estimator"][profile]), _plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
+    forward = own["feedforward_share"] * holding_voltage(values) * MV_Q10_PER_SPEED
+    return {
+        "step": {
+            "model": _model(profile, values, step),
+            "heading": _heading(common),
+            "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
+            "mode": {
+                "los": _los(own, _plain(vehicle["robot"])["length"]),
+                "lost_ms": integer(own["lost_time"] * 1e3, 0, UINT16, "lost_time"),
+            },
+            "speed_pid": _pid(own, "speed", MV_Q10_PER_SPEED),
+            "heading_pid": _pid(own, "heading", MV_Q10_PER_ANGLE),
+            "feedforward_mv_q10": integer(forward, 0, INT16, "feedforward_share"),
+            "mixer": {
+                "battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor"),
+                "max_duty_q15": integer(own["max_duty"] * 32767, 1, INT16, "max_duty"),
+            },
+            "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
+        },
+        "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, UINT8, "watchdog_time"),
+        "telemetry_every": integer(own["telemetry_every"], 0, UINT8, "telemetry_every"),
+    }
+
+
+def render(vehicle: Mapping[str, Any]) -> str:
+    """The header's text.
+
+    Args:
+        vehicle: a vehicle file's tables.
+
+    Raises:
+        QuantisationError: a value that the firmware's format cannot hold.
+    """
+    blocks = "\n".join(
+        f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle), 0)};\n"
+        for profile in PROFILES
+    )
+    return f"""/* params_gen.h: generated from sim_host/models/rcx.toml by `python -m brickpilot.gen`.
+ * Formats: see the structs' headers. A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
+#ifndef BRICKPILOT_APP_PARAMS_GEN_H
+#define BRICKPILOT_APP_PARAMS_GEN_H
+
+#include "app/loop.h"
+
+{blocks}
+#endif
+"""

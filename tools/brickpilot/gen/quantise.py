@@ -1,0 +1,78 @@
+"""Real numbers as the firmware keeps them, refused where they would lose too much."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+MANTISSA_BITS = 15
+MAX_SHIFT = 31
+RELATIVE_ERROR = 5e-5
+
+
+class QuantisationError(ValueError):
+    """A value that its fixed-point format cannot hold well enough."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A `scale_t`: mantissa * 2^-(15 + shift), or mantissa * 2^-shift where it multiplies a 16-bit value."""
+
+    mantissa: int
+    shift: int
+
+    @property
+    def factor(self) -> float:
+        """The real number that `scale_apply` multiplies by."""
+        return self.mantissa * 2.0 ** -(MANTISSA_BITS + self.shift)
+
+    @property
+    def factor16(self) -> float:
+        """The real number that `scale_apply16` multiplies by."""
+        return self.mantissa * 2.0**-self.shift
+
+
+def scale(value: float, name: str) -> Scale:
+    """The nearest `scale_t` for `scale_apply`: abs(value) below 1.
+
+    Raises:
+        QuantisationError: too large, or its relative error would pass 5e-5.
+    """
+    if value == 0:
+        return Scale(0, 0)
+    exponent = math.frexp(abs(value))[1]
+    shift = min(-exponent, MAX_SHIFT)
+    mantissa = round(math.ldexp(value, MANTISSA_BITS + shift))
+    if abs(mantissa) > 2**MANTISSA_BITS - 1:
+        mantissa, shift = round(math.ldexp(value, MANTISSA_BITS + shift - 1)), shift - 1
+    if shift < 0:
+        raise QuantisationError(f"{name}: {value:g} is not below 1")
+    found = Scale(mantissa, shift)
+    _check(found.factor, value, name)
+    return found
+
+
+def scale16(value: float, name: str) -> Scale:
+    """The nearest `scale_t` for `scale_apply16`: abs(value) below 32767. Raises as `scale`."""
+    found = scale(value / 2**MANTISSA_BITS, name)
+    _check(found.factor16, value, name)
+    return found
+
+
+def integer(value: float, low: int, high: int, name: str) -> int:
+    """`value` rounded to an integer in low..high.
+
+    Raises:
+        QuantisationError: outside, or a value other than zero that became zero.
+    """
+    found = round(value)
+    if not low <= found <= high:
+        raise QuantisationError(f"{name}: {value:g} is outside {low}..{high}")
+    if found == 0 and value != 0:
+        raise QuantisationError(f"{name}: {value:g} rounds to nothing")
+    return found
+
+
+def _check(found: float, wanted: float, name: str) -> None:
+    if abs(found - wanted) > RELATIVE_ERROR * abs(wanted):
+        raise QuantisationError(f"{name}: {wanted:g} became {found:g}")

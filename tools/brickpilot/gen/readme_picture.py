@@ -1,0 +1,22 @@
+"""Draws `tools/mission.svg`, the picture of the README: the mission with gyro and rotation sensors, seed 0."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from brickpilot import flight, run_report, scenario
+from brickpilot.model import rcx
+
+GREY = "#808080"  # legible on white and on black
+
+
+def main() -> None:
+    """Writes the picture into this checkout."""
+    mission = scenario.load(scenario.packaged()["mission"])
+    flown = flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0))
+    svg = run_report.track(flown, flight.summary(flown)).replace("currentColor", GREY)
+    (Path(__file__).parents[3] / "tools" / "mission.svg").write_text(svg, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Logs of other tools turned into data sets. Each importer writes a new folder whole, or nothing."""

@@ -1,0 +1,54 @@
+"""Reads the variables of a .mat file in a process of its own, for a damaged file can crash scipy's reader outright."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+from scipy.io import loadmat
+
+from brickpilot.errors import InputError
+
+
+def load(file: Path) -> Mapping[str, Any]:
+    """Variable -> array as MATLAB shows it; a struct is a mapping. v4 to v7.2 by scipy, v7.3 (HDF5) by h5py.
+
+    Raises:
+        InputError: no such file, or it cannot be read.
+    """
+    if not file.is_file():
+        raise InputError("no such file" if not file.exists() else "is not a file", file=file)
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as child:
+        try:
+            variables = child.submit(parse, file).result()
+        except BrokenProcessPool as error:
+            raise InputError("is not a readable .mat file: its reader crashed", file=file) from error
+    if variables is None:
+        raise InputError("is not a readable .mat file", file=file)
+    return variables
+
+
+def parse(file: Path) -> dict[str, Any] | None:
+    """Like `load`, in this process; None where the file cannot be read."""
+    try:
+        try:
+            return dict(loadmat(str(file), simplify_cells=True))
+        except NotImplementedError:  # scipy's word for v7.3
+            with h5py.File(file, "r") as content:
+                return _tree(content)
+    except Exception:  # both readers meet damage with whatever they stumble over
+        return None
+
+
+def _tree(group: h5py.Group) -> dict[str, Any]:
+    return {
+        name: _tree(item) if isinstance(item, h5py.Group) else np.asarray(item[()]).T
+        for name, item in group.items()
+        if not name.startswith("#")
+    }

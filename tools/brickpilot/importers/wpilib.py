@@ -1,0 +1,243 @@
+"""WPILib characterisation logs turned into a data set: frc-characterization JSON and SysId JSON.
+
+A file holds rows per test, positions and velocities in rotations and rotations/s. The row tells the tool that wrote it:
+
+    10 numbers, frc-characterization: time, battery V, autospeed, |V| left, |V| right, position left, right,
+        velocity left, right, gyro rad
+    9 numbers, SysId drivetrain: time, V left, right, position left, right, velocity left, right, gyro rad, gyro rad/s
+    4 numbers, SysId mechanism: time, V, position, velocity
+
+In rows of 10 the voltage columns have no sign and lag by a sample, so autospeed times battery is taken instead.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.errors import InputError
+from brickpilot.importers.table import run_names
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+from brickpilot.signals import Frame, Vehicle
+from brickpilot.units import si_factor
+
+Vector = NDArray[np.float64]
+
+_SIZE_LIMIT = 256 * 2**20
+_LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
+_ANGLES = {"radians": "rad", "degrees": "deg", "rotations": "rotation"}
+_WIDTHS: dict[Vehicle, tuple[int, ...]] = {"diff_drive": (10, 9), "motor": (10, 4)}
+_LINEAR_NAMES = {
+    "position_left": "wheel_travel_left", "position_right": "wheel_travel_right",
+    "velocity_left": "wheel_velocity_left", "velocity_right": "wheel_velocity_right",
+    "position": "position", "velocity": "velocity",
+}  # fmt: skip
+_ANGULAR_NAMES = {
+    "position_left": "wheel_angle_left", "position_right": "wheel_angle_right",
+    "velocity_left": "wheel_speed_left", "velocity_right": "wheel_speed_right",
+    "position": "angle", "velocity": "speed",
+}  # fmt: skip
+_UNITS = {
+    "time": "s", "voltage_left": "V", "voltage_right": "V", "voltage": "V", "battery_voltage": "V",
+    "wheel_travel_left": "m", "wheel_travel_right": "m", "wheel_velocity_left": "m/s", "wheel_velocity_right": "m/s",
+    "wheel_angle_left": "rad", "wheel_angle_right": "rad", "wheel_speed_left": "rad/s", "wheel_speed_right": "rad/s",
+    "position": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "yaw_angle": "rad", "yaw_rate": "rad/s",
+}  # fmt: skip
+_TEST_NAME = re.compile(r"\w[\w.+ -]{0,60}", re.ASCII).fullmatch
+_SURE = 0.8  # correlation of gyro and wheels from which the gyro's sense is taken as known
+
+
+@dataclass(frozen=True)
+class _Log:
+    """One file: per_rotation is m or rad; tests are (n, width) arrays, in the order of time."""
+
+    vehicle: Vehicle
+    names: Mapping[str, str]
+    per_rotation: float
+    tests: Mapping[str, Vector]
+
+
+def import_wpilib(
+    files: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
+) -> Imported:
+    """Makes a data set of WPILib JSON files, each test a run; with several files a run's name begins with its file's.
+
+    Runs of one file are put in the order of the robot's clock, with the time between them as ``gap_s``. The sense of
+    the gyro is found from the wheels and written as the data set's frame. Idle rows are kept; rows whose time does not
+    increase are left out.
+
+    Args:
+        files: JSON files of one robot, all of a drivetrain or all of a mechanism.
+        out: the new folder.
+        nominal: known parameters, in SI.
+        name: the data set's; by default the folder's.
+
+    Raises:
+        InputError: naming file and test. Nothing is written then.
+    """
+    check_out(out)
+    logs = dict(zip(run_names(files), (_read(file) for file in files), strict=True))
+    first = next(iter(logs.values()))
+    for file, log in zip(files, logs.values(), strict=True):
+        if log.vehicle != first.vehicle or log.names != first.names:
+            raise InputError(f"is of another mechanism or kind of unit than {files[0]}", file=file)
+    notes: list[str] = []
+    runs: list[NewRun] = []
+    for stem, log in logs.items():
+        runs += _runs(f"{stem}_" if len(logs) > 1 else "", log, notes)
+    runs, units = _shared_columns(runs, notes)
+    frame = _frame(runs, notes) if first.vehicle == "diff_drive" else "FRD"
+    return write(
+        NewDataset(name or out.resolve().name, first.vehicle, frame, units, runs, nominal or {}, notes), out, files[0]
+    )
+
+
+def _read(file: Path) -> _Log:
+    content = _json(file)
+    test, unit, per_rotation = (content.get(key) for key in ("test", "units", "unitsPerRotation"))
+    if not isinstance(test, str):
+        raise InputError("is missing or not a text; is this a WPILib log?", file=file, field="test")
+    unit = unit.lower() if isinstance(unit, str) else unit
+    if unit not in (*_LENGTHS, *_ANGLES):
+        raise InputError(f"{unit!r} is not one of {', '.join((*_LENGTHS, *_ANGLES))}", file=file, field="units")
+    if isinstance(per_rotation, bool) or not isinstance(per_rotation, int | float) or not 0 < per_rotation < 1e6:
+        raise InputError(f"{per_rotation!r} is not a number above zero", file=file, field="unitsPerRotation")
+    vehicle: Vehicle = "diff_drive" if test.startswith("Drivetrain") else "motor"
+    for key, rows in content.items():
+        if isinstance(rows, list) and not _TEST_NAME(key):
+            raise InputError("is no name for a test", file=file, field=repr(key))
+    tests = {key: _rows(file, key, rows, vehicle) for key, rows in content.items() if isinstance(rows, list) and rows}
+    if not tests:
+        raise InputError("holds no test with rows", file=file)
+    factor = si_factor(_LENGTHS[unit], "m") if unit in _LENGTHS else si_factor(_ANGLES[unit], "rad")
+    return _Log(
+        vehicle=vehicle,
+        names=_LINEAR_NAMES if unit in _LENGTHS else _ANGULAR_NAMES,
+        per_rotation=float(per_rotation) * factor,
+        tests=dict(sorted(tests.items(), key=lambda item: float(item[1][0, 0]))),
+    )
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        if not file.is_file():
+            raise InputError("no such file" if not file.exists() else "is not a file", file=file)
+        if file.stat().st_size > _SIZE_LIMIT:
+            raise InputError(f"is larger than {_SIZE_LIMIT // 2**20} MiB", file=file)
+        content = json.loads(file.read_bytes())
+    except json.JSONDecodeError as error:
+        raise InputError(f"is not JSON: {error.msg}", file=file, line=error.lineno) from error
+    except OSError as error:
+        raise InputError(error.strerror or "cannot be read", file=file) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError("is not JSON", file=file) from error
+    if not isinstance(content, dict):
+        raise InputError("is not a WPILib log: one JSON object is needed", file=file)
+    return content
+
+
+def _rows(file: Path, test: str, rows: list[Any], vehicle: Vehicle) -> Vector:
+    widths = _WIDTHS[vehicle]
+    for index, row in enumerate(rows):
+        if not isinstance(row, list) or len(row) not in widths or len(row) != len(rows[0]):
+            wanted = " or ".join(str(width) for width in widths)
+            raise InputError(f"is not a row of {wanted} numbers like the others", file=file, field=f"{test}[{index}]")
+        if not all(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row):
+            raise InputError("holds something that is no number", file=file, field=f"{test}[{index}]")
+    try:
+        values = np.array(rows, dtype=np.float64)
+    except OverflowError as error:
+        raise InputError("holds a number beyond all bounds", file=file, field=test) from error
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        raise InputError("holds a value that is not finite", file=file, field=f"{test}[{int(np.argmin(finite))}]")
+    return values
+
+
+def _runs(prefix: str, log: _Log, notes: list[str]) -> list[NewRun]:
+    runs: list[NewRun] = []
+    end: float | None = None
+    for test, rows in log.tests.items():
+        latest = np.maximum.accumulate(rows[:, 0])
+        kept = rows[np.concatenate([[True], rows[1:, 0] > latest[:-1]])]
+        run = f"{prefix}{test}"
+        if len(kept) < len(rows):
+            notes.append(f"run {run}: {len(rows) - len(kept)} rows whose time does not increase were left out")
+        start = float(kept[0, 0])
+        gap_s = start - end if end is not None and start > end else None
+        runs.append(NewRun(run, _columns(run, kept, log, notes), gap_s))
+        end = float(kept[-1, 0])
+    return runs
+
+
+def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, Vector]:
+    width = rows.shape[1]
+    columns: dict[str, Vector] = {"time": rows[:, 0]}
+    sides = ("_left", "_right") if log.vehicle == "diff_drive" else ("",)
+    position = {10: 5, 9: 3, 4: 2}[width]
+    velocity = {10: 7, 9: 5, 4: 3}[width]
+    for offset, side in enumerate(sides):
+        turning = rows[:, velocity + offset]
+        voltage = rows[:, 1] * rows[:, 2] if width == 10 else rows[:, 1 + offset]
+        columns[f"voltage{side}"] = _signed(run, f"voltage{side}", voltage, turning, width, notes)
+        columns[log.names[f"position{side}"]] = rows[:, position + offset] * log.per_rotation
+        columns[log.names[f"velocity{side}"]] = turning * log.per_rotation
+    if width == 10:
+        columns["battery_voltage"] = rows[:, 1]
+    if log.vehicle == "diff_drive":
+        columns["yaw_angle"] = rows[:, 9 if width == 10 else 7]
+        if width == 9:
+            columns["yaw_rate"] = rows[:, 8]
+    return columns
+
+
+def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
+    """The voltage with the sign of its wheel: autospeed does not say which side a turning test reverses, and a
+    converted log lists magnitudes. A column that has signs of its own is left alone."""
+    unsigned = width == 10 or not (voltage < 0.0).any()
+    if unsigned and float(voltage @ turning) < 0.0:
+        notes.append(f"run {run}: the sign of {signal} is turned over, as its wheel turns the other way")
+        return 0.0 - voltage  # unlike -voltage, makes no -0.0
+    return voltage
+
+
+def _shared_columns(runs: list[NewRun], notes: list[str]) -> tuple[list[NewRun], dict[str, str]]:
+    """The same signals in every run: without those that only some have, and without a gyro that never moves."""
+    shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
+    if "yaw_angle" in shared and all(np.ptp(run.columns["yaw_angle"]) == 0.0 for run in runs):
+        shared = [name for name in shared if name not in {"yaw_angle", "yaw_rate"}]
+        notes.append("yaw is left out: its angle never changes, so no gyro was logged")
+    kept = [NewRun(run.name, {name: run.columns[name] for name in shared}, run.gap_s) for run in runs]
+    return kept, {name: _UNITS[name] for name in shared}
+
+
+def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
+    """FLU where the gyro counts up while the right wheel outruns the left, FRD where it counts down."""
+    if "yaw_angle" not in runs[0].columns:
+        return "FLU"
+    wheel = "wheel_travel" if "wheel_travel_left" in runs[0].columns else "wheel_angle"
+    turns = np.concatenate([_centred(run.columns[f"{wheel}_right"] - run.columns[f"{wheel}_left"]) for run in runs])
+    gyro = np.concatenate([_centred(run.columns["yaw_angle"]) for run in runs])
+    size = float(np.linalg.norm(turns) * np.linalg.norm(gyro))
+    correlation = float(turns @ gyro) / size if size > 0.0 else 0.0
+    if abs(correlation) < _SURE:
+        notes.append(
+            "gyro and wheels do not agree on a sense of turning: WPILib's is taken, counter-clockwise positive"
+        )
+        return "FLU"
+    sense = "counter-clockwise" if correlation > 0.0 else "clockwise"
+    notes.append(
+        f"the gyro counts {sense}: its angle goes with right minus left wheel travel (correlation {correlation:.4f})"
+    )
+    return "FLU" if correlation > 0.0 else "FRD"
+
+
+def _centred(values: Vector) -> Vector:
+    return np.asarray(values - values.mean())

@@ -1,0 +1,222 @@
+"""Replays measured runs: what a model gives from each run's own inputs alone, beside what was measured.
+
+Nothing measured is fed back. A run starts from what its first sample measured, or from what the file states; what was
+not measured starts at rest. Age and charge carry over from run to run in the file's order, `gap_s` apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import plant
+from brickpilot.dataset import Dataset, Run, motor_inputs
+from brickpilot.model import Model
+from brickpilot.plant import OpenLoopRun, State
+
+Array = NDArray[np.float64]
+Outputs = Mapping[str, Array]
+
+# What grows by summation, measured from an arbitrary origin: judged relative to its first sample.
+SUMMED = frozenset(
+    {"angle", "position", "yaw_angle"} | {f"wheel_{k}_{s}" for k in ("angle", "travel") for s in ("left", "right")}
+)
+RATE_OF = {"position": "velocity", "angle": "speed"}
+
+# A run whose first samples all move one way starts in motion.
+_START_SAMPLES = 9
+
+
+class Replay:
+    """A data set made ready to be simulated as often as wanted.
+
+    Args:
+        dataset: as `dataset.read` gives it.
+        motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own.
+    """
+
+    def __init__(self, dataset: Dataset, *, motor_step: float = 0.0, body_step: float = 0.0) -> None:
+        self.dataset = dataset
+        self.inputs: dict[str, Array] = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
+        self._steps = (motor_step, body_step)
+
+    def simulate(
+        self, models: Sequence[Model], *, last: str | None = None, threads: int = 2
+    ) -> list[dict[str, Outputs]]:
+        """Each model's outputs by run name, for the runs up to and with `last` (None: all). A run is one batch."""
+        results: list[dict[str, Outputs]] = [{} for _ in models]
+        carried = [(0.0, 0.0)] * len(models)
+        for run in self.dataset.runs:
+            batch = []
+            for model, (age, charge) in zip(models, carried, strict=True):
+                start = dataclasses.replace(initial_state(run, model), age=age + run.gap_s, charge=charge)
+                batch.append((model, self._open_loop(run, slice(None), start)))
+            simulated = plant.simulate(batch, threads=threads)
+            for result, one in zip(results, simulated, strict=True):
+                result[run.name] = one.outputs
+            carried = [(one.final.age, one.final.charge) for one in simulated]
+            if run.name == last:
+                break
+        return results
+
+    def nudged(self, signal: str, by: float) -> Replay:
+        """The same data with `by` added to what each run's first sample measured of `signal`."""
+        runs = []
+        for run in self.dataset.runs:
+            values = np.array(run.outputs.get(signal, [0.0]))
+            values[0] += by
+            runs.append(
+                dataclasses.replace(run, outputs={**run.outputs, signal: values}) if signal in run.outputs else run
+            )
+        return Replay(
+            dataclasses.replace(self.dataset, runs=tuple(runs)), motor_step=self._steps[0], body_step=self._steps[1]
+        )
+
+    def windows(self, model: Model, window_s: float, *, threads: int = 2) -> dict[str, list[Window]]:
+        """Open-loop stretches of `window_s` s by run name, each from the measured state; a rest at the end is left out.
+
+        For a motor. Its velocity is the zero-phase derivative of the position where it was not measured. Age is the
+        time since the first run began; charge is zero.
+        """
+        stretches: list[tuple[str, slice]] = []
+        batch: list[tuple[Model, OpenLoopRun]] = []
+        age = 0.0
+        for run in self.dataset.runs:
+            age += run.gap_s
+            rates = measured_rates(run)
+            for stretch in _stretches(run.time, window_s):
+                here = {name: float(values[stretch.start]) for name, values in run.outputs.items()}
+                here |= {name: float(values[stretch.start]) for name, values in rates.items()}
+                start = _state(
+                    here, self.dataset.vehicle, model, age=age + float(run.time[stretch.start] - run.time[0])
+                )
+                stretches.append((run.name, stretch))
+                batch.append((model, self._open_loop(run, stretch, start)))
+            age += float(run.time[-1] - run.time[0])
+        found: dict[str, list[Window]] = {run.name: [] for run in self.dataset.runs}
+        for (name, stretch), one in zip(
+            stretches, plant.simulate(batch, threads=threads) if batch else [], strict=True
+        ):
+            found[name].append(Window(stretch, one.outputs))
+        return found
+
+    def _open_loop(self, run: Run, stretch: slice, start: State) -> OpenLoopRun:
+        motor_step, body_step = self._steps
+        return OpenLoopRun(
+            time=run.time[stretch],
+            inputs=self.inputs[run.name][stretch],
+            initial=start,
+            motor_step=motor_step,
+            body_step=body_step,
+        )
+
+
+def is_judged(signal: str, outputs: Outputs, model: Model) -> bool:
+    """Whether the model says something of a measured signal. The battery is what drives, unless an effect loads it."""
+    if signal != "battery_voltage":
+        return signal in outputs
+    return any(effect.acts_on == "supply" and effect.name in model.effects for effect in plant.effects())
+
+
+@dataclass(frozen=True)
+class Window:
+    """One open-loop stretch of a run: its samples, and what the model gave for them."""
+
+    samples: slice
+    outputs: Outputs
+
+
+def initial_state(run: Run, model: Model) -> State:
+    """The state a run starts from: what the file states, else what its first sample measured, else rest."""
+    measured = {name: float(values[0]) for name, values in run.outputs.items()}
+    for summed, rate, per in _START_RATES:
+        if summed in run.outputs and rate not in run.outputs:
+            measured[rate] = _starting_rate(run.time, run.outputs[summed]) * per
+    return _state(measured | dict(run.initial or {}), model.vehicle, model)
+
+
+_START_RATES = [
+    (f"wheel_{summed}_{side}", f"wheel_{rate}_{side}", 1.0)
+    for summed, rate in (("angle", "speed"), ("travel", "velocity"))
+    for side in ("left", "right")
+] + [("position", "velocity", 1.0), ("angle", "speed", 1.0)]
+
+
+def _starting_rate(time: Array, values: Array) -> float:
+    first = values[:_START_SAMPLES]
+    change = np.diff(first)
+    if len(first) < _START_SAMPLES or not (np.all(change > 0) or np.all(change < 0)):
+        return 0.0
+    return float(np.polyfit(time[:_START_SAMPLES] - time[0], first, 1)[0])
+
+
+def _state(measured: Mapping[str, float], vehicle: str, model: Model, *, age: float = 0.0) -> State:
+    known = {name: value for name, value in measured.items() if np.isfinite(value)}
+
+    def first(*names_and_scales: tuple[str, float]) -> float | None:
+        return next((known[name] * scale for name, scale in names_and_scales if name in known), None)
+
+    if vehicle == "motor":
+        speed = first(("speed", 1.0), ("velocity", 1.0)) or 0.0
+        angle = first(("angle", 1.0), ("position", 1.0)) or 0.0
+        return State(
+            wheel_speed=(speed, 0.0), wheel_angle=(angle, 0.0), current=(known.get("current", 0.0), 0.0), age=age
+        )
+    radius, half_track = model.parameters["wheel_radius"], model.parameters["half_track"]
+    sides = ("left", "right")
+    wheels = [first((f"wheel_speed_{side}", 1.0), (f"wheel_velocity_{side}", 1 / radius)) for side in sides]
+    angles = [first((f"wheel_angle_{side}", 1.0), (f"wheel_travel_{side}", 1 / radius)) or 0.0 for side in sides]
+    left, right = wheels
+    if left is None or right is None:
+        surge, yaw_rate = known.get("surge", 0.0), known.get("yaw_rate", 0.0)
+        left, right = (surge + half_track * yaw_rate) / radius, (surge - half_track * yaw_rate) / radius
+    return State(
+        heading=known.get("yaw_angle", 0.0),
+        surge=known.get("surge", radius * (left + right) / 2),
+        sway=known.get("sway", 0.0),
+        yaw_rate=known.get("yaw_rate", radius * (left - right) / (2 * half_track)),
+        wheel_speed=(left, right),
+        wheel_angle=(angles[0], angles[1]),
+        current=(known.get("current_left", 0.0), known.get("current_right", 0.0)),
+        age=age,
+    )
+
+
+def measured_rates(run: Run) -> dict[str, Array]:
+    """Velocity or speed of a motor's run: as measured, else the zero-phase derivative of what was measured."""
+    rates = {
+        rate: zero_phase_rate(run.time, run.outputs[summed])
+        for summed, rate in RATE_OF.items()
+        if summed in run.outputs
+    }
+    return rates | {rate: run.outputs[rate] for rate in RATE_OF.values() if rate in run.outputs}
+
+
+def zero_phase_rate(time: Array, values: Array) -> Array:
+    """The derivative of `values` without delay: Savitzky & Golay 1964, cubic over 21 samples of the median step.
+
+    Irregular samples are first put on that step by linear interpolation. Same length as `values`; NaN where those are.
+    """
+    from scipy.signal import savgol_filter
+
+    known = np.isfinite(values)
+    if known.sum() < 4:
+        return np.full_like(values, np.nan)
+    step = float(np.median(np.diff(time)))
+    even = np.arange(time[0], time[-1] + step / 2, step)
+    window = min(21, (len(even) - 1) // 2 * 2 + 1)
+    if window < 4:
+        return np.full_like(values, np.nan)
+    rate = savgol_filter(np.interp(even, time[known], values[known]), window, 3, deriv=1, delta=step)
+    return np.where(known, np.interp(time, even, rate), np.nan)
+
+
+def _stretches(time: Array, window_s: float) -> list[slice]:
+    """Windows of `window_s` s that share their end samples, so that each interval of time is in one of them."""
+    edges = np.searchsorted(time, np.arange(time[0], time[-1], window_s))
+    return [slice(int(a), int(b) + 1) for a, b in pairwise(edges) if b > a]

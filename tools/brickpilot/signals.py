@@ -1,0 +1,85 @@
+"""The signals a data set may hold: what each is, its SI unit, and for which vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vehicle = Literal["diff_drive", "motor"]
+Frame = Literal["FLU", "FRD"]
+Kind = Literal["time", "input", "output"]
+
+TURNS_WITH_FRAME = frozenset({"accel_sway", "sway", "yaw_rate", "yaw_angle"})
+
+
+@dataclass(frozen=True)
+class SignalType:
+    """A known signal. ``unit`` is the SI unit in which the reader hands it out."""
+
+    unit: str
+    kind: Kind
+    vehicles: frozenset[Vehicle]
+
+
+_BOTH: frozenset[Vehicle] = frozenset({"diff_drive", "motor"})
+_DIFF: frozenset[Vehicle] = frozenset({"diff_drive"})
+_MOTOR: frozenset[Vehicle] = frozenset({"motor"})
+
+
+def _sides(name: str, unit: str, kind: Kind) -> dict[str, SignalType]:
+    return {f"{name}_{side}": SignalType(unit, kind, _DIFF) for side in ("left", "right")}
+
+
+SIGNALS: dict[str, SignalType] = {
+    "time": SignalType("s", "time", _BOTH),
+    **_sides("voltage", "V", "input"),
+    **_sides("duty", "1", "input"),
+    "duty_mean": SignalType("1", "input", _DIFF),
+    "duty_diff": SignalType("1", "input", _DIFF),
+    "voltage": SignalType("V", "input", _MOTOR),
+    "duty": SignalType("1", "input", _MOTOR),
+    "accel_surge": SignalType("m/s^2", "output", _DIFF),
+    "accel_sway": SignalType("m/s^2", "output", _DIFF),
+    "yaw_rate": SignalType("rad/s", "output", _DIFF),
+    "yaw_angle": SignalType("rad", "output", _DIFF),
+    **_sides("wheel_speed", "rad/s", "output"),
+    **_sides("wheel_angle", "rad", "output"),
+    **_sides("wheel_travel", "m", "output"),
+    **_sides("wheel_velocity", "m/s", "output"),
+    **_sides("current", "A", "output"),
+    "battery_voltage": SignalType("V", "output", _BOTH),
+    "speed": SignalType("rad/s", "output", _MOTOR),
+    "angle": SignalType("rad", "output", _MOTOR),
+    "position": SignalType("m", "output", _MOTOR),
+    "velocity": SignalType("m/s", "output", _MOTOR),
+    "current": SignalType("A", "output", _MOTOR),
+    "force": SignalType("N", "output", _MOTOR),
+}
+
+INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
+    "diff_drive": (("voltage_left", "voltage_right"), ("duty_left", "duty_right"), ("duty_mean", "duty_diff")),
+    "motor": (("voltage",), ("duty",)),
+}
+"""What a vehicle may be driven by: exactly one of these sets, whole."""
+
+INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
+    "diff_drive": {
+        "surge": "m/s", "sway": "m/s", "yaw_rate": "rad/s", "yaw_angle": "rad",
+        "wheel_speed_left": "rad/s", "wheel_speed_right": "rad/s",
+        "wheel_angle_left": "rad", "wheel_angle_right": "rad",
+        "current_left": "A", "current_right": "A",
+    },
+    "motor": {"speed": "rad/s", "angle": "rad", "position": "m", "velocity": "m/s", "current": "A"},
+}  # fmt: skip
+"""What a run's ``initial`` may state, in SI and in the data set's frame."""
+
+
+def to_frd(signal: str, values: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
+    """Values of `signal` in the paper's frame (x forward, y right, clockwise positive).
+
+    FLU differs by half a turn about x: sideways and yaw quantities change sign, left and right stay what they are.
+    """
+    return -values if frame == "FLU" and signal in TURNS_WITH_FRAME else values

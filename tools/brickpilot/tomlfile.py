@@ -1,0 +1,135 @@
+"""TOML files whose values remember the line they stand on, so that an error can name it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+from brickpilot.errors import InputError
+
+Key = tuple[str | int, ...]
+
+SIZE_LIMIT = 2**20
+"""Bytes of a file."""
+
+_NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
+_DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
+_HEADER = re.compile(rf"^\s*(\[\[?)\s*({_DOTTED})\s*\]\]?")
+_ASSIGN = re.compile(rf"^\s*({_DOTTED})\s*=")
+_IN_TABLE = re.compile(rf"[{{,]\s*({_NAME})\s*=")
+
+
+def _names(dotted: str) -> Key:
+    return tuple(name.strip("\"'") for name in re.findall(_NAME, dotted))
+
+
+class TomlFile:
+    """A parsed file: ``data`` and, for any key path in it, its 1-based line.
+
+    Key paths are tuples of table names and array positions: ``("runs", 2, "file")``.
+
+    Raises:
+        InputError: the file is missing, not UTF-8 or not TOML.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            if path.stat().st_size > SIZE_LIMIT:
+                raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=path)
+            text = path.read_bytes().decode("utf-8")
+        except OSError as error:
+            raise InputError(error.strerror or "cannot be read", file=path) from error
+        except UnicodeDecodeError as error:
+            raise InputError(
+                "is not UTF-8 text", file=path, line=error.object[: error.start].count(b"\n") + 1
+            ) from error
+        self._lines = dict(self._index(text))
+        try:
+            self.data: dict[str, Any] = tomllib.loads(text)
+            self._check_integers((), self.data)
+        except RecursionError as error:
+            raise InputError("is not TOML: nested too deep", file=path) from error
+        except ValueError as error:  # TOMLDecodeError is one; a number of thousands of digits is another
+            found = re.search(r"\(at line (\d+), column \d+\)", str(error))
+            line = int(found[1]) if found else text.count("\n") + 1
+            message = re.sub(r"\s*\(at .*\)", "", str(error))
+            raise InputError(f"is not TOML: {message}", file=path, line=line) from error
+
+    @staticmethod
+    def _index(text: str) -> Iterable[tuple[Key, int]]:
+        table: Key = ()
+        counts: dict[Key, int] = {}
+        for number, line in enumerate(text.splitlines(), start=1):
+            if header := _HEADER.match(line):
+                table = _names(header[2])
+                if header[1] == "[[":
+                    counts[table] = counts.get(table, -1) + 1
+                # A table below an array of tables belongs to the array's newest entry.
+                for depth in range(len(table), 0, -1):
+                    if table[:depth] in counts:
+                        table = (*table[:depth], counts[table[:depth]], *table[depth:])
+                        break
+                yield table, number
+            elif assign := _ASSIGN.match(line):
+                key = (*table, *_names(assign[1]))
+                yield key, number
+                for inner in _IN_TABLE.findall(line[assign.end() :]):
+                    yield (*key, inner.strip("\"'")), number
+
+    def _check_integers(self, key: Key, value: object) -> None:
+        """TOML's integers have 64 bits; Python reads longer ones and then cannot print them."""
+        if isinstance(value, int) and abs(value) >= 2**63:
+            self.refuse(key, "is an integer of more than 64 bits")
+        if isinstance(value, dict | list):
+            for name, inner in value.items() if isinstance(value, dict) else enumerate(value):
+                self._check_integers((*key, name), inner)
+
+    def line(self, key: Key) -> int | None:
+        """Line of the key, or of the nearest table that holds it."""
+        for depth in range(len(key), 0, -1):
+            if key[:depth] in self._lines:
+                return self._lines[key[:depth]]
+        return None
+
+    def refuse(self, key: Key, message: str) -> NoReturn:
+        """Raises the InputError that names this file, the key's line, and the key."""
+        field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
+        raise InputError(message, file=self.path, line=self.line(key), field=field or None)
+
+    def known_keys(self, key: Key, table: Mapping[str, Any], known: Iterable[str]) -> None:
+        """Refuses the first key of `table` (which stands at `key`) that is not among `known`."""
+        names = sorted(known)
+        for name in table:
+            if name not in names:
+                self.refuse((*key, name), f"unknown key; known: {', '.join(names)}")
+
+    def number(self, key: Key, value: object, low: float, high: float, unit: str = "") -> float:
+        """`value` as a finite number in low..high, ends included, or a refusal."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.refuse(key, f"{value!r} is not a number")
+        if not low <= value <= high:
+            self.refuse(key, f"{value} is outside {low:g}..{high:g} {unit}".rstrip())
+        return float(value)
+
+    def text(self, key: Key, value: object) -> str:
+        """`value` as a name for people: 1 to 200 printable characters, not all blank, or a refusal."""
+        if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 200:
+            self.refuse(key, "needs a text of 1 to 200 printable characters")
+        return value
+
+    def choice(self, key: Key, value: object, known: Iterable[str]) -> str:
+        """`value` as one of `known`, or a refusal that lists them."""
+        names = tuple(known)
+        if not isinstance(value, str) or value not in names:
+            self.refuse(key, f"{value!r} is not one of {', '.join(names)}")
+        return value
+
+    def table(self, key: Key, value: object) -> dict[str, Any]:
+        """`value` as a table, or a refusal."""
+        if not isinstance(value, dict):
+            self.refuse(key, f"{value!r} is not a table")
+        return value
