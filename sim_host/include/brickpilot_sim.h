@@ -110,7 +110,8 @@ typedef struct {
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */
 
-/* Flies. Returns flight->status. The same seed gives the same bytes. */
+/* Flies. Returns flight->status: BP_E_RANGE for another vehicle, no steps, or a route the firmware refuses. The same
+ * seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
 #endif

@@ -150,7 +150,8 @@ int bp_fly(bp_flight *request)
 {
     flight_t flight = {.request = request};
 
-    if (request->waypoint_count < 0 || request->waypoint_count > BP_MAX_WAYPOINTS || request->steps < 1)
+    if (request->model->vehicle != BP_DIFF_DRIVE || request->waypoint_count < 0 ||
+        request->waypoint_count > BP_MAX_WAYPOINTS || request->steps < 1)
         return request->status = BP_E_RANGE;
     request->status = prepare(&flight);
     if (request->status != 0)
