@@ -41,8 +41,7 @@ const char *
 bp_output_name(int index); /* as in data sets: "yaw_rate", "wheel_speed_left", ...; then "x", "y", "surge", "sway" */
 const char *bp_output_unit(int index);
 
-bp_model *bp_model_new(int vehicle,
-                       int profile); /* presets, no effect on; a BP_MOTOR has no mass, wheel,
+bp_model *bp_model_new(int vehicle, int profile); /* presets, no effect on; a BP_MOTOR has no mass, wheel,
                                         rolling friction or air drag (0) until they are set. NULL: out of memory */
 bp_model *bp_model_copy(const bp_model *model);
 void bp_model_free(bp_model *model);
@@ -100,7 +99,7 @@ typedef struct {
     int start_step;          /* the step at which the mission is commanded to start */
     int waypoint_count;      /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is given */
     const double *waypoints; /* waypoint_count x 2, m, -30..30 */
-    double cruise;           /* m/s; 0: the firmware's preset */
+    double cruise;           /* m/s, up to 2; 0: the firmware's preset */
     const double *drive;     /* steps x 2 V (NaN: floats): a manoeuvre, the controller left out; else NULL */
     double stop_path;        /* m of path after which a manoeuvre shorts both motors; 0: never */
     double *log;             /* steps x (number of log names), filled; or NULL */
@@ -110,8 +109,8 @@ typedef struct {
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */
 
-/* Flies. Returns flight->status: BP_E_RANGE for another vehicle, no steps, or a route the firmware refuses. The same
- * seed gives the same bytes. */
+/* Flies. Returns flight->status: BP_E_RANGE for a value outside what its field says, another vehicle, or a route that the
+ * firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
 #endif

@@ -1,3 +1,4 @@
+#include <math.h>
 #include <string.h>
 
 #include "brickpilot_sim.h"
@@ -61,6 +62,29 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bad = flight;
     bad.waypoints = FAR;
     bad.waypoint_count = 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.sensors = 9;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.controller = 2;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.cruise = NAN;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.start_step = -1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.waypoints = NULL;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    static const double NOWHERE[] = {NAN, 0};
+    bad = flight;
+    bad.waypoints = NOWHERE;
+    bad.waypoint_count = 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.model = NULL;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     bp_model *motor = bp_model_new(BP_MOTOR, BP_COUPLED);
     bad = flight;
