@@ -120,6 +120,13 @@ def _outside_link(folder: Path) -> None:
     (folder / "straight.csv").symlink_to(outside)
 
 
+def _blank_outputs(folder: Path) -> None:
+    header, *rows = GOOD_CSV.splitlines()
+    blank = "\n".join([header, *(",".join([*row.split(",")[:3], "", ""]) for row in rows)])
+    for file in ("straight.csv", "spin.csv"):
+        (folder / file).write_text(blank, encoding="utf-8")
+
+
 def _no_header(folder: Path) -> None:
     _edit("dataset.toml", "header = true", "header = false")(folder)
     text = (folder / "dataset.toml").read_text(encoding="utf-8")
@@ -172,6 +179,9 @@ BAD: list[Bad] = [
     _toml("no name", 'name     = "bench-7"', "", None, "name", "missing"),
     _toml("name no text", '"bench-7"', "7", "name     =", "name", "text"),
     _toml("name empty", '"bench-7"', '" "', "name     =", "name", "text"),
+    _toml("name a path", '"bench-7"', '"bench/7"', "name     =", "name", "file's name"),
+    _toml("name the folder above", '"bench-7"', '".."', "name     =", "name", "file's name"),
+    _toml("name a windows path", '"bench-7"', "'c:\\bench'", "name     =", "name", "file's name"),
     _toml("unknown key", "[signals]", 'author = "me"\n[signals]', "author", "author", "unknown key"),
     _toml("unknown vehicle", '"diff_drive"', '"tricycle"', "tricycle", "vehicle", "not one of"),
     _toml("unknown frame", '"FLU"', '"NED"', "NED", "frame", "not one of FLU, FRD"),
@@ -199,6 +209,9 @@ BAD: list[Bad] = [
     _toml("offset no number", "noise_sd = 0.014", "offset = true", "offset", "signals.yaw_rate.offset", "not a number"),
     _toml("time backward", 'unit = "s"', 'unit = "s", scale = -1', "scale", "signals.time.scale", "cannot scale"),
     _toml("noise negative", "noise_sd = 0.014", "noise_sd = -1", "-1", "signals.yaw_rate.noise_sd", "above zero"),
+    _toml("noise below any", "noise_sd = 0.014", "noise_sd = 1e-300", "1e-300", "signals.yaw_rate.noise_sd", "outside what is physical"),
+    _toml("noise above any", "noise_sd = 0.014", "noise_sd = 1e11", "1e11", "signals.yaw_rate.noise_sd", "outside what is physical"),
+    _toml("resolution below any", "resolution = 0.0383", "resolution = 1e-200", "1e-200", "signals.accel_surge.resolution", "outside what is physical"),
     _toml("resolution zero", "resolution = 0.0383", "resolution = 0", "accel_surge", "signals.accel_surge.resolution", "above zero"),
     _toml("range reversed", "[-19.62, 19.62]", "[2, 1]", "accel_surge", "signals.accel_surge.range", "below"),
     _toml("range of one", "[-19.62, 19.62]", "[2]", "accel_surge", "signals.accel_surge.range", "lowest, highest"),
@@ -218,6 +231,9 @@ BAD: list[Bad] = [
     _toml("mass a text", "mass = 0.6", 'mass = "0.6"', "mass", "nominal.mass", "not a number"),
     _toml("mass an endless integer", "mass = 0.6", "mass = 0x" + "F" * 5000, "mass", "nominal.mass", "64 bits"),
     _toml("sd zero", "sd = 0.0003", "sd = 0.0", "wheel_radius", "nominal.wheel_radius.sd", "above zero"),
+    _toml("sd below any", "sd = 0.0003", "sd = 1e-300", "wheel_radius", "nominal.wheel_radius.sd", "no believable"),
+    _toml("sd above any", "sd = 0.0003", "sd = 1e11", "wheel_radius", "nominal.wheel_radius.sd", "no believable"),
+    _toml("effect sd below any", "sd = 0.02 }", "sd = 1e-300 }", "gyro_bias", "nominal.effects.gyro_bias.bias.sd", "no believable"),
     _toml("sd without value", "value = 0.028, ", "", "wheel_radius", "nominal.wheel_radius", "value is missing"),
     _toml("nominal key", "sd = 0.0003", "tol = 0.0003", "wheel_radius", "nominal.wheel_radius.tol", "unknown key"),
     _toml("force_per_volt on wheels", "mass = 0.6", "force_per_volt = 3", "force_per_volt", "nominal.force_per_volt", "motor"),
@@ -226,6 +242,8 @@ BAD: list[Bad] = [
     _toml("effect parameter", "gyro_bias = { bias", "coulomb_friction = { bias", "coulomb", "nominal.effects.coulomb_friction.bias", "unknown parameter"),
     _toml("nominal no table", GOOD_TOML[GOOD_TOML.index("[signals]") : GOOD_TOML.index("[[runs]]")], "nominal = 3\n" + _SIGNALS, "nominal", "nominal", "not a table"),
     Bad("force and torque", _motor_edit("force_per_volt = 35.15", "force_per_volt = 1\ntorque_per_volt = 1"), "dataset.toml", "torque_per_volt", "nominal.torque_per_volt", "conflicts"),
+    Bad("force of nothing", _motor_edit("force_per_volt = 35.15", "force_per_volt = 0"), "dataset.toml", "force_per_volt", "nominal.force_per_volt", "is 0"),
+    Bad("torque of nothing", _motor_edit("force_per_volt = 35.15", "torque_per_volt = { value = 0.0, sd = 0.1 }"), "dataset.toml", "torque_per_volt", "nominal.torque_per_volt", "is 0"),
     Bad("side input on a motor", _motor_edit("voltage =", "voltage_left ="), "dataset.toml", "voltage_left =", "signals.voltage_left", "vehicle motor"),
     # runs
     _toml("no runs", GOOD_TOML[GOOD_TOML.index("[[runs]]") :], "", None, "runs", "missing"),
@@ -234,7 +252,7 @@ BAD: list[Bad] = [
     _toml("run without file", 'name = "spin"\nfile = "spin.csv"\n', 'name = "spin"\n', 25, "runs[1]", "file is missing"),
     _toml("unknown role", 'role = "fit"', 'role = "train"', "train", "runs[0].role", "not one of fit, held_out"),
     _toml("name twice", 'name = "spin"', 'name = "straight"', 'name = "straight"', "runs[1].name", "two runs"),
-    _toml("name a path", 'name = "spin"', 'name = "a/b"', "a/b", "runs[1].name", "cannot name"),
+    _toml("run name a path", 'name = "spin"', 'name = "a/b"', "a/b", "runs[1].name", "file's name"),
     _toml("replicate unknown", 'file = "spin.csv"', 'file = "spin.csv"\nreplicate_of = "walk"', "walk", "runs[1].replicate_of", "no other run"),
     _toml("replicate of itself", 'file = "spin.csv"', 'file = "spin.csv"\nreplicate_of = "spin"', "replicate_of", "runs[1].replicate_of", "no other run"),
     _toml("initial key", 'role = "fit"', "initial = { speed = 1 }", "initial", "runs[0].initial.speed", "unknown key"),
@@ -261,6 +279,11 @@ BAD: list[Bad] = [
     _csv("nan", "0.31", "nan", "nan", "accel_surge (column a_surge_mps2)", "not a number"),
     _csv("inf", "0.31", "-inf", "inf", "accel_surge (column a_surge_mps2)", "not a number"),
     _csv("too large", "0.31", "1e999", "1e999", "accel_surge (column a_surge_mps2)", "beyond any number"),
+    _csv("beyond what is physical", "0.31", "1e200", "1e200", "accel_surge (column a_surge_mps2)", "beyond what is physical"),
+    _csv("input beyond what is physical", "0.003,4.5", "0.003,-1e200", "1e200", "voltage_left (column v_left_V)", "beyond what is physical"),
+    _csv("time beyond what is physical", "0.009,", "1e200,", "1e200", "time (column t_s)", "beyond what is physical"),
+    _csv("a run of weeks", "0.009,", "2e6,", "2e6", "time", "longer than"),
+    Bad("nothing measured", _blank_outputs, "dataset.toml", None, "signals", "nothing is measured"),
     _csv("underscore", "0.31", "1_0", "1_0", "accel_surge (column a_surge_mps2)", "not a number"),
     _csv("decimal comma quoted", "0.31", '"0,31"', "0,31", "accel_surge (column a_surge_mps2)", "not a number"),
     _csv("time blank", "0.003,", ",", 3, "time", "blank"),

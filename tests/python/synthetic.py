@@ -27,6 +27,11 @@ def robot(**changes: float) -> Model:
     return Model("truth", "diff_drive", "coupled", {**rcx.parameters, "drag_area": 0.0, "inductance": 0.0, **changes})
 
 
+def motor(**values: float) -> Model:
+    """A bare motor, with some values set; no inductance."""
+    return Model("truth", "motor", "coupled", {**plant.presets("motor"), "inductance": 0.0, **values})
+
+
 def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
     """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. With a seed: irregular samples."""
     time = np.arange(0.0, seconds, period)
@@ -56,28 +61,29 @@ def write(
     """Writes a data set and returns its folder.
 
     Args:
-        signals: outputs and the sd of the noise put on each, SI.
+        signals: outputs and the sd of the noise put on each, SI; 0 plus noise where the vehicle has no such output.
         nominal: the lines below [nominal].
         units: signal -> (unit, how many of it are one SI unit).
         start: the state every run truly starts from.
         initial: what the file states of it, the inside of a TOML table.
-        spoil: called with (run name, table of columns) before it is written, to damage it.
+        spoil: called with (run name, table of columns) before it is written, to damage it; NaN is written as a blank.
     """
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True)
     units = dict(units or {})
     lines = ['name = "synthetic"', f'vehicle = "{truth.vehicle}"', f'frame = "{frame}"', "[signals]"]
     lines += ['time = { column = "t", unit = "s" }']
-    lines += [f'voltage_{side} = {{ column = "v_{side}", unit = "V" }}' for side in ("left", "right")]
+    inputs = ["voltage"] if truth.vehicle == "motor" else ["voltage_left", "voltage_right"]
+    lines += [f'{name} = {{ column = "{name}", unit = "V" }}' for name in inputs]
     for name in signals:
         lines.append(f'{name} = {{ column = "{name}", unit = "{units.get(name, (plant.outputs()[name], 1.0))[0]}" }}')
     lines += ["[nominal]", nominal]
     for number, (name, (left, right)) in enumerate(manoeuvres.items()):
         time, voltages = steps(left, right, jitter_seed=seed + number if jitter else None)
-        outputs = plant.simulate([(truth, OpenLoopRun(time=time, inputs=voltages, initial=start or State()))])[
-            0
-        ].outputs
-        table = {"t": time, "v_left": voltages[:, 0], "v_right": voltages[:, 1]}
+        voltages = voltages[:, : len(inputs)]
+        simulated = plant.simulate([(truth, OpenLoopRun(time=time, inputs=voltages, initial=start or State()))])[0]
+        outputs = {name: np.zeros(len(time)) for name in signals} | simulated.outputs
+        table = {"t": time} | dict(zip(inputs, voltages.T, strict=True))
         for signal, sd in signals.items():
             sign = -1.0 if frame == "FLU" and signal in TURNS else 1.0
             noisy = outputs[signal] + random.normal(0.0, sd, len(time))
@@ -85,7 +91,8 @@ def write(
         if spoil is not None:
             spoil(name, table)
         rows = np.column_stack(list(table.values()))
-        text = "\n".join([",".join(table), *(",".join(f"{value:.12g}" for value in row) for row in rows)])
+        cells = [["" if np.isnan(value) else f"{value:.12g}" for value in row] for row in rows]
+        text = "\n".join([",".join(table), *(",".join(row) for row in cells)])
         (folder / f"{name}.csv").write_text(text + "\n", encoding="utf-8")
         role = roles[number] if roles is not None else "fit"
         lines += ["[[runs]]", f'name = "{name}"', f'file = "{name}.csv"', *([f'role = "{role}"'] if role else [])]

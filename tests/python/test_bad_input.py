@@ -30,6 +30,8 @@ SCENARIOS: dict[str, tuple[str, str, str]] = {
     "unknown kind": (MISSION.replace('"mission"', '"parade"'), "s.toml:2: kind", "not one of"),
     "unknown key": (MISSION + "speed = 1\n", "s.toml:5: speed", "unknown key"),
     "name is a number": (MISSION.replace('"m"', "3"), "s.toml:1: name", "needs a text"),
+    "name is a path": (MISSION.replace('"m"', '"../m"'), "s.toml:1: name", "part of a file's name"),
+    "waypoint twice to the millimetre": (MISSION.replace("[[1, 0]]", "[[1, 0], [1.0004, 0]]"), "s.toml:4: waypoints_m[1]", "same"),
     "name is blank": (MISSION.replace('"m"', '" "'), "s.toml:1: name", "needs a text"),
     "duration is text": (MISSION.replace("duration_s = 5", 'duration_s = "long"'), "s.toml:3: duration_s", "not a number"),
     "duration negative": (MISSION.replace("= 5", "= -5"), "s.toml:3: duration_s", "outside"),
@@ -86,6 +88,9 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "scenario missing": (["run", "nowhere.toml"], "nowhere.toml"),
     "scenario twice": (["run", "mission", "--scenario", "fig4"], "twice"),
     "scenario is a folder": (["run", "."], "."),
+    "scenario is an empty name": (["run", ""], "no such file"),
+    "model is a device": (["run", "--model", "/dev/null"], "is no file"),
+    "out is a link": (["run", "--out", "link"], "link"),
     "too many arguments": (["run", "mission", "fig4"], "unexpected extra argument"),
     "model missing": (["run", "--model", "nowhere.toml"], "nowhere.toml"),
     "out is a file": (["run", "--out", "taken"], "taken"),
@@ -126,6 +131,7 @@ def test_a_bad_option_is_refused(case: str, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("something\n")
     (tmp_path / "theirs").mkdir()
     (tmp_path / "theirs" / "thesis.tex").write_text("\n")
+    (tmp_path / "link").symlink_to(tmp_path / "theirs")
     arguments, reason = OPTIONS[case]
     _refused(arguments, tmp_path, reason)
 

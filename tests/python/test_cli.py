@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_datasets import BAD
-from brickpilot import cli, plant
+from brickpilot import cli, plant, run_folder
+from brickpilot.errors import SimulationError
 from command import brickpilot
 from test_dataset import measured
 
@@ -59,6 +61,57 @@ def test_every_packaged_scenario_runs_in_both_profiles(name: str, profile: str, 
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
 
 
+def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path: Path) -> None:
+    assert brickpilot("run", "fig4", "--out", "out", cwd=tmp_path).returncode == 0
+    (tmp_path / "out" / "thesis.txt").write_text("all of it\n")
+    done = brickpilot("run", "fig4", "--out", "out", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "thesis.txt" in done.stderr
+    assert (tmp_path / "out" / "thesis.txt").read_text() == "all of it\n"
+
+
+@pytest.mark.parametrize(
+    "trouble", [SimulationError("m: the state grew beyond all bounds"), OSError(28, "No space left on device")]
+)
+def test_what_fails_underway_is_told_in_one_line_with_status_1(
+    trouble: Exception, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise trouble
+
+    monkeypatch.setattr(run_folder, "write_log", fail)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", "fig4", "--out", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    assert (ended.value.code, said.out, said.err.count("\n")) == (1, "", 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mission_that_is_over_at_once_has_a_page_too(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('name = "s"\nkind = "mission"\nduration_s = 0.003\nwaypoints_m = [[0, 0]]\n')
+    done = brickpilot("run", "s.toml", "--json", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["cruise_m_s"] == 0.4  # the firmware's preset, as the scenario gives none
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "brickpilot run s.toml --profile coupled --sensors ideal --seed 0" in page
+
+
+def test_the_motor_stream_is_hashed_little_endian_left_before_right(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\nkind = "manoeuvre"\nduration_s = 0.006\nsegments = [{ from_s = 0, left_V = 9, right_V = -4.5 }]\n'
+    )
+    done = brickpilot("run", "s.toml", "--json", cwd=tmp_path)
+    pair = (32767).to_bytes(2, "little", signed=True) + (-16384).to_bytes(2, "little", signed=True)
+    assert json.loads(done.stdout)["motor_stream_sha256"] == hashlib.sha256(2 * pair).hexdigest()
+
+
+def test_without_a_command_the_help_is_shown(tmp_path: Path) -> None:
+    done = brickpilot(cwd=tmp_path)
+    assert done.returncode == 2
+    assert "calibrate" in done.stdout
+    assert done.stderr == ""
+
+
 def test_a_scenario_file_may_change_plant_and_effects(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         'name = "heavy"\nkind = "manoeuvre"\nduration_s = 3\nsegments = [{ from_s = 0, left_V = 0.5, right_V = 0.5 }]\n'
@@ -73,7 +126,7 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
     listed = capsys.readouterr().out
     assert all(effect.name in listed and effect.equation in listed for effect in plant.effects())
     cli.main(["effects", "actuator_deadband", "--json"])
-    assert [effect["name"] for effect in json.loads(capsys.readouterr().out)] == ["actuator_deadband"]
+    assert list(json.loads(capsys.readouterr().out)) == ["actuator_deadband"]
 
 
 def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:

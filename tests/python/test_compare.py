@@ -7,14 +7,14 @@ import json
 
 import numpy as np
 import pytest
-from brickpilot import dataset
+from brickpilot import dataset, plant
 from brickpilot.compare import compare
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.ils import pooled, signal_error
 from brickpilot.plant import State
 from brickpilot.plot_compare import compare_page
-from brickpilot.replay import zero_phase_rate
-from synthetic import robot, write
+from brickpilot.replay import Replay, zero_phase_rate
+from synthetic import motor, robot, write
 
 SIGNALS = {"wheel_speed_left": 0.0, "wheel_travel_right": 0.0, "yaw_rate": 0.0}
 AXIS = """
@@ -117,7 +117,7 @@ def test_keys_of_the_json_object(tmp_path):
 def test_without_a_model_what_is_absent_is_fitted_and_named(tmp_path):
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
     found = compare(data)
-    assert any("does not give mass" in note for note in found.notes)
+    assert any("does not fix mass" in note for note in found.notes)
     assert found.share("fit", "wheel_speed_left") < 0.01
 
 
@@ -175,3 +175,177 @@ def test_the_page_stands_alone_with_fit_and_held_out_apart(tmp_path):
     assert page.count("<svg") == 4 * len(SIGNALS)
     assert "held-out runs" in page
     assert "<script" not in page
+
+
+def torque_drive(folder, signals, nominal="torque_per_volt = { value = 0.02, sd = 0.001 }", **options):
+    """A motor that closes its own current loop, 0.02 N m/V on 1e-4 kg m^2."""
+    truth = motor(torque_per_volt=0.02, wheel_inertia=1e-4, viscous_friction=1e-3)
+    return dataset.read(write(folder, truth, signals, nominal, **options))
+
+
+@pytest.mark.parametrize("given", ["torque_per_volt = { value = 0.02, sd = 0.001 }", "torque_per_volt = 0.02"])
+def test_the_current_of_a_torque_drive_is_left_out_and_said(tmp_path, given):
+    found = compare(torque_drive(tmp_path / "set", {"speed": 0.05, "current": 0.01}, given))
+    assert all(set(run.signals) == {"speed"} for run in found.runs)
+    assert any("does not give it: current" in note for note in found.notes)
+    assert found.share("fit", "speed") < 0.02
+
+
+@pytest.mark.parametrize("turning", ["speed", "angle"])
+def test_speed_and_angle_of_a_force_drive_are_left_out_and_said(tmp_path, turning):
+    truth = motor(force_per_volt=30.0, mass=90.0, wheel_inertia=0.0, viscous_friction=200.0)
+    data = dataset.read(write(tmp_path / "set", truth, {"position": 1e-5, turning: 0.0}, "force_per_volt = 30.0"))
+    found = compare(data, window_s=0.5)
+    assert all(set(run.signals) == {"position"} and set(run.windows) == {"velocity"} for run in found.runs)
+    assert any(f"does not give it: {turning}" in note for note in found.notes)
+    assert found.model.parameters["mass"] == pytest.approx(90.0, rel=0.05)
+
+
+def test_a_motor_on_a_wheel_starts_at_its_measured_travel(tmp_path):
+    truth = motor(wheel_radius=0.02, wheel_inertia=1e-3)
+    start = State(wheel_speed=(8.0, 0.0), wheel_angle=(50.0, 0.0))
+    data = dataset.read(write(tmp_path / "set", truth, {"position": 0.0, "velocity": 0.0}, "", start=start))
+    found = compare(data, truth)
+    assert all(run.signals["position"].rms_error < 1e-6 for run in found.runs)
+
+
+def with_values(data, signal, change):
+    runs = tuple(
+        dataclasses.replace(run, outputs={**run.outputs, signal: change(run.outputs[signal])}) for run in data.runs
+    )
+    return dataclasses.replace(data, runs=runs)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("signal", ["speed", "battery_voltage"])
+@pytest.mark.parametrize("given", [None, motor()])
+def test_data_without_anything_to_judge_are_refused(tmp_path, signal, given):
+    data = dataset.read(write(tmp_path / "set", motor(), {signal: 0.1}, ""))
+    if signal == "speed":
+        data = with_values(data, signal, lambda values: np.full_like(values, np.nan))
+    with pytest.raises(InputError, match="nothing measured to judge"):
+        compare(data, given)
+
+
+@pytest.mark.filterwarnings("error")
+def test_blanks_of_one_run_leave_the_others(tmp_path):
+    def blank(run, table):
+        if run == "spin":
+            table["wheel_speed_left"][:] = table["wheel_travel_right"][:] = table["yaw_rate"][:] = np.nan
+
+    found = compare(dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", spoil=blank)), robot())
+    shares = {run.name: run.signals["yaw_rate"].share for run in found.runs}
+    assert shares["spin"] is None
+    assert shares["curve"] < 1e-6
+    assert compare_page(found)
+
+
+@pytest.mark.parametrize("given", [None, robot()])
+def test_values_beyond_any_measurement_are_refused(tmp_path, given):
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = with_values(data, "yaw_rate", lambda values: np.full_like(values, 1e200))
+    with pytest.raises(InputError, match=r"yaw_rate: 1e[+]200 is no measurement"):
+        compare(data, given)
+
+
+@pytest.mark.parametrize("window_s", [float("nan"), float("inf"), -1.0, 1e-9, 0.019, 6.1])
+def test_a_window_of_too_few_samples_or_longer_than_a_run_is_refused(tmp_path, window_s):
+    with pytest.raises(InputError, match=r"--window: .* is not within 0.02 s"):
+        compare(write_axis(tmp_path / "axis"), window_s=window_s)
+
+
+def test_the_least_window_is_made(tmp_path):
+    data = write_axis(tmp_path / "axis")
+    given = motor(force_per_volt=30.0, mass=100.0, viscous_friction=250.0, wheel_inertia=0.0)
+    assert compare(data, given, window_s=0.02).runs[0].windows["velocity"].seconds == pytest.approx(5.98, abs=0.02)
+
+
+def test_windows_that_would_start_at_a_blank_are_left_out(tmp_path):
+    def blank(values):
+        return np.where((np.arange(len(values)) >= 900) & (np.arange(len(values)) < 1100), np.nan, values)
+
+    given = motor(force_per_volt=30.0, mass=100.0, viscous_friction=250.0, wheel_inertia=0.0)
+    found = compare(with_values(write_axis(tmp_path / "axis"), "position", blank), given, window_s=1.0)
+    assert found.runs[0].windows["velocity"].seconds == pytest.approx(4 - 0.2, abs=0.01)
+    assert found.runs[0].windows["velocity"].share < 0.02
+
+
+def test_samples_that_crowd_do_not_exhaust_the_memory():
+    time = np.concatenate([np.arange(100) * 1e-9, [1000.0, 2000.0]])
+    assert len(zero_phase_rate(time, time)) == 102
+
+
+ALL = """
+mass = 0.9
+yaw_inertia = 0.006
+half_track = 0.07
+wheel_radius = 0.0408
+wheel_inertia = 1e-4
+resistance = 22.0
+torque_constant = 0.195
+emf_constant = 0.245
+viscous_friction = 1.8e-5
+rolling_friction = 0.015
+"""
+
+
+def test_runs_all_held_out_are_compared_where_nothing_is_to_be_fitted(tmp_path):
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ALL, roles=["held_out"] * 4))
+    found = compare(data)
+    assert found.share("held_out", "yaw_rate") < 1e-6
+    assert "The data set holds every run out." in found.notes
+
+
+def test_runs_all_held_out_are_refused_where_something_is_to_be_fitted(tmp_path):
+    nominal = ALL.replace("mass = 0.9\n", "")
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, nominal, roles=["held_out"] * 4))
+    with pytest.raises(InputError, match="every run is held out"):
+        compare(data)
+
+
+@pytest.mark.parametrize(
+    ("roles", "said"),
+    [
+        (["fit"], "The data set holds no run out."),
+        (["fit", "held_out"], "The data set says which runs are held out."),
+    ],
+)
+def test_the_note_on_roles_is_true(tmp_path, roles, said):
+    runs = {"one": (5.0, 5.0), "two": (4.0, 4.0)}
+    chosen = dict(list(runs.items())[: len(roles)])
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=chosen, roles=roles))
+    assert said in compare(data, robot()).notes
+
+
+def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypatch):
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    gaps = [0.0, 100.0, 7.0, 20.0]
+    runs = tuple(dataclasses.replace(run, gap_s=gap) for run, gap in zip(data.runs, gaps, strict=True))
+    ages, simulate = [], plant.simulate
+
+    def recorded(jobs, threads=1):
+        ages.extend(run.initial.age for _, run in jobs)
+        return simulate(jobs, threads=threads)
+
+    monkeypatch.setattr(plant, "simulate", recorded)
+    Replay(dataclasses.replace(data, runs=runs)).simulate([robot()])
+    lasts = 1.99
+    assert ages == pytest.approx([0.0, lasts + 100.0, 2 * lasts + 107.0, 3 * lasts + 127.0])
+
+
+def test_what_the_reader_found_is_in_the_report(tmp_path):
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
+    data = dataclasses.replace(data, notes=("run spin: 3 rows are damaged",))
+    for found in (compare(data, robot()), compare(data)):
+        assert found.notes.count("run spin: 3 rows are damaged") == 1
+        assert "run spin: 3 rows are damaged" in compare_page(found)
+
+
+def test_a_model_under_which_the_plant_diverges_is_one_failure(tmp_path, monkeypatch):
+    def diverging(jobs, threads=1):
+        raise SimulationError("the state grew beyond all bounds")
+
+    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    monkeypatch.setattr(plant, "simulate", diverging)
+    with pytest.raises(SimulationError, match="beyond all bounds"):
+        compare(data, robot())

@@ -264,6 +264,21 @@ def test_battery_dropouts_of_single_samples_are_repaired_and_counted(tmp_path: P
     assert dataset.runs[0].outputs["battery_voltage"][2] == 0.0
 
 
+def test_a_long_runs_battery_dropouts_are_faults_and_do_not_reach_the_motors(tmp_path: Path) -> None:
+    signals = drive("duty_left duty_right") + '\nbattery_voltage = { column = "b", unit = "V" }'
+    battery = [8.0 - 0.01 * (k % 7) for k in range(60)]
+    battery[30] = 0.0
+    rows = "time,duty_left,duty_right,yaw_rate,b\n" + "".join(f"{k},1,1,0,{volts}\n" for k, volts in enumerate(battery))
+    dataset = read(write_set(tmp_path, signals, rows))
+    run = dataset.runs[0]
+    assert [(fault.signal, fault.kind, fault.from_s) for fault in dataset.faults] == [
+        ("battery_voltage", "dropout", 30)
+    ]
+    assert math.isnan(run.outputs["battery_voltage"][30])
+    assert run.raw_outputs["battery_voltage"][30] == 0.0
+    assert motor_inputs(run, dataset)[:, 0].min() > 7.9
+
+
 def test_a_battery_that_steps_down_is_no_dropout(tmp_path: Path) -> None:
     signals = drive("duty_left duty_right") + '\nbattery_voltage = { column = "b", unit = "V" }'
     battery = [12.0, 12.0, 12.0, 6.0, 6.0, 6.0, 6.0]
@@ -336,7 +351,7 @@ def measured(name: str) -> Path:
 def test_measured_sets_are_read_in_si(name: str, vehicle: str, runs: int, signal: str, low: float, high: float) -> None:
     dataset = read(measured(name))
     assert (dataset.vehicle, len(dataset.runs)) == (vehicle, runs)
-    values = np.concatenate([run.outputs[signal] for run in dataset.runs])
+    values = np.concatenate([run.raw_outputs[signal] for run in dataset.runs])
     assert low - 0.1 * (high - low) < values.min() < values.max() < high + 0.1 * (high - low)
     assert np.ptp(values) > 0.2 * (high - low)
     for run in dataset.runs:

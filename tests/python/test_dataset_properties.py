@@ -22,7 +22,7 @@ FACTORS = {
     "m": {"m": 1.0, "mm": 1e-3, "in": 0.0254},
 }
 OUTPUTS = ["accel_surge", "accel_sway", "yaw_rate", "wheel_speed_left", "wheel_travel_right"]
-number = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 9))
+number = st.floats(-1e4, 1e4, allow_nan=False).map(lambda value: round(value, 9))
 cell = st.one_of(st.none(), number)
 
 
@@ -35,6 +35,7 @@ def layouts(draw: st.DrawFn) -> dict[str, object]:
     steps = draw(st.lists(st.floats(1e-3, 10.0), min_size=samples, max_size=samples))
     columns = {name: draw(st.lists(cell, min_size=samples, max_size=samples)) for name in signals}
     columns["time"] = np.cumsum(steps).tolist()
+    columns[outputs[0]][0] = draw(number)
     return {
         "frame": draw(st.sampled_from(["FLU", "FRD"])),
         "header": draw(st.booleans()),

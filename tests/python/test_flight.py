@@ -66,6 +66,8 @@ def test_a_log_row_stands_for_every_step_and_time_counts_in_3_ms() -> None:
 def test_waypoints_are_judged_by_the_true_track_and_in_order() -> None:
     time = np.arange(5.0)
     x, y = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.zeros(5)
+    near, far = (flight.waypoints_reached(time, x, y, [(1.0, side)]).at for side in (0.199, 0.201))
+    assert (near, far) == ([1.0], [None])  # twice the acceptance radius
     reached = flight.waypoints_reached(time, x, y, [(1.0, 0.1), (3.0, 0.0), (2.0, 0.0), (4.0, 0.0)])
     assert reached.at == [1.0, 3.0, None, None]  # the third lies behind, and what follows a missed one does not count
     assert reached.closest == pytest.approx([0.1, 0.0, 1.0, 0.0])

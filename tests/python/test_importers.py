@@ -400,3 +400,16 @@ def test_missing_files_and_doubled_names_are_named(tmp_path: Path) -> None:
         import_table([tmp_path / "a.csv", tmp_path / "b" / "a.csv"], tmp_path / "set", ["time=0"], vehicle="motor")
     with pytest.raises(InputError, match="no file to import"):
         import_table([], tmp_path / "set", ["time=0"], vehicle="motor")
+
+
+@pytest.mark.parametrize("delimiter", ["tab", r"\t", "\t"])
+def test_a_tab_may_be_spelt_out(delimiter: str, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("0\t1\t2\n1\t1\t3\n", encoding="utf-8")
+    mapping = ["time=0", "voltage=1", "speed=2"]
+    imported = import_table([tmp_path / "a.txt"], tmp_path / "set", mapping, vehicle="motor", delimiter=delimiter)
+    np.testing.assert_array_equal(read(imported.folder).runs[0].outputs["speed"], [2.0, 3.0])
+
+
+def test_a_delimiter_that_is_none_is_refused_with_the_spellings_of_a_tab(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--delimiter: 'tabs' is none of .*tab or \\t"):
+        import_table([], tmp_path / "set", ["time=0"], vehicle="motor", delimiter="tabs")

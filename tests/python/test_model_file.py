@@ -8,9 +8,10 @@ import pytest
 from brickpilot import model, plant
 from brickpilot.errors import InputError
 from brickpilot.gen import plant_presets
-from brickpilot.model import Model, load, rcx, save
+from brickpilot.model import Model, load, output_names, rcx, save
 
 HEAD = 'name = "m"\nvehicle = "diff_drive"\nprofile = "coupled"\n'
+MOTOR = HEAD.replace("diff_drive", "motor")
 MODELS = Path(__file__).parents[2] / "sim_host" / "models"
 
 
@@ -40,6 +41,16 @@ def test_a_saved_motor_is_read_back_exactly(tmp_path: Path) -> None:
     before = Model("axis", "motor", "coupled", {**plant.presets("motor"), "force_per_volt": 35.15, "mass": 95.0})
     save(before, tmp_path / "axis.toml")
     assert load(tmp_path / "axis.toml") == before
+
+
+def test_a_force_or_torque_of_zero_per_volt_is_none(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(MOTOR + "[parameters]\nforce_per_volt = 0\ntorque_per_volt = 0\n")
+    assert {"speed", "current"} <= output_names(load(tmp_path / "m.toml"))
+
+
+def test_a_mass_at_a_radius_stands_in_for_the_inertia(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(MOTOR + "[parameters]\nwheel_inertia = 0\nmass = 1.0\nwheel_radius = 0.1\n")
+    assert load(tmp_path / "m.toml").parameters["wheel_inertia"] == 0
 
 
 def test_every_value_is_written_with_its_unit(tmp_path: Path) -> None:
@@ -91,6 +102,22 @@ BAD = {
     "no value": (HEAD + '[parameters]\nmass = {unit = "kg"}\n', r"m.toml:5: parameters.mass: value is missing"),
     "text for a number": (HEAD + '[parameters]\nmass = "1"\n', r"m.toml:5: parameters.mass: '1' is not a number"),
     "out of range": (HEAD + "[parameters]\nmass = -1\n", r"m.toml:5: parameters.mass: -1 is outside 0.001..100000 kg"),
+    "nothing to move": (
+        MOTOR + "[parameters]\nresistance = 2.0\nwheel_inertia = 0\n",
+        r"m.toml:6: parameters.wheel_inertia: 0 leaves nothing to move",
+    ),
+    "a mass without a lever": (
+        MOTOR + "[parameters]\nwheel_inertia = 0\nmass = 1.0\n",
+        r"m.toml:5: parameters.wheel_inertia: 0 leaves nothing to move",
+    ),
+    "a force without a mass": (
+        MOTOR + "[parameters]\nwheel_inertia = 1e-4\nforce_per_volt = 30\n",
+        r"m.toml:6: parameters.force_per_volt: .* needs a mass",
+    ),
+    "a force on no mass": (
+        MOTOR + "[parameters]\nforce_per_volt = 30\nmass = 0\n",
+        r"m.toml:6: parameters.mass: .* needs a mass above 0",
+    ),
     "no mass": (HEAD + "[parameters]\nmass = 0\n", r"m.toml:5: parameters.mass: 0 is outside"),
     "not finite": (HEAD + "[parameters]\nmass = nan\n", r"m.toml:5: parameters.mass: nan is outside"),
     "unknown effect": (HEAD + "[effects.glue]\n", r"m.toml:4: effects.glue: unknown key"),

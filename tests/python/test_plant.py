@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import reference_ode
 from brickpilot import plant
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.model import Model, rcx
-from brickpilot.plant import OpenLoopRun, SimulationError, State, simulate
+from brickpilot.plant import OpenLoopRun, State, simulate
 
 ODES = {"coupled": reference_ode.coupled, "paper": reference_ode.paper}
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from brickpilot import holdout
 from brickpilot.dataset import Dataset
 from brickpilot.descent import FINE, FOLLOWED, ROUGH, VISIBLE, Counter, Progress, Start, descend, search, search_sizes
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.ils import signal_error
 from brickpilot.model import Model
 from brickpilot.output_error import OutputError, Scale
 from brickpilot.parameters import Plan, plan, value_of
-from brickpilot.replay import SUMMED, Replay, is_judged
+from brickpilot.replay import SUMMED, Outputs, Replay, is_judged, judged
 from brickpilot.uncertainty import Combination, Estimate, assess
 
 Array = NDArray[np.float64]
@@ -28,7 +28,10 @@ _ROUNDS = 3  # of weighing the signals by what is left of them, then fitting
 
 @dataclass(frozen=True)
 class Gap:
-    """rms error over rms signal, one signal of one run, with the values the fit started from and with the fitted."""
+    """rms error over rms signal, one signal of one run, with the values the fit started from and with the fitted.
+
+    None where the signal has no energy; and `before`, where the plant diverges with the values of the start.
+    """
 
     run: str
     role: str
@@ -104,18 +107,21 @@ def calibrate(
         progress: called with (done, total, text).
 
     Raises:
-        InputError: an unknown effect or parameter, or no run left to fit.
+        InputError: an unknown effect or parameter, nothing measured that the model gives, or no run left to fit
+            although something is free.
+        SimulationError: the plant diverges with the values that the data set states, or that fitted best.
     """
     replay = Replay(dataset)
     roles = holdout.assign(dataset, replay.inputs)
-    if not roles.fit():
-        raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
     nominal, chosen = plan(dataset, free=free), plan(dataset, effects=effects, free=free)
-    problem = OutputError(replay, chosen, roles.fit(), threads=threads)
-    notes = [roles.note, *chosen.notes, *dataset.notes, *problem.notes]
+    notes = [roles.note, *chosen.notes, *dataset.notes, *judged(dataset, chosen.model)[1]]
     if not chosen.free:
         notes.append("Nothing to fit: the data set gives every parameter as a plain value.")
-        return _result(replay, chosen.model, chosen.model, {}, problem, roles, notes)
+        return _result(replay, chosen.model, chosen.model, {}, {}, roles, notes)
+    if not roles.fit():
+        raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
+    problem = OutputError(replay, chosen, roles.fit(), threads=threads)
+    notes.extend(problem.notes)
     count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
     random = np.random.default_rng(seed)
     coarse = Replay(dataset, motor_step=_COARSE_STEP)
@@ -139,7 +145,7 @@ def calibrate(
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
-    result = _result(replay, chosen.model, model, known.estimates, problem, roles, notes)
+    result = _result(replay, chosen.model, model, known.estimates, problem.scales, roles, notes)
     return dataclasses.replace(result, cannot_tell_apart=known.groups, combinations=known.combinations, starts=starts)
 
 
@@ -167,20 +173,26 @@ def _result(
     before: Model,
     after: Model,
     estimates: Mapping[str, Estimate],
-    problem: OutputError,
+    scales: Mapping[str, Scale],
     roles: holdout.Roles,
     notes: list[str],
 ) -> Calibration:
-    first, last = replay.simulate([before, after])
+    first: Mapping[str, Outputs] = {}
+    try:
+        first, last = replay.simulate([before, after])
+    except SimulationError:  # of the start, else it is raised again
+        last = replay.simulate([after])[0]
     gaps = []
     for run in replay.dataset.runs:
         for signal, measured in run.outputs.items():
             if is_judged(signal, last[run.name], after):
                 shares = [
                     signal_error(run.time, one[run.name][signal], measured, relative=signal in SUMMED).share
+                    if one
+                    else None
                     for one in (first, last)
                 ]
                 gaps.append(Gap(run.name, roles.by_run[run.name], signal, shares[0], shares[1]))
     return Calibration(
-        replay.dataset.name, after, estimates, (), (), tuple(gaps), (), problem.scales, dict(roles.by_run), tuple(notes)
+        replay.dataset.name, after, estimates, (), (), tuple(gaps), (), scales, dict(roles.by_run), tuple(notes)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.exceptions import NoArgsIsHelpError
 from tqdm import tqdm
 
 from brickpilot import __version__
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
 
 as_json = click.option(
@@ -80,15 +82,29 @@ def run(
     """
     from brickpilot import flight, model, run_folder, run_report, scenario
 
-    if scenario_name and scenario_file:
+    if scenario_name is not None and scenario_file is not None:
         raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
-    chosen = scenario.load(scenario.find(scenario_name or scenario_file or "mission"))
+    asked = scenario_file if scenario_name is None else scenario_name
+    asked = "mission" if asked is None else asked
+    chosen = scenario.load(scenario.find(asked))
     vehicle = model.load(Path(model_file)) if model_file else model.rcx()
     plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed)
+    command = [
+        "brickpilot",
+        "run",
+        asked,
+        "--profile",
+        plan.controller,
+        "--sensors",
+        plan.sensors,
+        "--seed",
+        str(plan.seed),
+    ]
+    command += ["--model", model_file] if model_file else []
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     flown = flight.fly(plan)
     figures = flight.summary(flown)
-    run_folder.write(flown, figures, run_report.page(flown, figures), folder)
+    run_folder.write(flown, figures, run_report.page(flown, figures, shlex.join(command)), folder)
     if as_json:
         click.echo(json.dumps(figures))
     elif chosen.kind == "mission":
@@ -119,7 +135,11 @@ def run(
     "--model", "model_file", metavar="MODEL.toml", help="Simulate this model; default the data set's nominal values."
 )
 @click.option(
-    "--window", "window_s", type=float, metavar="S", help="Length of a motor's open-loop windows; 0: none. Default 1 s."
+    "--window",
+    "window_s",
+    type=float,
+    metavar="S",
+    help="A motor's open-loop windows: length, 10 samples or more; 0: none; default 1.",
 )
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the fit's starts.")
 @click.option("--out", metavar="DIR", help="Where the page goes; default runs/compare-NAME.")
@@ -138,10 +158,10 @@ def compare(
     data = dataset_module.read(Path(dataset))
     given = model.load(Path(model_file)) if model_file else None
     folder = Path(out) if out else Path("runs") / f"compare-{data.name}"
-    with _progress(as_json) as progress:
-        found = compare_module.compare(data, given, window_s=window_s, seed=seed, progress=progress)
-    figures = found.to_json()
-    with run_folder.fresh_folder(folder, "compare.json") as beside:
+    with run_folder.fresh_folder(folder, {"compare.json", "report.html"}) as beside:
+        with _progress(as_json) as progress:
+            found = compare_module.compare(data, given, window_s=window_s, seed=seed, progress=progress)
+        figures = found.to_json()
         (beside / "compare.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(plot_compare.compare_page(found), encoding="utf-8")
     if as_json:
@@ -186,10 +206,10 @@ def calibrate(
 
     data = dataset_module.read(Path(dataset))
     folder = Path(out) if out else Path("runs") / f"calibrate-{data.name}"
-    with _progress(as_json) as progress:
-        found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
-    figures = found.to_json()
-    with run_folder.fresh_folder(folder, "calibrate.json") as beside:
+    with run_folder.fresh_folder(folder, {"calibrate.json", "report.html", "model.toml"}) as beside:
+        with _progress(as_json) as progress:
+            found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
+        figures = found.to_json()
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(plot_compare.calibrate_page(found), encoding="utf-8")
         model.save(found.model, beside / "model.toml")
@@ -297,7 +317,7 @@ def effects(name: str | None, as_json: bool) -> None:
         raise InputError(f"no such effect; known: {', '.join(known)}", field=name)
     chosen = list(known.values()) if name is None else [known[name]]
     if as_json:
-        click.echo(json.dumps([dataclasses.asdict(effect) for effect in chosen]))
+        click.echo(json.dumps({effect.name: dataclasses.asdict(effect) for effect in chosen}))
         return
     for effect in chosen:
         click.echo(f"{effect.name}  (acts on: {effect.acts_on})\n  {effect.equation}\n  source: {effect.source}")
@@ -328,6 +348,9 @@ def main(arguments: list[str] | None = None) -> Any:
     except InputError as error:
         click.echo(f"brickpilot: {error}", err=True)
         sys.exit(2)
+    except NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        sys.exit(2)
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "brickpilot"
         click.echo(f"{command}: {' '.join(error.format_message().split())} (see {command} --help)", err=True)
@@ -335,3 +358,9 @@ def main(arguments: list[str] | None = None) -> Any:
     except (click.Abort, KeyboardInterrupt):
         click.echo("brickpilot: interrupted", err=True)
         sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read stdout has gone; nothing is left to say
+        sys.exit(1)
+    except (SimulationError, OSError) as error:
+        click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)
+        sys.exit(1)

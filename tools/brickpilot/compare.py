@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,15 @@ from brickpilot.dataset import Dataset, Run
 from brickpilot.errors import InputError
 from brickpilot.ils import SignalError, pooled, signal_error
 from brickpilot.model import Model
-from brickpilot.replay import SUMMED, Array, Outputs, Replay, Window, is_judged, measured_rates
+from brickpilot.replay import RATE_OF, SUMMED, Array, Outputs, Replay, Window, is_judged, judged, measured_rates
 
 Progress = Callable[[int, int, str], None]
 
 WINDOW_S = 1.0
 """Length of the open-loop windows in which a motor's velocity is judged, unless the caller says otherwise."""
+
+LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
+"""No window is shorter than either, in the median step of the run that is logged most coarsely."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class Comparison:
 
     Attributes:
         window_s: length of the open-loop windows, s; 0 where none were made.
-        notes: sentences on what the program chose by itself: roles, fitted parameters, signals left out.
+        notes: sentences on what the program chose by itself: roles, fitted parameters, signals left out; and what the
+            reader found in the data set.
     """
 
     dataset: str
@@ -93,43 +97,69 @@ def compare(
         seed: of the fit's starts.
 
     Raises:
-        InputError: the model is of another vehicle than the data; `window_s` is negative or the vehicle is not a motor.
+        InputError: the model is of another vehicle than the data; nothing was measured that it gives; `window_s` is
+            not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or there is
+            no motor whose velocity could be judged; something must be fitted but every run is held out.
+        SimulationError: the plant diverges with this model.
     """
     if model is not None and model.vehicle != dataset.vehicle:
         raise InputError(
             f"the model is a {model.vehicle}, the data set {dataset.name} is of a {dataset.vehicle}", field="--model"
         )
-    if window_s is not None and (window_s < 0 or (window_s > 0 and dataset.vehicle != "motor")):
-        raise InputError("windows need a length above 0 and a data set of a motor", field="--window")
+    if window_s:
+        _check_window(dataset, window_s)
     replay = Replay(dataset)
     roles = holdout.assign(dataset, replay.inputs)
-    notes = [roles.note]
+    notes = [roles.note, *dataset.notes]
     if model is None:
         fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress)
         model = fitted.model
         free = ", ".join(fitted.parameters)
         notes.append(
-            f"The data set does not give {free}: fitted on the fit runs first." if free else "Nothing was fitted."
+            f"The data set does not fix {free}: fitted on the fit runs first." if free else "Nothing was fitted."
         )
-        notes.extend(note for note in fitted.notes if note != roles.note)
+        notes.extend(fitted.notes)
+    names, unsaid = judged(dataset, model)
+    notes.extend(unsaid)
     if progress:
         progress(0, 1, "simulating")
     outputs = replay.simulate([model], threads=threads)[0]
-    length = _window_s(dataset, window_s)
+    length = _window_s(dataset, names, window_s)
     windows = replay.windows(model, length, threads=threads) if length else {}
     runs = [
         _run(run, model, roles.by_run[run.name], outputs[run.name], windows.get(run.name, [])) for run in dataset.runs
     ]
     if progress:
         progress(1, 1, "simulated")
-    return Comparison(dataset.name, model, tuple(runs), length, tuple(notes))
+    return Comparison(dataset.name, model, tuple(runs), length, tuple(dict.fromkeys(notes)))
 
 
-def _window_s(dataset: Dataset, asked: float | None) -> float:
+def _least_window_s(dataset: Dataset) -> float:
+    coarsest = max(float(np.median(np.diff(run.time))) for run in dataset.runs)
+    return max(LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES * coarsest)
+
+
+def _check_window(dataset: Dataset, asked: float) -> None:
+    if dataset.vehicle != "motor":
+        raise InputError("windows need a data set of a motor", field="--window")
+    least = _least_window_s(dataset)
+    longest = max(float(run.time[-1] - run.time[0]) for run in dataset.runs)
+    if not (1 - 1e-6) * least <= asked <= longest:
+        raise InputError(
+            f"{asked:g} s is not within {least:g} s, the least of {LEAST_WINDOW_SAMPLES} samples and 1 ms, "
+            f"and {longest:g} s, the longest run; 0: no windows",
+            field="--window",
+        )
+
+
+def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> float:
+    moves = any(name in names for pair in RATE_OF.items() for name in pair)
+    if asked and not moves:
+        raise InputError("windows need a velocity or a position that the model gives", field="--window")
     if asked is not None:
         return asked
     shortest = min(float(run.time[-1] - run.time[0]) for run in dataset.runs)
-    return WINDOW_S if dataset.vehicle == "motor" and shortest >= 3 * WINDOW_S else 0.0
+    return WINDOW_S if moves and shortest >= 3 * WINDOW_S >= 3 * _least_window_s(dataset) else 0.0
 
 
 def _run(run: Run, model: Model, role: str, outputs: Outputs, windows: list[Window]) -> RunComparison:
@@ -140,6 +170,8 @@ def _run(run: Run, model: Model, role: str, outputs: Outputs, windows: list[Wind
             traces[name] = Trace(run.time, outputs[name], measured)
     in_windows = {}
     for rate, measured in (measured_rates(run) if windows else {}).items():
+        if rate not in outputs:
+            continue
         spans = [(w.samples, w.outputs[rate]) for w in windows]
         in_windows[rate] = pooled(signal_error(run.time[s], simulated, measured[s]) for s, simulated in spans)
         traces[f"{rate} in windows"] = _joined(run.time, measured, spans)

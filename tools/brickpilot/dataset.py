@@ -13,18 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from brickpilot.audit import Fault, Record, audit
 from brickpilot.dataset_nominal import Nominal
 from brickpilot.dataset_rows import Columns, read_columns
 from brickpilot.dataset_toml import Description, Role, RunEntry, Signal, describe
 from brickpilot.errors import InputError
 from brickpilot.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
 
-__all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "Signal", "motor_inputs", "read"]
+__all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Signal", "motor_inputs", "read"]
 
 Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = 9.0
 """V; what duty is multiplied by where a data set states no battery voltage at all; the plant's preset is the same."""
+
+_LONGEST_RUN_S = 1e6
 
 _DROPOUT_SHARE = 0.25  # of the running median; a battery sags by less within one sample
 _MEDIAN_SAMPLES = 5
@@ -40,7 +43,8 @@ class Run:
         role: None where the data set leaves the choice to the program.
         time: s, strictly increasing, as logged: it need not begin at 0 nor be regular.
         inputs: signal -> values; NaN where the cell is blank, that is where the motor floats.
-        outputs: signal -> values; NaN where the cell is blank.
+        outputs: signal -> values; NaN where the cell is blank or the sample damaged (`Dataset.faults`).
+        raw_outputs: the same with the damaged samples as they were measured.
         gap_s: s between the end of the run before it in the file's order and this one's start.
         replicate_of: name of the run that this one repeats.
         initial: state the run starts from, where the data set states it (`signals.INITIAL_UNITS`).
@@ -52,6 +56,7 @@ class Run:
     time: Vector
     inputs: Mapping[str, Vector]
     outputs: Mapping[str, Vector]
+    raw_outputs: Mapping[str, Vector]
     gap_s: float
     replicate_of: str | None
     initial: Mapping[str, float]
@@ -69,7 +74,8 @@ class Dataset:
         nominal_effects: effect -> parameter -> value, which the experimenter's model already contains.
         runs: in the file's order, one sequence.
         gap_s: s between runs that do not state their own.
-        notes: what a user should be told: presets taken, readings repaired. One sentence each.
+        faults: the damaged samples, which are NaN in the runs' outputs (see `audit`); by run, in time.
+        notes: what a user should be told: presets taken, readings repaired, damage found. One sentence each.
     """
 
     name: str
@@ -81,6 +87,7 @@ class Dataset:
     nominal_effects: Mapping[str, Mapping[str, Nominal]]
     runs: tuple[Run, ...]
     gap_s: float
+    faults: tuple[Fault, ...]
     notes: tuple[str, ...]
 
     def motor_inputs(self, run: Run) -> Vector:
@@ -106,6 +113,7 @@ def read(folder: Path | str) -> Dataset:
     except (OSError, ValueError) as error:
         raise InputError("cannot be read", file=path) from error
     description = describe(path)
+    runs, faults, damage = _audited([_read_run(entry, description) for entry in description.runs], description)
     dataset = Dataset(
         name=description.name,
         path=path,
@@ -114,10 +122,13 @@ def read(folder: Path | str) -> Dataset:
         signals=description.signals,
         nominal=description.nominal,
         nominal_effects=description.nominal_effects,
-        runs=tuple(_read_run(entry, description) for entry in description.runs),
+        runs=runs,
         gap_s=description.gap_s,
-        notes=description.notes,
+        faults=faults,
+        notes=(*description.notes, *damage),
     )
+    if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
+        raise InputError("nothing is measured: all outputs of all runs are blank", file=path, field="signals")
     return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset)))
 
 
@@ -167,17 +178,29 @@ def _read_run(entry: RunEntry, description: Description) -> Run:
     values = {name: _to_si(entry.file, columns, description, signal) for name, signal in description.signals.items()}
     _check_time(entry.file, columns, values["time"])
     _check_duty(entry.file, values)
+    outputs = {name: value for name, value in values.items() if SIGNALS[name].kind == "output"}
     return Run(
         name=entry.name,
         file=entry.file,
         role=entry.role,
         time=values["time"],
         inputs={name: value for name, value in values.items() if SIGNALS[name].kind == "input"},
-        outputs={name: value for name, value in values.items() if SIGNALS[name].kind == "output"},
+        outputs=outputs,
+        raw_outputs=outputs,
         gap_s=entry.gap_s,
         replicate_of=entry.replicate_of,
         initial=entry.initial,
     )
+
+
+def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
+    """The runs with their damaged samples blanked, the faults, and what to say of them."""
+    records = [Record(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
+    found = audit(records, description.signals, description.frame)
+    for outputs in found.outputs.values():
+        for values in outputs.values():
+            values.setflags(write=False)
+    return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
 
 
 def _to_si(file: Path, columns: Columns, description: Description, signal: Signal) -> Vector:
@@ -188,6 +211,14 @@ def _to_si(file: Path, columns: Columns, description: Description, signal: Signa
     if beyond.any():
         line = columns.lines[int(np.argmax(beyond))]
         raise InputError("is beyond any number", file=file, line=line, field=f"{signal.name} (column {signal.column})")
+    limit = SIGNALS[signal.name].largest
+    with np.errstate(invalid="ignore"):
+        beyond = np.abs(values) > limit
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        message = f"{values[row]:.4g} {SIGNALS[signal.name].unit} is beyond what is physical, {limit:g}"
+        place = f"{signal.name} (column {signal.column})"
+        raise InputError(message, file=file, line=columns.lines[row], field=place)
     values = np.asarray(to_frd(signal.name, values, description.frame), dtype=np.float64)
     values.setflags(write=False)
     return values
@@ -204,6 +235,9 @@ def _check_time(file: Path, columns: Columns, time: Vector) -> None:
         row = int(np.argmax(stuck)) + 1
         message = f"does not increase: {time[row]:.9g} s after {time[row - 1]:.9g} s"
         raise InputError(message, file=file, line=columns.lines[row], field="time")
+    if (span := float(time[-1] - time[0])) > _LONGEST_RUN_S:
+        message = f"a run of {span:.4g} s is longer than {_LONGEST_RUN_S:g} s; is the unit of time right?"
+        raise InputError(message, file=file, line=columns.lines[-1], field="time")
 
 
 def _check_duty(file: Path, values: Mapping[str, Vector]) -> None:

@@ -24,6 +24,9 @@ RESERVED_EFFECTS = frozenset({
 """Names whose meaning is fixed although the plant may not simulate them yet: a data set may state them."""
 
 _LARGE = 1e12
+_FINEST_SD = 1e-15
+_FINEST_SHARE = 1e-9  # of the value: nothing on a bench is known better
+_WIDEST_SD = 1e9
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,8 @@ def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, uni
     sd = toml.number((*key, "sd"), entry["sd"], -_LARGE, _LARGE, unit)
     if sd <= 0.0:
         toml.refuse((*key, "sd"), f"{sd:g} is not above zero")
+    if not max(_FINEST_SD, _FINEST_SHARE * abs(value)) <= sd <= min(high - low, _WIDEST_SD):
+        toml.refuse((*key, "sd"), f"{sd:g} is no believable uncertainty of {value:g} {unit}".rstrip())
     return Nominal(value, sd)
 
 
@@ -100,5 +105,8 @@ def _check_drive(toml: TomlFile, nominal: Mapping[str, Nominal], vehicle: Vehicl
     closed = [name for name in nominal if name in {"force_per_volt", "torque_per_volt"}]
     if closed and vehicle != "motor":
         toml.refuse(("nominal", closed[0]), f"belongs to a motor, not to a {vehicle}")
+    for name in closed:
+        if nominal[name].value == 0.0:
+            toml.refuse(("nominal", name), "is 0: leave it out of a motor that is driven by voltage")
     if len(closed) > 1:
         toml.refuse(("nominal", closed[1]), f"conflicts with {closed[0]}: the drive commands one or the other")

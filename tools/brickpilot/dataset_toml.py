@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ _TIME = {"column", "unit", "scale", "offset"}
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
 _LONGEST_GAP_S = 1e8
+_SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def describe(path: Path) -> Description:
     gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
     runs = _runs(toml, vehicle, frame, gap_s)
     return Description(
-        name=toml.text(("name",), data["name"]),
+        name=toml.file_name(("name",), data["name"]),
         vehicle=vehicle,
         frame=frame,
         layout=layout,
@@ -191,18 +191,27 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     scale = _number(toml, (*key, "scale"), entry.get("scale", 1.0))
     if scale == 0.0 or (name == "time" and scale < 0.0):
         toml.refuse((*key, "scale"), f"{scale:g} cannot scale a column")
-    noise_sd = _positive(toml, (*key, "noise_sd"), entry["noise_sd"]) * factor if "noise_sd" in entry else None
-    resolution = _positive(toml, (*key, "resolution"), entry["resolution"]) * factor if "resolution" in entry else None
+    sizes = {size: _size(toml, name, size, entry[size], factor) for size in ("noise_sd", "resolution") if size in entry}
     return Signal(
         name=name,
         column=entry["column"],
         unit=unit,
         scale=scale,
         offset=_number(toml, (*key, "offset"), entry.get("offset", 0.0)),
-        noise_sd=noise_sd,
-        resolution=resolution,
+        noise_sd=sizes.get("noise_sd"),
+        resolution=sizes.get("resolution"),
         range=_range(toml, name, entry["range"], factor, frame) if "range" in entry else None,
     )
+
+
+def _size(toml: TomlFile, name: str, size: str, value: object, factor: float) -> float:
+    """A noise_sd or a resolution, SI."""
+    key = ("signals", name, size)
+    number = _positive(toml, key, value) * factor
+    if not _SMALLEST_SIZE <= number <= SIGNALS[name].largest:
+        limits = f"{_SMALLEST_SIZE:g}..{SIGNALS[name].largest:g} {SIGNALS[name].unit}"
+        toml.refuse(key, f"{number:g} is outside what is physical, {limits}")
+    return number
 
 
 def _range(toml: TomlFile, name: str, value: object, factor: float, frame: Frame) -> tuple[float, float]:
@@ -251,9 +260,7 @@ def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, fram
     for needed in ("name", "file"):
         if needed not in entry:
             toml.refuse(key, f"{needed} is missing")
-    name = toml.text((*key, "name"), entry["name"])
-    if re.search(r"[/\\]", name) or name in {".", ".."}:
-        toml.refuse((*key, "name"), f"{name!r} cannot name a file")
+    name = toml.file_name((*key, "name"), entry["name"])
     role = cast(Role, toml.choice((*key, "role"), entry["role"], ("fit", "held_out"))) if "role" in entry else None
     replicate_of = toml.text((*key, "replicate_of"), entry["replicate_of"]) if "replicate_of" in entry else None
     return RunEntry(

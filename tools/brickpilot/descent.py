@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.output_error import OutputError
-from brickpilot.plant import SimulationError
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
@@ -97,7 +96,7 @@ def _visible_sizes(problem: OutputError, base: Array, index: int) -> list[float]
     points[:, index] = [one.to_coordinate(float(size)) for size in sizes]
     moved = problem.predict([problem.plan.at(point) for point in points])
     changes = np.sqrt(np.mean(((moved - moved[0]) / problem.signal_size()) ** 2, axis=1))
-    logs = np.log(np.maximum(changes, 1e-12))
+    logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
     return [float(sizes[int(np.argmin(np.abs(logs - np.log(share))))]) for share in VISIBLE]
 
 
@@ -124,10 +123,8 @@ def _follow(problem: OutputError, named: list[tuple[str, Array]], count: Counter
 
 
 def _cost(problem: OutputError, point: Array) -> float:
-    try:
-        return float(np.sum(problem.residual(point) ** 2) / 2)
-    except SimulationError:
-        return float("inf")
+    cost = float(np.sum(problem.residual(point) ** 2) / 2)
+    return cost if np.isfinite(cost) else float("inf")
 
 
 def _bounds(problem: OutputError) -> tuple[Array, Array]:
@@ -136,10 +133,18 @@ def _bounds(problem: OutputError) -> tuple[Array, Array]:
 
 
 def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
-    """The end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999)."""
+    """The end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
+
+    A step to where the plant diverges is taken back and shortened.
+
+    Raises:
+        SimulationError: the plant diverges at `point` itself.
+    """
     low, high = _bounds(problem)
     margin = 1e-9 * (high - low)
     inside = np.clip(point, low + margin, high - margin)
+    if not np.isfinite(_cost(problem, inside)):
+        raise SimulationError("the plant diverges where the fit was to go on")
     found = least_squares(
         problem.residual,
         inside,

@@ -1,8 +1,22 @@
-"""The one error a user can cause."""
+"""What can go wrong, and whose fault it is."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+
+class SimulationError(Exception):
+    """A run that could not be simulated to its end. The CLI prints it in one line and exits 1.
+
+    Args:
+        job: index of the run among those asked for.
+        status: BP_E_ code of the plant.
+    """
+
+    def __init__(self, message: str, job: int | None = None, status: int | None = None) -> None:
+        super().__init__(message)
+        self.job = job
+        self.status = status
 
 
 class InputError(Exception):

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import plant
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.ils import signal_error
-from brickpilot.model import Model
-from brickpilot.plant import PROFILE_CODES, SimulationError
+from brickpilot.model import RCX, Model
+from brickpilot.plant import PROFILE_CODES
 from brickpilot.scenario import SENSORS, Scenario
+from brickpilot.tomlfile import TomlFile
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ class Plan:
     seed: int
     steps: int
     start_step: int
-    cruise: float  # m/s; 0: the firmware's preset
+    cruise: float  # m/s
     motor_step: float = 0.0
 
 
@@ -77,8 +78,13 @@ def plan(
         seed=seed if seed is not None else (scenario.seed or 0),
         steps=round(scenario.duration / STEP_S),
         start_step=round(start_at / STEP_S),
-        cruise=scenario.cruise.get(profile, 0.0),
+        cruise=scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile),
     )
+
+
+def preset_cruise(profile: str) -> float:
+    """The firmware's own cruise speed, m/s: [controller.PROFILE] of the packaged rcx.toml."""
+    return float(TomlFile(RCX).data["controller"][profile]["cruise"]["value"])
 
 
 def _drive(plan: Plan) -> Array:

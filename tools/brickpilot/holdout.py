@@ -16,6 +16,12 @@ _STEP_SPREAD = 0.2
 # Of two motors' inputs, the smaller of sum and difference below this share of the larger: straight, or on the spot.
 _PURE = 0.3
 
+_GIVEN = {
+    frozenset({"fit"}): "The data set holds no run out.",
+    frozenset({"held_out"}): "The data set holds every run out.",
+    frozenset({"fit", "held_out"}): "The data set says which runs are held out.",
+}
+
 
 @dataclass(frozen=True)
 class Roles:
@@ -41,7 +47,7 @@ def assign(dataset: Dataset, inputs: Mapping[str, NDArray[np.float64]]) -> Roles
     """
     given = {run.name: run.role for run in dataset.runs if run.role is not None}
     if len(given) == len(dataset.runs):
-        return Roles(given, "The data set says which runs are held out.")
+        return Roles(given, _GIVEN[frozenset(given.values())])
     if "held_out" in given.values():
         chosen = {run.name: run.role or "fit" for run in dataset.runs}
         return Roles(chosen, "The data set says which runs are held out; its other runs are fitted.")

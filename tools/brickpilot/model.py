@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import tomlkit
 
 from brickpilot import plant
-from brickpilot.plant import ParameterInfo
+from brickpilot.errors import SimulationError
+from brickpilot.plant import OpenLoopRun, ParameterInfo
 from brickpilot.tomlfile import Key, TomlFile
 
 _TOP_KEYS = (
@@ -27,6 +29,9 @@ _TOP_KEYS = (
     "controller",
 )
 _ENTRY_KEYS = ("value", "unit", "basis")
+
+RCX = Path(__file__).parent / "models" / "rcx.toml"
+"""The packaged robot's file."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,18 @@ class Model:
 @cache
 def rcx() -> Model:
     """The packaged robot of the paper."""
-    return load(Path(__file__).parent / "models" / "rcx.toml")
+    return load(RCX)
+
+
+def output_names(model: Model) -> frozenset[str]:
+    """The signals that the plant gives for this vehicle: a current loop hides the current, a force has no angle.
+
+    Raises:
+        SimulationError: there is nothing to move, neither inertia nor mass.
+        InputError: a model the plant refuses.
+    """
+    standing = OpenLoopRun(time=np.zeros(1), inputs=np.zeros((1, 1 if model.vehicle == "motor" else 2)))
+    return frozenset(plant.simulate([(model, standing)])[0].outputs)
 
 
 def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, absent: bool = False) -> tuple[float, str]:
@@ -106,7 +122,8 @@ def load(path: Path | str) -> Model:
     """Reads a model file. Parameters it leaves out get the presets of `plant.presets`.
 
     Raises:
-        InputError: naming file, line and field: not TOML, an unknown key, unit or effect, a value outside its range.
+        InputError: naming file, line and field: not TOML, an unknown key, unit or effect, a value outside its range, a
+            motor with nothing to move.
     """
     toml = TomlFile(Path(path))
     toml.known_keys((), toml.data, _TOP_KEYS)
@@ -115,7 +132,7 @@ def load(path: Path | str) -> Model:
             toml.refuse((key,), "is missing")
     basis: dict[str, str] = {}
     vehicle = toml.choice(("vehicle",), toml.data["vehicle"], plant.VEHICLE_CODES)
-    return Model(
+    model = Model(
         name=toml.text(("name",), toml.data["name"]),
         vehicle=vehicle,
         profile=toml.choice(("profile",), toml.data["profile"], plant.PROFILE_CODES),
@@ -123,6 +140,21 @@ def load(path: Path | str) -> Model:
         effects=_effects(toml, basis),
         basis=basis,
     )
+    _check_load(toml, model)
+    return model
+
+
+def _check_load(toml: TomlFile, model: Model) -> None:
+    """Refuses a motor with nothing to move. The plant decides; which line is to blame depends on what drives."""
+    try:
+        output_names(model)
+    except SimulationError:
+        given = toml.data.get("parameters", {})
+        if model.parameters["force_per_volt"] > 0:
+            to_blame, message = "mass", "a motor whose input commands a force needs a mass above 0"
+        else:
+            to_blame, message = "wheel_inertia", "0 leaves nothing to move without a mass at a wheel_radius"
+        toml.refuse(("parameters", to_blame if to_blame in given else "force_per_volt"), message)
 
 
 def _entry(value: float, unit: str, basis: str | None) -> tomlkit.items.InlineTable:

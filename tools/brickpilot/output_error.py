@@ -9,16 +9,17 @@ on measured data it is the model's error, not the noise, that says how well a si
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.dataset import Dataset, Run
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.model import Model
 from brickpilot.parameters import Plan
-from brickpilot.replay import RATE_OF, SUMMED, Replay, is_judged, measured_rates
+from brickpilot.replay import RATE_OF, SUMMED, Replay, judged, measured_rates
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ _BEND = 2.0
 _STEP = 1e-4
 _ANCHOR_SD = 30.0  # in coordinates: keeps what the data leave open from wandering, and outweighs nothing they say
 _FIRST_SCALE = 0.2  # of the signal's rms: before any residual is known
+_NOTHING = 1e-30  # SI: a signal whose rms is less is taken for zero
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class OutputError:
     Args:
         runs: names of the runs that are fitted.
 
+    Where the plant diverges the residual is NaN, and its derivative 0 where only the neighbouring value does.
+
+    Raises:
+        InputError: the fitted runs hold nothing that the model gives.
+
     `holds_priors`: False while the size of the residual is not known. A prior would else be kept by taking the gap it
     leaves for the model's error.
     """
@@ -70,8 +77,13 @@ class OutputError:
         self._cache: tuple[bytes, Array] | None = None
 
     def predict(self, models: Sequence[Model]) -> Array:
-        """(models, samples): what each model gives where something was measured."""
-        outputs = self._replay.simulate(models, last=self._last, threads=self._threads)
+        """(models, samples): what each model gives where something was measured; NaN where it diverges in any run."""
+        try:
+            outputs = self._replay.simulate(models, last=self._last, threads=self._threads)
+        except SimulationError:
+            if len(models) > 1:
+                return np.vstack([self.predict([model]) for model in models])
+            return np.full((1, len(self.measured)), np.nan)
         return np.array([np.concatenate([one[b.run][b.signal][b.known] for b in self.blocks]) for one in outputs])
 
     def residual(self, point: Array) -> Array:
@@ -91,7 +103,7 @@ class OutputError:
         steps = [self._inward(point, index) for index in range(len(point))]
         moved = self.predict([self.plan.at(point + step) for step in steps])
         sizes = np.array([step.sum() for step in steps])
-        return np.asarray(((moved - self._simulated(point)) / sizes[:, np.newaxis]).T)
+        return finite(((moved - self._simulated(point)) / sizes[:, np.newaxis]).T)
 
     def rescale(self, point: Array) -> None:
         """Weighs each signal by what is left of it at `point`."""
@@ -189,7 +201,8 @@ class OutputError:
     def _rms(self, signal: str) -> float:
         parts = [self.measured[block.place] for block in self.blocks if block.signal == signal]
         moved = [part - part[0] if signal in SUMMED else part for part in parts]
-        return float(np.sqrt(np.mean(np.concatenate(moved) ** 2))) or 1.0
+        rms = float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
+        return rms if rms > _NOTHING else 1.0
 
     def _first_scale(self, signal: str) -> Scale:
         description = self._replay.dataset.signals.get(signal)
@@ -199,6 +212,11 @@ class OutputError:
         if description is not None and description.resolution:
             noise = max(noise, description.resolution / 12**0.5)
         return Scale(max(noise, _FIRST_SCALE * self._rms(signal)), 1.0, noise)
+
+
+def finite(slopes: Array) -> Array:
+    """`slopes` with 0 where the plant diverged."""
+    return np.where(np.isfinite(slopes), slopes, 0.0)
 
 
 def noise_sd(values: Array) -> float:
@@ -243,40 +261,40 @@ def _robust_size(error: Array) -> float:
 
 
 def _blocks(dataset: Dataset, model: Model, fitted: set[str]) -> tuple[list[Block], list[str]]:
+    names, _ = judged(dataset, model)
     blocks, notes, start = [], [], 0
     for run in dataset.runs:
         if run.name not in fitted:
             continue
         rates = measured_rates(run)
-        for signal, measured in _judged(run, model).items():
-            if _frozen(signal, measured, rates):
-                notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
-                continue
+        for signal, measured in _fitted_signals(run, names, rates).items():
             known = np.isfinite(measured)
             count = int(np.count_nonzero(known))
-            if count > 1:
-                blocks.append(Block(run.name, signal, slice(start, start + count), known, measured))
-                start += count
+            if count < 2:
+                continue
+            if _frozen(measured[known], rates.get(RATE_OF.get(signal, ""))):
+                notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
+                continue
+            blocks.append(Block(run.name, signal, slice(start, start + count), known, measured))
+            start += count
+    if not blocks:
+        raise InputError("nothing measured to judge in the runs that are fitted", file=dataset.path, field="signals")
     return blocks, notes
 
 
-def _judged(run: Run, model: Model) -> dict[str, Array]:
-    """What is fitted: what was measured, but of a motor's position alone its velocity.
+def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) -> dict[str, Array]:
+    """What was measured and is judged, but of a motor's position alone its velocity.
 
     A position sums the velocity's error up while the run lasts: the same data, with an error that never settles.
     """
-    judged = {name: values for name, values in run.outputs.items() if is_judged(name, run.outputs, model)}
+    fitted = {name: run.outputs[name] for name in names if name in run.outputs}
     for summed, rate in RATE_OF.items():
-        if summed in judged and rate not in judged:
-            del judged[summed]
-            judged[rate] = measured_rates(run)[rate]
-    return judged
+        if summed in fitted and rate not in fitted:
+            del fitted[summed]
+            fitted[rate] = rates[rate]
+    return fitted
 
 
-def _frozen(signal: str, measured: Array, rates: dict[str, Array]) -> bool:
-    rate = rates.get(RATE_OF.get(signal, ""))
-    return (
-        rate is not None
-        and float(np.nanmax(np.abs(rate))) > 0
-        and float(np.nanmax(measured) - np.nanmin(measured)) == 0
-    )
+def _frozen(known: Array, rate: Array | None) -> bool:
+    """Whether `known` stands still while the rate that was measured beside it does not."""
+    return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))

@@ -26,6 +26,9 @@ _ZERO = frozenset({"drag_area", "inductance"})
 WIDE_SD = 3.0
 """Of a parameter nobody said anything about, in its logarithm: a factor of e^3 = 20 each way. For intervals alone."""
 
+# An sd below this share of the value says that it is known; a prior so narrow would be all that a fit sees.
+_EXACT = 1e-6
+
 # A parameter that may be zero moves in its logarithm too; this far below its natural size it has no effect.
 _FLOOR = 1e-9
 
@@ -106,9 +109,10 @@ def with_values(model: Model, values: Mapping[str, float]) -> Model:
 def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] = ()) -> Plan:
     """Decides what is fitted.
 
-    A plain value of [nominal] is fixed; {value, sd} is fitted with that prior; what is absent and enters this vehicle's
-    equations is fitted with a wide one. `effects` are switched on with all their parameters free. `free` names nominal
-    parameters to be fitted although the data set gives them as plain values.
+    A plain value of [nominal] is fixed, and so is {value, sd} with an sd below 1e-6 of the value; else {value, sd} is
+    fitted with that prior. What is absent and enters this vehicle's equations is fitted with a wide one. `effects` are
+    switched on with all their parameters free. `free` names nominal parameters to be fitted although the data set gives
+    them as plain values.
 
     Raises:
         InputError: an effect or a name in `free` that the plant does not know or that cannot be fitted.
@@ -135,12 +139,12 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     chosen = [
         Free(n, info, dataset.nominal.get(n))
         for n, info in infos.items()
-        if n in entering and _is_free(n, model, dataset, free)
+        if n in entering and _is_free(info, model, dataset, free)
     ]
     for name in tables:
         for info in effect_infos[name].parameters:
             known = stated.get(name, {}).get(info.name)
-            if known is None or known.sd is not None:
+            if known is None or _is_open(known, info):
                 chosen.append(Free(f"{name}.{info.name}", info, known))
     return Plan(model, tuple(chosen), _notes(dataset, model, entering))
 
@@ -148,19 +152,26 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 def _absent_values(dataset: Dataset, infos: Mapping[str, ParameterInfo]) -> dict[str, float]:
     """A vehicle nobody said anything about. A motor has one load: a mass where force drives it, else an inertia."""
     values = plant.presets(dataset.vehicle) | dict.fromkeys(_ZERO, 0.0)
-    if "force_per_volt" in dataset.nominal:
+    if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:
         values |= {"mass": infos["mass"].preset, "wheel_inertia": 0.0}
     elif dataset.vehicle == "motor" and {"position", "velocity", "force"} & dataset.signals.keys():
         values["wheel_radius"] = infos["wheel_radius"].preset
     return values
 
 
-def _is_free(name: str, model: Model, dataset: Dataset, asked: Sequence[str]) -> bool:
+def _is_open(known: Nominal, info: ParameterInfo) -> bool:
+    """Whether a stated value is known with an sd that leaves a fit something to do."""
+    size = abs(known.value) or abs(info.preset) or 1.0
+    return known.sd is not None and known.sd > _EXACT * size
+
+
+def _is_free(info: ParameterInfo, model: Model, dataset: Dataset, asked: Sequence[str]) -> bool:
+    name = info.name
     if name in asked:
         return True
     known = dataset.nominal.get(name)
     if known is not None:
-        return known.sd is not None
+        return _is_open(known, info)
     if name == "inductance":
         return any(signal.startswith("current") for signal in dataset.signals)
     return name not in _FIXED and name != "battery_voltage" and model.parameters[name] != 0
@@ -175,15 +186,21 @@ def _notes(dataset: Dataset, model: Model, entering: set[str]) -> tuple[str, ...
     return tuple(notes)
 
 
+def _beside(value: float, info: ParameterInfo) -> float:
+    """Another value, a tenth away, that is physical too."""
+    larger = 1.1 * value or 0.1 * info.preset
+    return larger if larger <= info.maximum else 0.9 * value
+
+
 def _entering(model: Model, dataset: Dataset) -> set[str]:
     """The nominal parameters that change anything measured, in a short lopsided manoeuvre of such a vehicle."""
     time = np.linspace(0.0, 0.3, 31)
     inputs = np.tile(np.array([[3.0, 1.0]])[:, : 1 if model.vehicle == "motor" else 2], (len(time), 1))
     base = dataclasses.replace(model, effects={})
     names = {
-        info.name: 1.1 * base.parameters[info.name] or 0.1 * info.preset
+        info.name: _beside(base.parameters[info.name], info)
         for info in plant.parameters()
-        if info.name not in _FIXED
+        if info.name not in _FIXED or info.name in dataset.nominal
     }
     changed = [with_values(base, {name: value}) for name, value in names.items()]
     run = OpenLoopRun(time=time, inputs=inputs)

@@ -12,7 +12,7 @@ import numpy as np
 from cffi import FFI
 from numpy.typing import NDArray
 
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
     from brickpilot.model import Model
@@ -28,20 +28,6 @@ _TROUBLE = {
     -4: "the time of the samples does not increase",
     -5: "the state grew beyond all bounds",
 }
-
-
-class SimulationError(Exception):
-    """A run that could not be simulated to its end.
-
-    Args:
-        job: index of the run among those asked for.
-        status: BP_E_ code of the plant.
-    """
-
-    def __init__(self, message: str, job: int | None = None, status: int | None = None) -> None:
-        super().__init__(message)
-        self.job = job
-        self.status = status
 
 
 @dataclass(frozen=True)

@@ -74,17 +74,8 @@ def compare_page(comparison: Comparison) -> str:
         ]
         figures = [superimposed(run.name, name, trace) for name, trace in run.traces.items()]
         runs.append({"name": run.name, "role": _ROLES[run.role], "rows": rows, "figures": figures})
-    return (
-        environment()
-        .get_template("compare.html.j2")
-        .render(
-            title=f"{comparison.dataset}: measured and simulated",
-            comparison=comparison,
-            summary=summary,
-            runs=runs,
-            version=__version__,
-        )
-    )
+    title = f"{comparison.dataset}: measured and simulated"
+    return _page("compare", title, comparison=comparison, summary=summary, runs=runs)
 
 
 def calibrate_page(calibration: Calibration) -> str:
@@ -131,20 +122,20 @@ def calibrate_page(calibration: Calibration) -> str:
         }
         for name, s in calibration.scales.items()
     ]
-    return (
-        environment()
-        .get_template("calibrate.html.j2")
-        .render(
-            title=f"{calibration.dataset}: calibration",
-            calibration=calibration,
-            parameters=parameters,
-            combinations=combinations,
-            gaps=gaps,
-            scales=scales,
-            starts=[(start.name, f"{start.cost:.6g}") for start in calibration.starts],
-            version=__version__,
-        )
+    return _page(
+        "calibrate",
+        f"{calibration.dataset}: calibration",
+        calibration=calibration,
+        parameters=parameters,
+        combinations=combinations,
+        gaps=gaps,
+        scales=scales,
+        starts=[(start.name, f"{start.cost:.6g}") for start in calibration.starts],
     )
+
+
+def _page(template: str, title: str, **content: object) -> str:
+    return environment().get_template(f"{template}.html.j2").render(title=title, version=__version__, **content)
 
 
 def _number(value: float | None) -> str:

@@ -7,7 +7,7 @@ not measured starts at rest. Age and charge carry over from run to run in the fi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from brickpilot import plant
 from brickpilot.dataset import Dataset, Run, motor_inputs
-from brickpilot.model import Model
+from brickpilot.errors import InputError
+from brickpilot.model import Model, output_names
 from brickpilot.plant import OpenLoopRun, State
 
 Array = NDArray[np.float64]
@@ -30,6 +31,9 @@ RATE_OF = {"position": "velocity", "angle": "speed"}
 
 # A run whose first samples all move one way starts in motion.
 _START_SAMPLES = 9
+
+_LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
+_FINEST = 20  # interpolated samples per measured one, where the measured crowd
 
 
 class Replay:
@@ -80,18 +84,21 @@ class Replay:
     def windows(self, model: Model, window_s: float, *, threads: int = 2) -> dict[str, list[Window]]:
         """Open-loop stretches of `window_s` s by run name, each from the measured state; a rest at the end is left out.
 
-        For a motor. Its velocity is the zero-phase derivative of the position where it was not measured. Age is the
-        time since the first run began; charge is zero.
+        For a motor. Its velocity is the zero-phase derivative of the position where it was not measured; a window
+        that would start at a blank is left out. Age is the time since the first run began; charge is zero.
         """
+        given = output_names(model)
         stretches: list[tuple[str, slice]] = []
         batch: list[tuple[Model, OpenLoopRun]] = []
         age = 0.0
         for run in self.dataset.runs:
             age += run.gap_s
-            rates = measured_rates(run)
+            rates = {name: values for name, values in measured_rates(run).items() if name in given}
             for stretch in _stretches(run.time, window_s):
                 here = {name: float(values[stretch.start]) for name, values in run.outputs.items()}
                 here |= {name: float(values[stretch.start]) for name, values in rates.items()}
+                if not all(np.isfinite(here[name]) for name in rates):
+                    continue
                 start = _state(
                     here, self.dataset.vehicle, model, age=age + float(run.time[stretch.start] - run.time[0])
                 )
@@ -116,11 +123,39 @@ class Replay:
         )
 
 
-def is_judged(signal: str, outputs: Outputs, model: Model) -> bool:
+def is_judged(signal: str, outputs: Container[str], model: Model) -> bool:
     """Whether the model says something of a measured signal. The battery is what drives, unless an effect loads it."""
     if signal != "battery_voltage":
         return signal in outputs
     return any(effect.acts_on == "supply" and effect.name in model.effects for effect in plant.effects())
+
+
+def judged(dataset: Dataset, model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the measured signals that the model says something of, and a note on those it does not.
+
+    Raises:
+        InputError: there is none, or all its samples are blank, or one is too large to be a measurement.
+    """
+    given = output_names(model)
+    measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)
+    names = tuple(name for name in measured if is_judged(name, given, model))
+    largest = -1.0
+    for run in dataset.runs:
+        for name in names:
+            known = np.abs(run.outputs[name][np.isfinite(run.outputs[name])])
+            largest = max(largest, float(known.max(initial=-1.0)))
+            if largest > _LARGEST:
+                raise InputError(f"{largest:g} is no measurement", file=run.file, field=name)
+    silent = [name for name in measured if name not in given]
+    if largest < 0:
+        beside = f"; {', '.join(silent)}: not given for this vehicle" if silent else ""
+        raise InputError(
+            f"nothing measured to judge: no signal that the model gives has a value{beside}",
+            file=dataset.path,
+            field="signals",
+        )
+    notes = (f"Not judged, as the model of this vehicle does not give it: {', '.join(silent)}.",) if silent else ()
+    return names, notes
 
 
 @dataclass(frozen=True)
@@ -162,8 +197,12 @@ def _state(measured: Mapping[str, float], vehicle: str, model: Model, *, age: fl
         return next((known[name] * scale for name, scale in names_and_scales if name in known), None)
 
     if vehicle == "motor":
-        speed = first(("speed", 1.0), ("velocity", 1.0)) or 0.0
-        angle = first(("angle", 1.0), ("position", 1.0)) or 0.0
+        if model.parameters.get("force_per_volt", 0.0) > 0:  # the plant's speed and angle are in m/s and m
+            speed, angle = known.get("velocity", 0.0), known.get("position", 0.0)
+        else:
+            per = 1 / (model.parameters.get("wheel_radius") or np.inf)
+            speed = first(("speed", 1.0), ("velocity", per)) or 0.0
+            angle = first(("angle", 1.0), ("position", per)) or 0.0
         return State(
             wheel_speed=(speed, 0.0), wheel_angle=(angle, 0.0), current=(known.get("current", 0.0), 0.0), age=age
         )
@@ -201,13 +240,14 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     """The derivative of `values` without delay: Savitzky & Golay 1964, cubic over 21 samples of the median step.
 
     Irregular samples are first put on that step by linear interpolation. Same length as `values`; NaN where those are.
+    The step is never below a twentieth of the mean one, however the samples crowd.
     """
     from scipy.signal import savgol_filter
 
     known = np.isfinite(values)
     if known.sum() < 4:
         return np.full_like(values, np.nan)
-    step = float(np.median(np.diff(time)))
+    step = max(float(np.median(np.diff(time))), float(time[-1] - time[0]) / (_FINEST * len(time)))
     even = np.arange(time[0], time[-1] + step / 2, step)
     window = min(21, (len(even) - 1) // 2 * 2 + 1)
     if window < 4:
@@ -218,5 +258,6 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
 
 def _stretches(time: Array, window_s: float) -> list[slice]:
     """Windows of `window_s` s that share their end samples, so that each interval of time is in one of them."""
-    edges = np.searchsorted(time, np.arange(time[0], time[-1], window_s))
-    return [slice(int(a), int(b) + 1) for a, b in pairwise(edges) if b > a]
+    number = np.floor((time - time[0]) / window_s + 1e-9)
+    edges = [0, *(np.flatnonzero(np.diff(number)) + 1)]
+    return [slice(int(a), int(b) + 1) for a, b in pairwise(edges)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,19 +17,20 @@ from brickpilot.flight import Flight
 
 
 @contextmanager
-def fresh_folder(out: Path, mark: str) -> Iterator[Path]:
+def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
     """Yields an empty folder beside `out` and renames it to `out` at the end; on an error nothing is left.
 
-    An older `out` is replaced only where it holds a file named `mark`, which a command like this one wrote.
+    An older `out` is replaced only where it holds nothing but `files`, the ones that this command writes.
 
     Raises:
-        InputError: `out` is a file, or a folder with anything else in it.
+        InputError: `out` is no folder, or one with anything else in it, or cannot be written.
     """
-    if out.exists() and not out.is_dir():
-        raise InputError("is a file, a folder is to be written there", file=out)
-    if out.is_dir() and any(out.iterdir()) and not (out / mark).is_file():
-        raise InputError(f"is a folder with other things in it (no {mark}); name an empty or a new one", file=out)
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError("is not a folder, and one is to be written there", file=out)
     try:
+        others = sorted({path.name for path in out.iterdir()} - set(files)) if out.is_dir() else []
+        if others:
+            raise InputError(f"holds other things, such as {others[0]}; name an empty or a new folder", file=out)
         out.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
@@ -54,8 +55,8 @@ def write_log(flight: Flight, path: Path) -> None:
 
 
 def write(flight: Flight, figures: dict[str, Any], page: str, out: Path) -> None:
-    """Writes `log.csv`, `summary.json` and `report.html` into `out`."""
-    with fresh_folder(out, "summary.json") as folder:
+    """Writes `log.csv`, `summary.json` and `report.html` into `out`; errors as `fresh_folder`."""
+    with fresh_folder(out, {"log.csv", "summary.json", "report.html"}) as folder:
         write_log(flight, folder / "log.csv")
         (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n")
         (folder / "report.html").write_text(page, encoding="utf-8")

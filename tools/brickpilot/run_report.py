@@ -147,8 +147,8 @@ def rim_speed(flight: Flight) -> float:
     return flight.plan.model.parameters["wheel_radius"] * float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))
 
 
-def page(flight: Flight, figures: dict[str, Any]) -> str:
-    """The whole page as HTML, self-contained: no script, no font and no picture from anywhere else."""
+def page(flight: Flight, figures: dict[str, Any], command: str) -> str:
+    """The whole page as HTML, self-contained; `command` is what made it."""
     mission = flight.plan.scenario.kind == "mission"
     return (
         environment()
@@ -165,6 +165,8 @@ def page(flight: Flight, figures: dict[str, Any]) -> str:
             inside=inside(flight) if mission else None,
             rim_speed=rim_speed(flight),
             effects=flight.plan.model.effects,
+            packaged=flight.plan.scenario.packaged,
+            command=command,
             version=__version__,
         )
     )

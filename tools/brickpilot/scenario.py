@@ -5,6 +5,7 @@ A mission gives the autopilot waypoints; a manoeuvre drives the motors by a sche
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -57,6 +58,7 @@ class Scenario:
         default_factory=dict
     )  # the plant's, where it differs from the controller's belief
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    packaged: bool = False  # comes with the package
 
 
 def packaged() -> dict[str, Path]:
@@ -101,7 +103,7 @@ def load(path: Path) -> Scenario:
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63):
         toml.refuse(("seed",), f"{seed!r} is not a whole number from 0 to 2^63 - 1")
     return Scenario(
-        name=toml.text(("name",), data["name"]),
+        name=toml.file_name(("name",), data["name"]),
         title=toml.text(("title",), data.get("title", data["name"])),
         kind=kind,
         duration=duration,
@@ -116,6 +118,7 @@ def load(path: Path) -> Scenario:
         seed=seed,
         parameters=_parameters(toml, data.get("parameters", {})),
         effects=_effects(toml, data.get("effects", {})),
+        packaged=path in packaged().values(),
     )
 
 
@@ -131,7 +134,7 @@ def _start(toml: TomlFile, value: object) -> tuple[float, float, float]:
     toml.known_keys(("start",), table, {"x_m", "y_m", "heading_deg"})
     x, y = (toml.number(("start", key), table.get(key, 0), -30.0, 30.0, "m") for key in ("x_m", "y_m"))
     heading = toml.number(("start", "heading_deg"), table.get("heading_deg", 0), -360.0, 360.0, "deg")
-    return x, y, heading * 3.141592653589793 / 180.0
+    return x, y, math.radians(heading)
 
 
 def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
@@ -139,12 +142,15 @@ def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, fl
     for index, point in enumerate(points):
         if not isinstance(point, list) or len(point) != 2:
             toml.refuse(("waypoints_m", index), f"{point!r} is not a pair [x, y]")
-        if index and point == points[index - 1]:
-            toml.refuse(("waypoints_m", index), "is the same as the waypoint before it")
-    return tuple(
+    found = tuple(
         (toml.number(("waypoints_m", i), x, -30.0, 30.0, "m"), toml.number(("waypoints_m", i), y, -30.0, 30.0, "m"))
         for i, (x, y) in enumerate(points)
     )
+    millimetres = [(round(1000 * x), round(1000 * y)) for x, y in found]  # the firmware's unit
+    for index in range(1, len(found)):
+        if millimetres[index] == millimetres[index - 1]:
+            toml.refuse(("waypoints_m", index), "is the same as the waypoint before it, to the millimetre")
+    return found
 
 
 def _cruise(toml: TomlFile, value: object) -> dict[str, float]:

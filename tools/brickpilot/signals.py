@@ -17,10 +17,15 @@ TURNS_WITH_FRAME = frozenset({"accel_sway", "sway", "yaw_rate", "yaw_angle"})
 
 @dataclass(frozen=True)
 class SignalType:
-    """A known signal. ``unit`` is the SI unit in which the reader hands it out."""
+    """A known signal.
+
+    ``unit`` is the SI unit in which the reader hands it out, ``largest`` the magnitude in it beyond which a cell is
+    refused: far above any machine's and any sensor's, so that a single garbled reading stays a fault of the sensor.
+    """
 
     unit: str
     kind: Kind
+    largest: float
     vehicles: frozenset[Vehicle]
 
 
@@ -29,34 +34,34 @@ _DIFF: frozenset[Vehicle] = frozenset({"diff_drive"})
 _MOTOR: frozenset[Vehicle] = frozenset({"motor"})
 
 
-def _sides(name: str, unit: str, kind: Kind) -> dict[str, SignalType]:
-    return {f"{name}_{side}": SignalType(unit, kind, _DIFF) for side in ("left", "right")}
+def _sides(name: str, unit: str, kind: Kind, largest: float) -> dict[str, SignalType]:
+    return {f"{name}_{side}": SignalType(unit, kind, largest, _DIFF) for side in ("left", "right")}
 
 
 SIGNALS: dict[str, SignalType] = {
-    "time": SignalType("s", "time", _BOTH),
-    **_sides("voltage", "V", "input"),
-    **_sides("duty", "1", "input"),
-    "duty_mean": SignalType("1", "input", _DIFF),
-    "duty_diff": SignalType("1", "input", _DIFF),
-    "voltage": SignalType("V", "input", _MOTOR),
-    "duty": SignalType("1", "input", _MOTOR),
-    "accel_surge": SignalType("m/s^2", "output", _DIFF),
-    "accel_sway": SignalType("m/s^2", "output", _DIFF),
-    "yaw_rate": SignalType("rad/s", "output", _DIFF),
-    "yaw_angle": SignalType("rad", "output", _DIFF),
-    **_sides("wheel_speed", "rad/s", "output"),
-    **_sides("wheel_angle", "rad", "output"),
-    **_sides("wheel_travel", "m", "output"),
-    **_sides("wheel_velocity", "m/s", "output"),
-    **_sides("current", "A", "output"),
-    "battery_voltage": SignalType("V", "output", _BOTH),
-    "speed": SignalType("rad/s", "output", _MOTOR),
-    "angle": SignalType("rad", "output", _MOTOR),
-    "position": SignalType("m", "output", _MOTOR),
-    "velocity": SignalType("m/s", "output", _MOTOR),
-    "current": SignalType("A", "output", _MOTOR),
-    "force": SignalType("N", "output", _MOTOR),
+    "time": SignalType("s", "time", 1e11, _BOTH),
+    **_sides("voltage", "V", "input", 1e5),
+    **_sides("duty", "1", "input", 1e5),
+    "duty_mean": SignalType("1", "input", 1e5, _DIFF),
+    "duty_diff": SignalType("1", "input", 1e5, _DIFF),
+    "voltage": SignalType("V", "input", 1e5, _MOTOR),
+    "duty": SignalType("1", "input", 1e5, _MOTOR),
+    "accel_surge": SignalType("m/s^2", "output", 1e6, _DIFF),
+    "accel_sway": SignalType("m/s^2", "output", 1e6, _DIFF),
+    "yaw_rate": SignalType("rad/s", "output", 1e6, _DIFF),
+    "yaw_angle": SignalType("rad", "output", 1e9, _DIFF),
+    **_sides("wheel_speed", "rad/s", "output", 1e6),
+    **_sides("wheel_angle", "rad", "output", 1e9),
+    **_sides("wheel_travel", "m", "output", 1e9),
+    **_sides("wheel_velocity", "m/s", "output", 1e6),
+    **_sides("current", "A", "output", 1e6),
+    "battery_voltage": SignalType("V", "output", 1e5, _BOTH),
+    "speed": SignalType("rad/s", "output", 1e6, _MOTOR),
+    "angle": SignalType("rad", "output", 1e9, _MOTOR),
+    "position": SignalType("m", "output", 1e9, _MOTOR),
+    "velocity": SignalType("m/s", "output", 1e6, _MOTOR),
+    "current": SignalType("A", "output", 1e6, _MOTOR),
+    "force": SignalType("N", "output", 1e9, _MOTOR),
 }
 
 INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {

@@ -38,6 +38,8 @@ class TomlFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
+            if path.exists() and not path.is_file():
+                raise InputError("is no file", file=path)
             if path.stat().st_size > SIZE_LIMIT:
                 raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=path)
             text = path.read_bytes().decode("utf-8")
@@ -120,6 +122,13 @@ class TomlFile:
         if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 200:
             self.refuse(key, "needs a text of 1 to 200 printable characters")
         return value
+
+    def file_name(self, key: Key, value: object) -> str:
+        """`value` as a text that may become a part of a file's name, or a refusal."""
+        name = self.text(key, value)
+        if name.startswith(".") or set(name) & set("/\\"):
+            self.refuse(key, f"{name!r} cannot be a part of a file's name")
+        return name
 
     def choice(self, key: Key, value: object, known: Iterable[str]) -> str:
         """`value` as one of `known`, or a refusal that lists them."""

@@ -16,7 +16,7 @@ from scipy.stats import t as student_t
 
 from brickpilot.combinations import FORMULAS, Formula
 from brickpilot.model import Model
-from brickpilot.output_error import OutputError
+from brickpilot.output_error import OutputError, finite
 from brickpilot.parameters import WIDE_SD, Free, value_of, with_values
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: A
     inward = np.where(values + steps <= [one.info.maximum for one in free], steps, -steps)
     moved = [with_values(model, {one.name: float(v + h)}) for one, v, h in zip(free, values, inward, strict=True)]
     predicted = problem.predict([model, *moved])
-    return np.asarray(((predicted[1:] - predicted[0]) / inward[:, np.newaxis]).T)
+    return finite(((predicted[1:] - predicted[0]) / inward[:, np.newaxis]).T)
 
 
 def _estimate(free: Free, value: float, sd: float, size: float, quantile: float, *, relative: bool) -> Estimate:

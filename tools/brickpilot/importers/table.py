@@ -11,6 +11,8 @@ from brickpilot.importers.mapping import parse_mapping, units_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
 from brickpilot.signals import Frame, Vehicle
 
+_SPELLINGS = {"tab": "\t", r"\t": "\t"}
+
 
 def import_table(
     files: Sequence[Path],
@@ -31,7 +33,7 @@ def import_table(
         out: the new folder.
         mapping: ``SIGNAL=COLUMN[:UNIT]``; a column is its number from 0, or its name where there is a header.
         vehicle, frame, nominal, name: as in a data set; the name is by default the folder's.
-        delimiter: one of `dataset_rows.DELIMITERS`.
+        delimiter: one of `dataset_rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab.
         header: whether the first line names the columns.
 
     Raises:
@@ -39,8 +41,10 @@ def import_table(
     """
     check_out(out)
     sources = parse_mapping(mapping)
+    delimiter = _SPELLINGS.get(delimiter, delimiter)
     if delimiter not in DELIMITERS:
-        raise InputError(f"{delimiter!r} is none of comma, semicolon, tab, blank and bar", field="--delimiter")
+        message = f"{delimiter!r} is none of comma, semicolon, tab (tab or \\t), blank and bar"
+        raise InputError(message, field="--delimiter")
     for signal, source in sources.items():
         if source.index is not None or not (header or (source.name.isascii() and source.name.isdigit())):
             raise InputError(f"{source.name} is no column number from 0", field=f"--map {signal}")
