@@ -1,9 +1,10 @@
 #include "app/loop.h"
 
 #include "app/telemetry.h"
+#include "core/fix.h"
 #include "hal.h"
 
-enum { STEP_MS = 3 };
+enum { STEP_MS = 3, LONGEST_MS = 20 };
 
 static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
 {
@@ -39,12 +40,6 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
     }
 }
 
-static void count(uint16_t *counter)
-{
-    if (*counter < 65535U)
-        (*counter)++;
-}
-
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
 {
     uint8_t record[TELEMETRY_SIZE];
@@ -74,12 +69,12 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
 
     state->clock_ms = now_ms;
     if (elapsed_ms >= 2 * STEP_MS)
-        count(&state->late_ticks);
+        state->late_ticks = fix_count_u16(state->late_ticks);
     if (elapsed_ms > config->watchdog_ms && state->step.mode.mode == MODE_RUN) {
-        count(&state->aborted_late);
+        state->aborted_late = fix_count_u16(state->aborted_late);
         command = MODE_ABORT;
     }
-    read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > 20 ? 20 : elapsed_ms));
+    read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
     step_run(&config->step, route, &state->step, &sensors, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
     send_telemetry(config, state);

@@ -10,7 +10,7 @@
 
 typedef struct {
     step_config_t step;
-    uint16_t watchdog_ms;    /* longest period that a run survives, 3..255 */
+    uint16_t watchdog_ms;    /* longest period that a run survives, 3..20 */
     uint8_t telemetry_every; /* a telemetry record goes to the link every so many ticks; 0: never */
 } loop_config_t;
 

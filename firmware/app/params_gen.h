@@ -87,7 +87,7 @@ static const loop_config_t PARAMS_COUPLED = {
         },
         .battery_nominal_mv = 9000,
     },
-    .watchdog_ms = 50,
+    .watchdog_ms = 20,
     .telemetry_every = 10,
 };
 
@@ -173,7 +173,7 @@ static const loop_config_t PARAMS_PAPER = {
         },
         .battery_nominal_mv = 9000,
     },
-    .watchdog_ms = 50,
+    .watchdog_ms = 20,
     .telemetry_every = 10,
 };
 

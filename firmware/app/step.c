@@ -21,8 +21,8 @@ static void estimate(const step_config_t *config, step_state_t *state, const sig
     pose_input_t moved;
     pose_output_t pose;
 
-    /* A late step is predicted over its whole length. */
-    for (uint8_t left_ms = sensors->period_ms; left_ms >= BODY_PERIOD_MS; left_ms = (uint8_t)(left_ms - BODY_PERIOD_MS))
+    state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
+    for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
         body_step(&config->model, &state->model, state->drive.left_mv, state->drive.right_mv);
 
     turned.sensors = sensors;

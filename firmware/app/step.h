@@ -1,9 +1,11 @@
 /* step.h: the pipeline, one control step: sensors -> estimator -> autopilot -> PIDs -> mixer. Pure: no HAL, no clock.
  *
  *   model      predicts from the voltages applied in the step before
- *   estimator  heading from the gyro, speed from the prediction and the sensors, pose by dead reckoning; a reference
- * overrides all autopilot  mode and line of sight: a speed and a heading to hold control    one PID each, eq. 21 mixer
- * two voltages, heading first, and their duty at this battery
+ *   estimator  heading from the gyro, speed from the prediction and the sensors, pose by dead reckoning;
+ *              a reference overrides all
+ *   autopilot  mode and line of sight: a speed and a heading to hold
+ *   control    one PID each, eq. 21
+ *   mixer      two voltages, heading first, and their duty at this battery
  */
 #ifndef BRICKPILOT_APP_STEP_H
 #define BRICKPILOT_APP_STEP_H
@@ -23,8 +25,7 @@ typedef struct {
     mode_config_t mode;
     pid_config_t speed_pid;
     pid_config_t heading_pid;
-    int16_t
-        feedforward_mv_q10; /* mV per 1/16 mm/s of speed demanded: what holds that speed on level ground; 0..32767 */
+    int16_t feedforward_mv_q10; /* mV per 1/16 mm/s demanded: what holds that speed on level ground; 0..32767 */
     mixer_config_t mixer;
     uint16_t battery_nominal_mv; /* counts where no battery reading is to be had */
 } step_config_t;
@@ -40,6 +41,7 @@ typedef struct {
     pid_state_t heading_pid;
     mixer_state_t mixer;
     signals_drive_t drive; /* what the motors get from this step on */
+    uint8_t ahead_ms;      /* of the model's next step, gone by already: 0..2 */
     uint16_t battery_mv;   /* the newest reading: what the duty was made for */
 } step_state_t;
 

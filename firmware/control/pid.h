@@ -37,9 +37,8 @@ typedef struct {
     int16_t error;          /* demand minus measurement, error units, any */
     int16_t rate;           /* of change of the measurement, rate units, any; 0 where unknown */
     int16_t feedforward_mv; /* any */
-    int8_t
-        saturated; /* the mixer's answer to the last output: 1 gave less than asked, -1 gave more, 0 gave it in full */
-    uint8_t period_ms; /* 1..20; beyond counts as 20 */
+    int8_t saturated;       /* the mixer's answer to the last output: 1 less than asked, -1 more, 0 in full */
+    uint8_t period_ms;      /* 1..20; beyond counts as 20 */
 } pid_input_t;
 
 typedef struct {

@@ -78,3 +78,24 @@ uint16_t fix_sqrt_u32(uint32_t value)
     }
     return (uint16_t)root;
 }
+
+int32_t fix_share_q15(int32_t value, int16_t factor_q15)
+{
+    const int32_t magnitude = fix_mul_q15((int32_t)fix_abs_u32(value), (int16_t)fix_abs_u16(factor_q15));
+    return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
+}
+
+int32_t fix_fraction(int32_t value, uint8_t bits)
+{
+    uint32_t magnitude = fix_abs_u32(value);
+    for (; bits > 0; bits--)
+        magnitude >>= 1;
+    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+uint16_t fix_round_bam16(uint32_t angle_bam32)
+{
+    const int32_t angle = (int32_t)angle_bam32;
+    const uint32_t magnitude = (fix_abs_u32(angle) + 32768U) >> 16;
+    return (uint16_t)(angle < 0 ? 0U - magnitude : magnitude);
+}

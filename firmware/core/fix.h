@@ -99,6 +99,15 @@ int32_t fix_mul_q16(int32_t a, int16_t b);
 /* (a * b) >> 15, saturated at +-(2^31 - 1); rounded towards minus infinity. */
 int32_t fix_mul_q15(int32_t a, int16_t b);
 
+/* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
+int32_t fix_share_q15(int32_t value, int16_t factor_q15);
+
+/* value / 2^bits rounded towards zero; bits 0..31. */
+int32_t fix_fraction(int32_t value, uint8_t bits);
+
+/* A 2^32th of a turn to the nearest 65536th, halves away from zero. */
+uint16_t fix_round_bam16(uint32_t angle_bam32);
+
 /* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. On the RCX 32 rounds of subtract and shift. */
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor);
 

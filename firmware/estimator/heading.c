@@ -12,15 +12,6 @@ static int32_t bam32_of(int32_t angle_urad_q9)
     return angle_urad_q9 < 0 ? -turned : turned;
 }
 
-/* value / 2^bits, rounded towards zero. */
-static int32_t fraction(int32_t value, uint8_t bits)
-{
-    uint32_t magnitude = fix_abs_u32(value);
-    for (; bits > 0; bits--)
-        magnitude >>= 1;
-    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
-}
-
 static bool moves(const heading_config_t *config, heading_state_t *state, const heading_input_t *input)
 {
     const signals_sensors_t *const sensors = input->sensors;
@@ -40,7 +31,7 @@ static void learn_block(const heading_config_t *config, heading_state_t *state)
     uint8_t bits = 0;
     for (uint8_t blocks = state->learnt_blocks; blocks > 0 && bits < config->slowest_weight_bits; blocks >>= 1)
         bits++;
-    const int32_t bias_q8 = state->bias_mrad_s_q8 + fraction(mean_q8 - state->bias_mrad_s_q8, bits);
+    const int32_t bias_q8 = state->bias_mrad_s_q8 + fix_fraction(mean_q8 - state->bias_mrad_s_q8, bits);
     state->bias_mrad_s_q8 = (int16_t)fix_clamp32(bias_q8, HEADING_BIAS_LIMIT_MRAD_S * 256L);
     if (state->learnt_blocks < 255)
         state->learnt_blocks++;
@@ -89,13 +80,6 @@ static int16_t integrate(heading_state_t *state, const heading_input_t *input)
     return round_q8((int32_t)rate * 256 - bias_q8);
 }
 
-static uint16_t round_bam16(uint32_t bam32)
-{
-    const int32_t angle = (int32_t)bam32;
-    const uint32_t magnitude = (fix_abs_u32(angle) + 32768U) >> 16;
-    return (uint16_t)(angle < 0 ? 0U - magnitude : magnitude);
-}
-
 void heading_step(const heading_config_t *config, heading_state_t *state, const heading_input_t *input,
                   heading_output_t *output)
 {
@@ -110,7 +94,7 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
         state->blind_ms = 0;
     else
         state->blind_ms = (uint16_t)fix_clamp32((int32_t)state->blind_ms + sensors->period_ms, 65000L);
-    output->heading_bam16 = round_bam16(state->heading_bam32);
+    output->heading_bam16 = fix_round_bam16(state->heading_bam32);
     output->at_rest = state->at_rest;
     output->bias_known = state->learnt_blocks > 0;
     output->valid = state->blind_ms <= config->blind_ms;

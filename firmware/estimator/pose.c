@@ -3,13 +3,6 @@
 #include "core/fix.h"
 #include "core/trig.h"
 
-/* value * factor / 32768, rounded towards zero. */
-static int32_t share(int32_t value, int16_t factor_q15)
-{
-    const int32_t magnitude = fix_mul_q15((int32_t)fix_abs_u32(value), (int16_t)fix_abs_u16(factor_q15));
-    return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
-}
-
 static uint16_t middle_bam16(uint16_t before_bam16, uint16_t after_bam16)
 {
     const int16_t turned = fix_angle_diff_bam16(after_bam16, before_bam16);
@@ -33,9 +26,9 @@ void pose_step(pose_state_t *state, const pose_input_t *input, pose_output_t *ou
     const int16_t cos_q15 = trig_cos_q15(along_bam16);
     const int16_t sin_q15 = trig_sin_q15(along_bam16);
     move_axis(&state->x_um, &state->x_rest_um_q5,
-              share(input->travel_um_q5, cos_q15) - share(input->sway_travel_um_q5, sin_q15));
+              fix_share_q15(input->travel_um_q5, cos_q15) - fix_share_q15(input->sway_travel_um_q5, sin_q15));
     move_axis(&state->y_um, &state->y_rest_um_q5,
-              share(input->travel_um_q5, sin_q15) + share(input->sway_travel_um_q5, cos_q15));
+              fix_share_q15(input->travel_um_q5, sin_q15) + fix_share_q15(input->sway_travel_um_q5, cos_q15));
     if (input->sensors->have & SENSOR_REFERENCE) {
         state->x_um = input->sensors->reference_x_um;
         state->y_um = input->sensors->reference_y_um;

@@ -18,26 +18,10 @@ static const int16_t PER_PERIOD_Q15[LONGEST_PERIOD_MS + 1] = {0,    32767, 16384
                                                               4681, 4096,  3641,  3277,  2979, 2731, 2521,
                                                               2341, 2185,  2048,  1928,  1820, 1725, 1638};
 
-/* value * factor / 32768, rounded towards zero. */
-static int32_t share(int32_t value, int16_t factor_q15)
-{
-    const int32_t magnitude = fix_mul_q15((int32_t)fix_abs_u32(value), factor_q15);
-    return value < 0 ? -magnitude : magnitude;
-}
-
-/* value / 2^bits, rounded towards zero. */
-static int32_t fraction(int32_t value, uint8_t bits)
-{
-    uint32_t magnitude = fix_abs_u32(value);
-    for (; bits > 0; bits--)
-        magnitude >>= 1;
-    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
-}
-
 /* value / 2^bits, rounded to the nearest. */
 static int16_t rounded(int32_t value, uint8_t bits)
 {
-    return fix_sat16(fraction(fraction(value, (uint8_t)(bits - 1)) + (value < 0 ? -1 : 1), 1));
+    return fix_sat16(fix_fraction(fix_fraction(value, (uint8_t)(bits - 1)) + (value < 0 ? -1 : 1), 1));
 }
 
 static int16_t to_q4(int32_t speed_mm_s_q17)
@@ -52,7 +36,7 @@ static void learn_bias(const speed_config_t *config, speed_state_t *state, int16
         bits++;
     const int32_t error_q12 = (int32_t)accel_mm_s2 * 4096 - state->accel_bias_mm_s2_q12;
     state->accel_bias_mm_s2_q12 =
-        fix_clamp32(state->accel_bias_mm_s2_q12 + fraction(error_q12, bits), BIAS_LIMIT_MM_S2_Q12);
+        fix_clamp32(state->accel_bias_mm_s2_q12 + fix_fraction(error_q12, bits), BIAS_LIMIT_MM_S2_Q12);
     if (state->learnt_steps < 65535U)
         state->learnt_steps++;
 }
@@ -62,10 +46,10 @@ static int32_t felt_change(const speed_state_t *state, const speed_input_t *inpu
 {
     const signals_sensors_t *const sensors = input->sensors;
     const int32_t turning_q4 =
-        share(fix_mul(to_q4(input->predicted_sway_mm_s_q17), input->yaw_rate_mrad_s), PER_1000_Q24);
+        fix_share_q15(fix_mul(to_q4(input->predicted_sway_mm_s_q17), input->yaw_rate_mrad_s), PER_1000_Q24);
     const int16_t accel_mm_s2 = fix_sat16(sensors->accel_surge_mm_s2 -
                                           (int32_t)rounded(state->accel_bias_mm_s2_q12, 12) + rounded(turning_q4, 13));
-    return share(fix_mul(accel_mm_s2, sensors->period_ms) * 256, Q17_PER_UM_S_Q8_Q15);
+    return fix_share_q15(fix_mul(accel_mm_s2, sensors->period_ms) * 256, Q17_PER_UM_S_Q8_Q15);
 }
 
 /* Travel of the vehicle's middle by the rotation sensors since the step before. */
@@ -91,13 +75,13 @@ static int32_t observe(const speed_config_t *config, speed_state_t *state, const
     if (sensors->have & SENSOR_ACCELEROMETER) {
         const int32_t predicted_change = fix_sub32(input->predicted_mm_s_q17, state->speed_mm_s_q17);
         const int32_t surprise = fix_sub32(felt_change(state, input), predicted_change);
-        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, share(surprise, config->accel_gain_q15));
+        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, fix_share_q15(surprise, config->accel_gain_q15));
     }
     if (sensors->have & SENSOR_ROTATION) {
         const int32_t behind = state->behind_um_q5 + counted_travel_um_q5(config, state, sensors) - travel_um_q5;
-        made_up_um_q5 = share(behind, config->behind_to_travel_q15);
+        made_up_um_q5 = fix_share_q15(behind, config->behind_to_travel_q15);
         state->behind_um_q5 = fix_clamp32(behind - made_up_um_q5, SPEED_BEHIND_LIMIT_UM_Q5);
-        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, share(state->behind_um_q5, config->behind_to_speed_q15));
+        *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15));
     }
     return made_up_um_q5;
 }
@@ -106,8 +90,9 @@ static void filter_accel(const speed_config_t *config, speed_state_t *state, int
 {
     const uint8_t period = period_ms > LONGEST_PERIOD_MS ? LONGEST_PERIOD_MS : period_ms;
     const int32_t jump = fix_clamp32(fix_sub32(speed_mm_s_q17, state->speed_mm_s_q17), JUMP_LIMIT_MM_S_Q17);
-    const int32_t accel_mm_s2_q8 = 2 * share(share(jump, PER_PERIOD_Q15[period]), MM_S2_Q8_PER_Q17_MS_Q14);
-    state->accel_mm_s2_q8 += share(fix_sub32(accel_mm_s2_q8, state->accel_mm_s2_q8), config->accel_filter_q15);
+    const int32_t accel_mm_s2_q8 =
+        2 * fix_share_q15(fix_share_q15(jump, PER_PERIOD_Q15[period]), MM_S2_Q8_PER_Q17_MS_Q14);
+    state->accel_mm_s2_q8 += fix_share_q15(fix_sub32(accel_mm_s2_q8, state->accel_mm_s2_q8), config->accel_filter_q15);
 }
 
 /* Travel at the mean of two speeds. */

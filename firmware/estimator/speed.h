@@ -3,10 +3,11 @@
  * The model, driven by the voltage applied, predicts; this stage compares and returns the correction that the caller
  * adds to the model's surge (body_correct_surge), so that both go on from the same speed.
  *
- *   accelerometer     surge' = specific force + sway * yaw rate; a share of the difference to the model's change of
- * speed rotation sensors  an observer on the travel of the vehicle's middle: the travel by which the estimate lies
- * behind the counts moves both the travel (damping) and the speed at rest           the speed is 0, and the
- * accelerometer's bias is learnt reference         overrides all
+ *   accelerometer     surge' = specific force + sway * yaw rate; a share of the difference to the model's change of speed
+ *   rotation sensors  an observer on the travel of the vehicle's middle: the travel by which the estimate lies behind the
+ *                     counts moves both the travel (damping) and the speed
+ *   at rest           the speed is 0, and the accelerometer's bias is learnt
+ *   reference         overrides all
  *
  * Gains are per step of 3 ms; a late step is corrected by the same amount, which delays and does not upset it.
  * Negate every input and the state, and the output is negated.

@@ -34,11 +34,6 @@ static int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
     return fix_clamp32(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17);
 }
-static uint16_t round_bam16(uint32_t bam32)
-{
-    return (uint16_t)scale_round_16((int32_t)bam32);
-}
-
 /* Square of a speed, (mm/s)^2 q2. */
 static int32_t square(int32_t speed_mm_s_q17)
 {
@@ -67,7 +62,7 @@ static uint16_t turn(const body_coefficients_t *coefficients, body_state_t *stat
 {
     const int32_t mean = middle(state->yaw_rate_mrad_s_q12, yaw_rate_mrad_s_q12);
     const int32_t turned = scale_apply(&coefficients->heading_from_yaw_rate, mean);
-    const uint16_t middle_bam16 = round_bam16(state->heading_bam32 + (uint32_t)half(turned));
+    const uint16_t middle_bam16 = fix_round_bam16(state->heading_bam32 + (uint32_t)half(turned));
     state->heading_bam32 += (uint32_t)turned;
     state->yaw_rate_mrad_s_q12 = yaw_rate_mrad_s_q12;
     return middle_bam16;
@@ -200,5 +195,5 @@ void body_wheels(const body_coefficients_t *coefficients, const body_state_t *st
 
 uint16_t body_heading_bam16(const body_state_t *state)
 {
-    return round_bam16(state->heading_bam32);
+    return fix_round_bam16(state->heading_bam32);
 }

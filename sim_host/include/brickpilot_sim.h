@@ -1,32 +1,33 @@
 /* brickpilot_sim.h: the plant's C interface. Python (cffi) and others call this and nothing else.
  *
  * A model is one vehicle: nominal parameters and the effects switched on. It is not written while runs use it, so
- * many runs, on many threads, may share one. SI units throughout; frame of the paper (x forward, y right, clockwise positive).
- * Functions that return int give 0 or a BP_E_ code. This header is read by cffi as it stands: plain declarations only.
+ * many runs, on many threads, may share one. SI units throughout; frame of the paper (x forward, y right, clockwise
+ * positive). Functions that return int give 0 or a BP_E_ code. This header is read by cffi as it stands: plain
+ * declarations only.
  */
 #ifndef BRICKPILOT_SIM_H
 #define BRICKPILOT_SIM_H
 
-enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1 };               /* vehicle */
-enum { BP_COUPLED = 0, BP_PAPER = 1 };                  /* profile */
+enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1 }; /* vehicle */
+enum { BP_COUPLED = 0, BP_PAPER = 1 };    /* profile */
 enum { BP_E_NAME = -1, BP_E_RANGE = -2, BP_E_MEMORY = -3, BP_E_TIME = -4, BP_E_DIVERGED = -5 };
-enum { BP_MAX_PARAMETERS = 8 };                         /* of one effect */
+enum { BP_MAX_PARAMETERS = 8 }; /* of one effect */
 
 typedef struct bp_model bp_model;
 
 typedef struct {
     const char *name;
-    const char *unit;    /* SI, "1" where there is none */
+    const char *unit; /* SI, "1" where there is none */
     const char *meaning;
-    double minimum;      /* allowed range, ends included */
+    double minimum; /* allowed range, ends included */
     double maximum;
-    double preset;       /* value when nobody says otherwise; for an effect: a clearly visible size */
-    int odd;             /* effects: 1 where the sign turns over when left and right are swapped */
+    double preset; /* value when nobody says otherwise; for an effect: a clearly visible size */
+    int odd;       /* effects: 1 where the sign turns over when left and right are swapped */
 } bp_parameter_info;
 
 typedef struct {
     const char *name;
-    const char *acts_on;  /* supply, drive, motor, gear, wheel, body, sensor or timing */
+    const char *acts_on; /* supply, drive, motor, gear, wheel, body, sensor or timing */
     const char *equation;
     const char *source;
     int parameter_count;
@@ -36,11 +37,12 @@ typedef struct {
 /* The tables: nominal parameters, effects, and output columns. NULL beyond the last. */
 const bp_parameter_info *bp_parameter(int index);
 const bp_effect_info *bp_effect(int index);
-const char *bp_output_name(int index);  /* as in data sets: "yaw_rate", "wheel_speed_left", ...; then "x", "y", "surge", "sway" */
+const char *
+bp_output_name(int index); /* as in data sets: "yaw_rate", "wheel_speed_left", ...; then "x", "y", "surge", "sway" */
 const char *bp_output_unit(int index);
 
 bp_model *bp_model_new(int vehicle, int profile); /* presets, no effect on; a BP_MOTOR has no mass, wheel,
-                                                     rolling friction or air drag (0) until they are set. NULL: out of memory */
+                                        rolling friction or air drag (0) until they are set. NULL: out of memory */
 bp_model *bp_model_copy(const bp_model *model);
 void bp_model_free(bp_model *model);
 
@@ -65,21 +67,23 @@ typedef struct {
     double rest;                  /* s at rest before the run, in which they cool; 0 once it runs */
 } bp_state;
 
-/* One open-loop run: inputs in, outputs out. Sample k holds at time[k], before input k, which acts until time[k + 1]. */
+/* One open-loop run: inputs in, outputs out. Sample k holds at time[k], before input k, which acts until time[k + 1].
+ */
 typedef struct {
     const bp_model *model;
-    int samples;              /* 1 or more */
-    const double *time;       /* s, strictly increasing, samples long */
-    const double *input;      /* samples x 2 (left, right) V, or samples x 1 for a motor; NaN: the motor floats */
+    int samples;         /* 1 or more */
+    const double *time;  /* s, strictly increasing, samples long */
+    const double *input; /* samples x 2 (left, right) V, or samples x 1 for a motor; NaN: the motor floats */
     bp_state initial;
-    double motor_step;        /* s, upper limit; 0: 0.0003 */
-    double body_step;         /* s, upper limit; 0: 0.003 */
-    double *output;           /* samples x (number of output names), filled, noise-free; NaN: this vehicle has no such thing */
-    bp_state final;           /* filled */
-    int status;               /* filled: 0 or BP_E_ */
+    double motor_step; /* s, upper limit; 0: 0.0003 */
+    double body_step;  /* s, upper limit; 0: 0.003 */
+    double *output;    /* samples x (number of output names), filled, noise-free; NaN: this vehicle has no such thing */
+    bp_state final;    /* filled */
+    int status;        /* filled: 0 or BP_E_ */
 } bp_run;
 
-/* Simulates count runs on up to `threads` threads. Returns 0, or the first failing run's status. The same bytes whatever `threads`. */
+/* Simulates count runs on up to `threads` threads. Returns 0, or the first failing run's status. The same bytes
+ * whatever `threads`. */
 int bp_simulate(bp_run *runs, int count, int threads);
 
 /* One closed loop: plant, sensors and the firmware, at its 3 ms step, in process. */
@@ -87,27 +91,28 @@ enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
 enum { BP_MAX_WAYPOINTS = 32 };
 
 typedef struct {
-    const bp_model *model;        /* of a BP_DIFF_DRIVE */
-    int controller;               /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
-    int sensors;                  /* BP_SENSORS_ */
-    unsigned long long seed;      /* of the sensors' noise */
+    const bp_model *model;   /* of a BP_DIFF_DRIVE */
+    int controller;          /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
+    int sensors;             /* BP_SENSORS_ */
+    unsigned long long seed; /* of the sensors' noise */
     bp_state initial;
-    double motor_step;            /* s; 0: 0.0003 */
-    int steps;                    /* control steps of 3 ms */
-    int start_step;               /* the step at which the mission is commanded to start */
-    int waypoint_count;           /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is given */
-    const double *waypoints;      /* waypoint_count x 2, m, -30..30 */
-    double cruise;                /* m/s; 0: the firmware's preset */
-    const double *drive;          /* steps x 2 V (NaN: floats): a manoeuvre, the controller left out; else NULL */
-    double stop_path;             /* m of path after which a manoeuvre shorts both motors; 0: never */
-    double *log;                  /* steps x (number of log names), filled; or NULL */
-    short *motors;                /* steps x 2 duty_q15, filled; or NULL */
-    int status;                   /* filled: 0 or BP_E_ */
+    double motor_step;       /* s; 0: 0.0003 */
+    int steps;               /* control steps of 3 ms */
+    int start_step;          /* the step at which the mission is commanded to start */
+    int waypoint_count;      /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is given */
+    const double *waypoints; /* waypoint_count x 2, m, -30..30 */
+    double cruise;           /* m/s, up to 2; 0: the firmware's preset */
+    const double *drive;     /* steps x 2 V (NaN: floats): a manoeuvre, the controller left out; else NULL */
+    double stop_path;        /* m of path after which a manoeuvre shorts both motors; 0: never */
+    double *log;             /* steps x (number of log names), filled; or NULL */
+    short *motors;           /* steps x 2 duty_q15, filled; or NULL */
+    int status;              /* filled: 0 or BP_E_ */
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */
 
-/* Flies. Returns flight->status. The same seed gives the same bytes. */
+/* Flies. Returns flight->status: BP_E_RANGE for a value outside what its field says, another vehicle, or a route that the
+ * firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
 #endif

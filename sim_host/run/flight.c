@@ -141,6 +141,21 @@ static int fly(flight_t *flight)
     return 0;
 }
 
+static bool can_be_flown(const bp_flight *request)
+{
+    bool sound = request->model != NULL && request->model->vehicle == BP_DIFF_DRIVE && request->steps >= 1 &&
+                 request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
+                 request->sensors <= BP_SENSORS_IMU_ENCODERS &&
+                 (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&
+                 request->cruise <= 2 && request->stop_path >= 0;
+    if (request->drive == NULL)
+        sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
+                request->waypoint_count <= BP_MAX_WAYPOINTS;
+    for (int i = 0; sound && request->drive == NULL && i < 2 * request->waypoint_count; i++)
+        sound = isfinite(request->waypoints[i]);
+    return sound;
+}
+
 const char *bp_log_name(int index)
 {
     return flight_log_name(index);
@@ -150,7 +165,7 @@ int bp_fly(bp_flight *request)
 {
     flight_t flight = {.request = request};
 
-    if (request->waypoint_count < 0 || request->waypoint_count > BP_MAX_WAYPOINTS || request->steps < 1)
+    if (!can_be_flown(request))
         return request->status = BP_E_RANGE;
     request->status = prepare(&flight);
     if (request->status != 0)

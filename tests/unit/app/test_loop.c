@@ -67,6 +67,22 @@ static void test_loop_counts_late_ticks_and_drives_on(void)
     TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
 }
 
+static void test_loop_believes_the_same_way_at_any_period(void)
+{
+    int32_t on_time_um = 0;
+    for (uint32_t period_ms = 3; period_ms <= 18; period_ms += 5) { /* 3, 8, 13, 18 */
+        setUp();
+        port.imu_status = HAL_OK; /* alone: the speed is the model's */
+        port.reference_status = HAL_ABSENT;
+        run(200, 3, MODE_NONE);
+        run((int)(1440 / period_ms), period_ms, MODE_START);
+        if (period_ms == 3)
+            on_time_um = state.output.state.x_um;
+        TEST_ASSERT_INT32_WITHIN(20000, on_time_um, state.output.state.x_um);
+    }
+    TEST_ASSERT_GREATER_THAN_INT32(100000, on_time_um);
+}
+
 static void test_loop_aborts_when_the_watchdog_was_not_served(void)
 {
     run(200, 3, MODE_START);
@@ -144,6 +160,7 @@ int main(void)
     RUN_TEST(test_loop_keeps_the_motors_off_until_started);
     RUN_TEST(test_loop_drives_towards_a_waypoint_ahead);
     RUN_TEST(test_loop_counts_late_ticks_and_drives_on);
+    RUN_TEST(test_loop_believes_the_same_way_at_any_period);
     RUN_TEST(test_loop_aborts_when_the_watchdog_was_not_served);
     RUN_TEST(test_loop_survives_a_clock_that_wraps);
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);

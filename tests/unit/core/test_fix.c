@@ -134,6 +134,25 @@ static void test_fix_angle_difference_takes_the_short_way_round(void)
     TEST_ASSERT_EQUAL_INT16(-32768, fix_angle_diff_bam16(32768, 0));
 }
 
+static void test_fix_share_and_fraction_round_towards_zero_on_both_sides(void)
+{
+    TEST_ASSERT_EQUAL_INT32(2, fix_share_q15(5, 16384));
+    TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(-5, 16384));
+    TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(5, -16384));
+    TEST_ASSERT_EQUAL_INT32(2, fix_share_q15(-5, -16384));
+    TEST_ASSERT_EQUAL_INT32(3, fix_fraction(31, 3));
+    TEST_ASSERT_EQUAL_INT32(-3, fix_fraction(-31, 3));
+    TEST_ASSERT_EQUAL_INT32(-31, fix_fraction(-31, 0));
+}
+
+static void test_fix_round_bam16_rounds_halves_away_from_zero(void)
+{
+    TEST_ASSERT_EQUAL_UINT16(1, fix_round_bam16(32768U));
+    TEST_ASSERT_EQUAL_UINT16(0, fix_round_bam16(32767U));
+    TEST_ASSERT_EQUAL_UINT16(65535, fix_round_bam16(0U - 32768U));
+    TEST_ASSERT_EQUAL_UINT16(0, fix_round_bam16(0U - 32767U));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -146,5 +165,7 @@ int main(void)
     RUN_TEST(test_fix_limits_are_met_and_not_passed);
     RUN_TEST(test_fix_counts_stay_at_their_end);
     RUN_TEST(test_fix_angle_difference_takes_the_short_way_round);
+    RUN_TEST(test_fix_share_and_fraction_round_towards_zero_on_both_sides);
+    RUN_TEST(test_fix_round_bam16_rounds_halves_away_from_zero);
     return UNITY_END();
 }

@@ -1,0 +1,117 @@
+#include <math.h>
+#include <string.h>
+
+#include "brickpilot_sim.h"
+#include "unity.h"
+
+enum { STEPS = 2000 };
+
+static const double CORNER[] = {0.3, 0, 0.3, 0.3};
+static bp_model *model;
+static bp_flight flight;
+static short motors[2 * STEPS], again[2 * STEPS];
+
+void setUp(void)
+{
+    model = bp_model_new(BP_DIFF_DRIVE, BP_COUPLED);
+    flight = (bp_flight){.model = model,
+                         .controller = BP_COUPLED,
+                         .sensors = BP_SENSORS_IMU_ENCODERS,
+                         .steps = STEPS,
+                         .start_step = 300,
+                         .waypoint_count = 2,
+                         .waypoints = CORNER,
+                         .motors = motors};
+}
+void tearDown(void)
+{
+    bp_model_free(model);
+}
+
+static void test_flight_keeps_still_until_its_start_step_and_drives_then(void)
+{
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_EACH_EQUAL_INT16(0, motors, 2 * 300);
+    TEST_ASSERT_GREATER_THAN_INT16(1000, motors[2 * 320]);
+}
+
+static void test_flight_of_another_seed_differs_and_of_the_same_does_not(void)
+{
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    flight.motors = again;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_EQUAL_MEMORY(motors, again, sizeof motors);
+    flight.seed = 1;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_NOT_EQUAL(0, memcmp(motors, again, sizeof motors));
+}
+
+static void test_flight_refuses_what_it_cannot_fly(void)
+{
+    static const double TWICE[] = {1, 0, 1, 0};
+    static const double FAR[] = {31, 0};
+    bp_flight bad = flight;
+    bad.steps = 0;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.waypoint_count = BP_MAX_WAYPOINTS + 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.waypoints = TWICE;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.waypoints = FAR;
+    bad.waypoint_count = 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.sensors = 9;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.controller = 2;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.cruise = NAN;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.start_step = -1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.waypoints = NULL;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    static const double NOWHERE[] = {NAN, 0};
+    bad = flight;
+    bad.waypoints = NOWHERE;
+    bad.waypoint_count = 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad = flight;
+    bad.model = NULL;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bp_model *motor = bp_model_new(BP_MOTOR, BP_COUPLED);
+    bad = flight;
+    bad.model = motor;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bp_model_free(motor);
+}
+
+static void test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done(void)
+{
+    static double drive[2 * STEPS];
+    for (int i = 0; i < 2 * STEPS; i++)
+        drive[i] = 4.5;
+    flight.waypoint_count = 0;
+    flight.drive = drive;
+    flight.stop_path = 0.5;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_EQUAL_INT16(16384, motors[0]);
+    TEST_ASSERT_EQUAL_INT16(0, motors[2 * STEPS - 1]);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_flight_keeps_still_until_its_start_step_and_drives_then);
+    RUN_TEST(test_flight_of_another_seed_differs_and_of_the_same_does_not);
+    RUN_TEST(test_flight_refuses_what_it_cannot_fly);
+    RUN_TEST(test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done);
+    return UNITY_END();
+}
