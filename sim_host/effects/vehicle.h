@@ -35,7 +35,8 @@ typedef enum {
 
 /* Index into an output row; the order of bp_output_name(). What a vehicle does not have is NaN. */
 typedef enum {
-    OUTPUT_ACCEL_SURGE, /* mean specific force at the centre of mass over the last body step: u' - v r */
+    OUTPUT_ACCEL_SURGE, /* mean specific force at the middle of the axle, where the centre of mass nominally is, over
+                           the last body step: u' - v r */
     OUTPUT_ACCEL_SWAY,  /* v' + u r */
     OUTPUT_YAW_RATE,
     OUTPUT_YAW_ANGLE, /* unwrapped */
@@ -63,12 +64,30 @@ typedef enum {
     OUTPUT_COUNT
 } output_t;
 
+/* Contact of the tyres in one direction. Slip speed = creep F for small forces; F never exceeds `friction` times the
+ * load. */
+typedef struct {
+    double creep;    /* m/s per N; 0: the tyres do not slip this way */
+    double friction; /* 1 */
+} tyre_t;
+
+/* What the vehicle is made of. */
+typedef struct {
+    double mass;
+    double yaw_inertia; /* about the centre of mass */
+    double com_forward; /* m: centre of mass from the middle of the axle */
+    double com_right;   /* m */
+    double rim[2];      /* radius of either wheel over wheel_radius */
+    tyre_t along;       /* each wheel's rolling; coupled profile only */
+    tyre_t across;      /* both wheels' side force together; coupled profile only */
+} build_t;
+
 /* Dry friction: a bound on the friction that opposes one motion and holds it at zero. */
 typedef enum {
     DRY_LEFT,  /* left wheel's turning, N m; a motor's, N m or N */
     DRY_RIGHT, /* right wheel's turning, N m */
-    DRY_SURGE, /* the body's surge, N; coupled profile only */
-    DRY_YAW,   /* the body's yaw, N m; coupled profile only */
+    DRY_SURGE, /* the body's surge, N */
+    DRY_YAW,   /* the body's yaw, N m */
     DRY_COUNT
 } dry_t;
 
@@ -84,7 +103,7 @@ typedef struct {
 } motor_t;
 
 typedef struct {
-    /* State. Hooks read it. */
+    /* State. Hooks read it, and motor_heating writes `heat`. */
     bp_state state;
     double accel_surge; /* mean specific force over the last body step */
     double accel_sway;
@@ -102,19 +121,21 @@ typedef struct {
         double surge, sway, yaw_rate, heading;
     } middle;
 
+    build_t build; /* build hooks change it, the others read it */
+
     /* Working values. The plant sets them to the nominal ones, then the hooks of the site change them. */
-    double command[2];      /* timing: V; NaN floats */
-    double supply;          /* supply: V at the drive; commands scale with supply / battery_voltage */
-    double voltage[2];      /* drive: V at the motor; NaN floats */
-    motor_t motor[2];       /* motor */
-    double wheel_torque[2]; /* wheel: N m driving forward, beside the motor's; starts at 0 */
-    double dry[DRY_COUNT];  /* wheel: bounds; several effects add theirs; starts at 0 */
-    double force_surge;     /* body: N forward; starts at 0 */
-    double force_sway;      /* body: N to the right; paper profile only, coupled wheels do not slide; starts at 0 */
-    double moment_yaw;      /* body: N m clockwise; starts at 0 */
-    double drag_surge;      /* body: N s/m, times surge; starts at the air drag's */
-    double drag_sway;       /* body: N s/m, times sway; starts at the air drag's; paper profile only */
-    double drag_yaw;        /* body: N m s/rad, times yaw rate; starts at 0 */
+    double command[2];           /* timing: V; NaN floats */
+    double supply;               /* supply: V at the drive; commands scale with supply / battery_voltage */
+    double voltage[2];           /* drive: V at the motor; NaN floats */
+    motor_t motor[2];            /* motor */
+    double wheel_torque[2];      /* wheel: N m driving forward, beside the motor's; starts at 0 */
+    double dry[DRY_COUNT];       /* wheel: bounds; several effects add theirs; starts at 0 */
+    double force_surge;          /* body: N forward, at the middle of the axle; starts at 0 */
+    double force_sway;           /* body: N to the right; not felt while coupled wheels do not slide; starts at 0 */
+    double moment_yaw;           /* body: N m clockwise, about the middle of the axle; starts at 0 */
+    double drag_surge;           /* body: N s/m, times surge; starts at the air drag's */
+    double drag_sway;            /* body: N s/m, times sway; starts at the air drag's */
+    double drag_yaw;             /* body: N m s/rad, times yaw rate; starts at 0 */
     double output[OUTPUT_COUNT]; /* sensor: what the sensors see, of the state just reached */
 } vehicle_t;
 

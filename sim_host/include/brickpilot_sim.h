@@ -63,6 +63,8 @@ typedef struct {
     double wheel_angle[2];        /* rad; m for a linear motor */
     double age;                   /* s since power-on: for what heats and discharges */
     double charge;                /* C drawn from the battery since power-on */
+    double heat[2];               /* K of the windings above their surroundings; 0 where nothing heats */
+    double rest;                  /* s at rest before the run, in which they cool; 0 once it runs */
 } bp_state;
 
 /* One open-loop run: inputs in, outputs out. Sample k holds at time[k], before input k, which acts until time[k + 1].

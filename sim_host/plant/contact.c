@@ -1,8 +1,11 @@
 #include "plant/contact.h"
 
-const contact_t *contact_of(int vehicle, int profile)
+const contact_t *contact_of(const vehicle_t *vehicle)
 {
-    if (vehicle == BP_MOTOR)
+    if (vehicle->vehicle == BP_MOTOR)
         return &contact_load;
-    return profile == BP_PAPER ? &contact_paper : &contact_no_slip;
+    if (vehicle->profile == BP_PAPER)
+        return &contact_paper;
+    const bool slips = vehicle->build.along.creep > 0 || vehicle->build.across.creep > 0;
+    return slips ? &contact_slip : &contact_no_slip;
 }

@@ -1,4 +1,4 @@
-/* contact.h: what joins the wheels to the body. One of three, by vehicle and profile. */
+/* contact.h: what joins the wheels to the body. One of four, by vehicle, profile and tyres. */
 #ifndef BRICKPILOT_PLANT_CONTACT_H
 #define BRICKPILOT_PLANT_CONTACT_H
 
@@ -10,12 +10,22 @@ typedef struct {
 
     /* After the motor steps of a body step of `step` s that began in `before`: the body's speeds, specific force and
      * pose. */
-    void (*finish)(vehicle_t *vehicle, const bp_state *before, double step);
+    void (*finish)(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *before, double step);
+
+    /* Around each motor step of h s, where the body moves on its own: the wheels' inertia and load by what the tyres
+     * give, then the body's speeds. NULL where the wheels carry the body. */
+    void (*grip)(wheels_t *wheels, vehicle_t *vehicle, double h);
+    void (*follow)(wheels_t *wheels, vehicle_t *vehicle, double h);
 } contact_t;
 
-/* Coupled profile: wheels that neither slip nor slide: u = r_w (w_l + w_r) / 2, r = r_w (w_l - w_r) / (2 half_track), v
- * = 0. The tyre forces vanish from the equations; the wheels feel the vehicle's mass and yaw inertia instead. */
+/* Coupled profile: wheels that neither slip nor slide: u = (r_l w_l + r_r w_r) / 2, r = (r_l w_l - r_r w_r) / (2
+ * half_track), v = 0. The tyre forces vanish from the equations; the wheels feel the vehicle's mass and yaw inertia
+ * instead. With the centre of mass at (a forward, c right) of the axle's middle (Fossen 2011, ch. 3, in the plane):
+ *   m u' - m c r' - m a r^2 = X     (J_z + m (a^2 + c^2)) r' - m c u' + m a u r = N */
 extern const contact_t contact_no_slip;
+
+/* Coupled profile, tyres that slip along, across, or both: the body has its own surge, sway and yaw rate. */
+extern const contact_t contact_slip;
 
 /* Paper profile: the wheels turn alone (eq. 14), the body is pushed by eq. 15 to 17 (eq. 1 to 9). */
 extern const contact_t contact_paper;
@@ -24,7 +34,15 @@ extern const contact_t contact_paper;
 extern const contact_t contact_load;
 
 /* The contact of this vehicle. */
-const contact_t *contact_of(int vehicle, int profile);
+const contact_t *contact_of(const vehicle_t *vehicle);
+
+/* A body that resists u with `surge` and r with `yaw` (masses, or drags), as its ground speeds at the left and the
+ * right wheel feel it. */
+static inline pair_t contact_at_wheels(double surge, double yaw, double half_track)
+{
+    const double sum = 0.25 * surge, difference = 0.25 * yaw / (half_track * half_track);
+    return (pair_t){.left = sum + difference, .right = sum + difference, .cross = sum - difference};
+}
 
 /* m per rad of a motor's load: the wheel radius, or 1 where the input commands force. */
 double contact_load_lever(const double *parameter);

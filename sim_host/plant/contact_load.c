@@ -9,7 +9,7 @@ double contact_load_lever(const double *parameter)
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const double lever = contact_load_lever(vehicle->parameter);
-    const double inertia = vehicle->motor[0].inertia + vehicle->parameter[PARAMETER_MASS] * lever * lever;
+    const double inertia = vehicle->motor[0].inertia + vehicle->build.mass * lever * lever;
     wheels->inertia = (pair_t){inertia, inertia, 0};
     wheels->drag = (pair_t){vehicle->motor[0].drag + vehicle->drag_surge * lever * lever, 0, 0};
     wheels->load[0] = vehicle->force_surge * lever;
@@ -20,11 +20,12 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->dry_arm[DRY_YAW] = 0;
 }
 
-static void finish(vehicle_t *vehicle, const bp_state *before, double step)
+static void finish(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *before, double step)
 {
+    (void)wheels;
     bp_state *state = &vehicle->state;
     state->surge = contact_load_lever(vehicle->parameter) * state->wheel_speed[0];
     vehicle->surge_rate = (state->surge - before->surge) / step;
 }
 
-const contact_t contact_load = {prepare, finish};
+const contact_t contact_load = {.prepare = prepare, .finish = finish};

@@ -1,48 +1,62 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* A body that resists u with `surge` and r with `yaw` (masses, or drags), as two wheels of this radius and half-track
- * feel it. */
-static pair_t at_wheels(double surge, double yaw, double radius, double half_track)
+/* Masses or drags of the body, as the wheels feel them. */
+static pair_t at_wheels(const vehicle_t *vehicle, double surge, double yaw)
 {
-    const double sum = 0.25 * radius * radius * surge;
-    const double difference = 0.25 * radius * radius * yaw / (half_track * half_track);
-    return (pair_t){.left = sum + difference, .right = sum + difference, .cross = sum - difference};
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], square = radius * radius;
+    const double *rim = vehicle->build.rim;
+    const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const pair_t ground = contact_at_wheels(square * surge, square * yaw, half_track);
+    return (pair_t){.left = ground.left * rim[0] * rim[0],
+                    .right = ground.right * rim[1] * rim[1],
+                    .cross = ground.cross * rim[0] * rim[1]};
 }
 
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
 {
-    const double *p = vehicle->parameter;
-    const double radius = p[PARAMETER_WHEEL_RADIUS], half_track = p[PARAMETER_HALF_TRACK];
-    wheels->inertia = at_wheels(p[PARAMETER_MASS], p[PARAMETER_YAW_INERTIA], radius, half_track);
-    wheels->inertia.left += vehicle->motor[0].inertia;
-    wheels->inertia.right += vehicle->motor[1].inertia;
-    wheels->drag = at_wheels(vehicle->drag_surge, vehicle->drag_yaw, radius, half_track);
+    const build_t *build = &vehicle->build;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double forward = build->com_forward, right = build->com_right;
+    const double yaw_inertia = build->yaw_inertia + build->mass * (forward * forward + right * right);
+    const double turn_gain = 0.5 * radius / half_track; /* yaw rate over difference of wheel speeds */
+    const double couple = radius * turn_gain * build->mass * right;
+    wheels->inertia = at_wheels(vehicle, build->mass, yaw_inertia);
+    wheels->inertia.left += vehicle->motor[0].inertia - couple * build->rim[0] * build->rim[0];
+    wheels->inertia.right += vehicle->motor[1].inertia + couple * build->rim[1] * build->rim[1];
+    wheels->drag = at_wheels(vehicle, vehicle->drag_surge, vehicle->drag_yaw);
     wheels->drag.left += vehicle->motor[0].drag;
     wheels->drag.right += vehicle->motor[1].drag;
 
-    const double push = 0.5 * radius * vehicle->force_surge, turn = 0.5 * radius / half_track * vehicle->moment_yaw;
-    wheels->load[0] = push + turn;
-    wheels->load[1] = push - turn;
+    const double swing = build->mass * forward * vehicle->middle.yaw_rate;
+    const double force = vehicle->force_surge + swing * vehicle->middle.yaw_rate;
+    const double moment = vehicle->moment_yaw - swing * vehicle->middle.surge;
+    const double push = 0.5 * radius * force, turn = turn_gain * moment;
+    wheels->load[0] = (push + turn) * build->rim[0];
+    wheels->load[1] = (push - turn) * build->rim[1];
     wheels->dry_arm[DRY_LEFT] = 1;
     wheels->dry_arm[DRY_RIGHT] = 1;
     wheels->dry_arm[DRY_SURGE] = 0.5 * radius;
-    wheels->dry_arm[DRY_YAW] = 0.5 * radius / half_track;
+    wheels->dry_arm[DRY_YAW] = turn_gain;
 }
 
-static void finish(vehicle_t *vehicle, const bp_state *before, double step)
+static void finish(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *before, double step)
 {
+    (void)wheels;
     bp_state *state = &vehicle->state;
+    const double *rim = vehicle->build.rim;
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
     const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
-    const double left = radius * (state->wheel_angle[0] - before->wheel_angle[0]);
-    const double right = radius * (state->wheel_angle[1] - before->wheel_angle[1]);
+    const double left = radius * rim[0] * (state->wheel_angle[0] - before->wheel_angle[0]);
+    const double right = radius * rim[1] * (state->wheel_angle[1] - before->wheel_angle[1]);
+    const double speed[2] = {rim[0] * state->wheel_speed[0], rim[1] * state->wheel_speed[1]};
 
-    state->surge = 0.5 * radius * (state->wheel_speed[0] + state->wheel_speed[1]);
+    state->surge = 0.5 * radius * (speed[0] + speed[1]);
     state->sway = 0;
-    state->yaw_rate = 0.5 * radius / half_track * (state->wheel_speed[0] - state->wheel_speed[1]);
+    state->yaw_rate = 0.5 * radius / half_track * (speed[0] - speed[1]);
     body_accelerations(vehicle, before, step);
     body_move(state, 0.5 * (left + right), 0, 0.5 * (left - right) / half_track);
 }
 
-const contact_t contact_no_slip = {prepare, finish};
+const contact_t contact_no_slip = {.prepare = prepare, .finish = finish};

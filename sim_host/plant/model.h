@@ -4,7 +4,7 @@
 
 #include "effects/effect.h"
 
-enum { MODEL_EFFECTS = 16 }; /* switched on at a time */
+enum { MODEL_EFFECTS = 64 }; /* switched on at a time */
 
 struct bp_model {
     int vehicle;

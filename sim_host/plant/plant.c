@@ -36,11 +36,12 @@ static void gather_hooks(plant_t *plant, const bp_model *model)
 
 /* The nominal motor of either side. Eq. 13 with eq. 14 is a loss linear in the speed: m g sigma r_w abs(w) at the
  * radius r_w. */
-static motor_t nominal_motor(const vehicle_t *vehicle)
+static motor_t nominal_motor(const vehicle_t *vehicle, int side)
 {
     const double *p = vehicle->parameter;
-    const double radius = vehicle->vehicle == BP_MOTOR ? contact_load_lever(p) : p[PARAMETER_WHEEL_RADIUS];
-    const double weight = p[PARAMETER_MASS] * p[PARAMETER_GRAVITY];
+    const double radius =
+        vehicle->vehicle == BP_MOTOR ? contact_load_lever(p) : p[PARAMETER_WHEEL_RADIUS] * vehicle->build.rim[side];
+    const double weight = vehicle->build.mass * p[PARAMETER_GRAVITY];
     motor_t motor = {.resistance = p[PARAMETER_RESISTANCE],
                      .inductance = p[PARAMETER_INDUCTANCE],
                      .torque_constant = p[PARAMETER_TORQUE_CONSTANT],
@@ -60,24 +61,29 @@ static motor_t nominal_motor(const vehicle_t *vehicle)
 static void set_motors(plant_t *plant)
 {
     vehicle_t *vehicle = &plant->vehicle;
-    vehicle->motor[0] = nominal_motor(vehicle);
-    vehicle->motor[1] = vehicle->vehicle == BP_MOTOR ? (motor_t){.resistance = 1} : vehicle->motor[0];
+    vehicle->motor[0] = nominal_motor(vehicle, 0);
+    vehicle->motor[1] = vehicle->vehicle == BP_MOTOR ? (motor_t){.resistance = 1} : nominal_motor(vehicle, 1);
     run_hooks(plant, SITE_MOTOR);
 }
 
-/* Wheels and body of a coupled vehicle start in agreement. */
+/* Wheels and body of a coupled vehicle start in agreement; where tyres slip they need not. */
 static void join_speeds(vehicle_t *vehicle)
 {
     bp_state *state = &vehicle->state;
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
     const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double *rim = vehicle->build.rim;
     if (state->wheel_speed[0] == 0 && state->wheel_speed[1] == 0) {
-        state->wheel_speed[0] = (state->surge + half_track * state->yaw_rate) / radius;
-        state->wheel_speed[1] = (state->surge - half_track * state->yaw_rate) / radius;
+        state->wheel_speed[0] = (state->surge + half_track * state->yaw_rate) / (radius * rim[0]);
+        state->wheel_speed[1] = (state->surge - half_track * state->yaw_rate) / (radius * rim[1]);
     }
-    state->surge = 0.5 * radius * (state->wheel_speed[0] + state->wheel_speed[1]);
-    state->yaw_rate = 0.5 * radius / half_track * (state->wheel_speed[0] - state->wheel_speed[1]);
-    state->sway = 0;
+    const double speed[2] = {rim[0] * state->wheel_speed[0], rim[1] * state->wheel_speed[1]};
+    if (!(vehicle->build.along.creep > 0) || (state->surge == 0 && state->yaw_rate == 0)) {
+        state->surge = 0.5 * radius * (speed[0] + speed[1]);
+        state->yaw_rate = 0.5 * radius / half_track * (speed[0] - speed[1]);
+    }
+    if (!(vehicle->build.across.creep > 0))
+        state->sway = 0;
 }
 
 static bool finite_state(const bp_state *state)
@@ -95,7 +101,10 @@ static bool finite_state(const bp_state *state)
                              state->wheel_angle[0],
                              state->wheel_angle[1],
                              state->age,
-                             state->charge};
+                             state->charge,
+                             state->heat[0],
+                             state->heat[1],
+                             state->rest};
     double sum = 0;
     for (size_t i = 0; i < sizeof values / sizeof values[0]; i++)
         sum += values[i] * 0;
@@ -120,6 +129,7 @@ static void start_state(vehicle_t *vehicle, const bp_state *initial)
         state->current[1] = 0;
         state->wheel_speed[1] = 0;
         state->wheel_angle[1] = 0;
+        state->heat[1] = 0;
         state->surge = contact_load_lever(vehicle->parameter) * state->wheel_speed[0];
     } else if (vehicle->profile == BP_COUPLED) {
         join_speeds(vehicle);
@@ -139,13 +149,19 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     plant->vehicle = (vehicle_t){.parameter = model->parameter,
                                  .vehicle = model->vehicle,
                                  .profile = model->profile,
-                                 .supply = model->parameter[PARAMETER_BATTERY_VOLTAGE]};
+                                 .supply = model->parameter[PARAMETER_BATTERY_VOLTAGE],
+                                 .build = {.mass = model->parameter[PARAMETER_MASS],
+                                           .yaw_inertia = model->parameter[PARAMETER_YAW_INERTIA],
+                                           .rim = {1, 1}}};
     vehicle_t *vehicle = &plant->vehicle;
     gather_hooks(plant, model);
+    run_hooks(plant, SITE_BUILD);
     start_state(vehicle, initial);
     run_hooks(plant, SITE_START);
+    vehicle->state.rest = 0;
     set_motors(plant);
-    contact_of(vehicle->vehicle, vehicle->profile)->prepare(&plant->wheels, vehicle);
+    run_hooks(plant, SITE_SUPPLY);
+    contact_of(vehicle)->prepare(&plant->wheels, vehicle);
     if (!(plant->wheels.inertia.left > 0) || !(plant->wheels.inertia.right > 0))
         return BP_E_RANGE;
     sense(plant, 0);
@@ -173,10 +189,11 @@ static bool floating_changed(const plant_t *plant)
     return isnan(voltage[0]) != wheels->floats[0] || isnan(voltage[1]) != wheels->floats[1];
 }
 
-static void motor_steps(plant_t *plant, const double input[2], double h, int count)
+static void motor_steps(plant_t *plant, const contact_t *contact, const double input[2], double h, int count)
 {
     vehicle_t *vehicle = &plant->vehicle;
     const bool drive_varies = plant->hook_count[SITE_TIMING] + plant->hook_count[SITE_DRIVE] > 0;
+    const bool body_moves_alone = contact->grip != NULL;
     const bool wheel_varies = plant->hook_count[SITE_WHEEL] > 0;
     vehicle->step = h;
     drive(plant, input);
@@ -192,7 +209,13 @@ static void motor_steps(plant_t *plant, const double input[2], double h, int cou
             memset(vehicle->dry, 0, sizeof vehicle->dry);
             run_hooks(plant, SITE_WHEEL);
         }
+        if (body_moves_alone) {
+            contact->grip(&plant->wheels, vehicle, h);
+            wheels_join(&plant->wheels);
+        }
         wheels_step(&plant->wheels, vehicle);
+        if (body_moves_alone)
+            contact->follow(&plant->wheels, vehicle, h);
     }
 }
 
@@ -200,7 +223,7 @@ static void body_step(plant_t *plant, const double input[2], double step, double
 {
     vehicle_t *vehicle = &plant->vehicle;
     wheels_t *wheels = &plant->wheels;
-    const contact_t *contact = contact_of(vehicle->vehicle, vehicle->profile);
+    const contact_t *contact = contact_of(vehicle);
     const bp_state before = vehicle->state;
 
     vehicle->step = step;
@@ -214,8 +237,8 @@ static void body_step(plant_t *plant, const double input[2], double step, double
 
     wheels->energy[0] = 0;
     wheels->energy[1] = 0;
-    motor_steps(plant, input, h, motor_count);
-    contact->finish(vehicle, &before, step);
+    motor_steps(plant, contact, input, h, motor_count);
+    contact->finish(wheels, vehicle, &before, step);
 
     const double charge = (wheels->energy[0] + wheels->energy[1]) / vehicle->supply;
     vehicle->supply_current = charge / step;

@@ -31,7 +31,8 @@ typedef struct plant {
 
 /* Puts the vehicle into `initial` (NULL: at rest at the origin). motor_step, body_step: upper limits in s, 0 for 0.0003
  * and 0.003. A coupled vehicle with both wheel speeds 0 gets them from surge and yaw_rate; otherwise the wheel speeds
- * decide; sway becomes 0. BP_E_RANGE: a value that is not finite, a negative step, or a motor without inertia. */
+ * decide, unless tyres slip along and surge or yaw_rate is not 0; sway becomes 0, unless tyres slip across. BP_E_RANGE:
+ * a value that is not finite, a negative step, or a motor without inertia. */
 int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step);
 
 /* Holds the inputs (left, right; V; NaN floats; a motor reads [0] alone) for dt seconds.

@@ -14,16 +14,21 @@ static double stiffness(const wheels_t *wheels, const motor_t *motor, int k, dou
 
 void wheels_prepare(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
-    const pair_t *inertia = &wheels->inertia, *drag = &wheels->drag;
-    double weight[2];
     for (int k = 0; k < 2; k++) {
         wheels->floats[k] = isnan(vehicle->voltage[k]);
         const double stiff = stiffness(wheels, &vehicle->motor[k], k, h);
         motor_prepare(&wheels->motor[k], &vehicle->motor[k], h, wheels->floats[k], stiff);
-        weight[k] = 0.5 * h * (1 + stiff);
+        wheels->weight[k] = 0.5 * h * (1 + stiff);
     }
     wheels->step = h;
+    wheels_join(wheels);
+}
 
+void wheels_join(wheels_t *wheels)
+{
+    const pair_t *inertia = &wheels->inertia, *drag = &wheels->drag;
+    const double *weight = wheels->weight;
+    const double h = wheels->step;
     const double cross_weight = weight[0] > weight[1] ? weight[1] : weight[0];
     const pair_t a = {.left = inertia->left + weight[0] * drag->left + h * motor_damping(&wheels->motor[0]),
                       .right = inertia->right + weight[1] * drag->right + h * motor_damping(&wheels->motor[1]),
@@ -33,16 +38,36 @@ void wheels_prepare(wheels_t *wheels, const vehicle_t *vehicle, double h)
     wheels->inverse = (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
 }
 
-static void solve_dry(double end[2], const wheels_t *wheels, const double dry[DRY_COUNT])
+static pair_t scaled(const pair_t *matrix, double left, double right)
+{
+    return (pair_t){matrix->left * left * left, matrix->right * right * right, matrix->cross * left * right};
+}
+
+/* Solved in the speeds of the rims, whose sum is the surge and whose difference is the yaw whatever the radii. */
+static void solve_rims(double end[2], const wheels_t *wheels, const double rim[2], double bound[DRY_COUNT])
+{
+    const double left = rim[0], right = rim[1];
+    bound[DRY_LEFT] /= left;
+    bound[DRY_RIGHT] /= right;
+    const pair_t matrix = scaled(&wheels->matrix, 1 / left, 1 / right);
+    const pair_t inverse = scaled(&wheels->inverse, left, right);
+    end[0] *= left;
+    end[1] *= right;
+    dry_solve(end, &matrix, &inverse, bound);
+    end[0] /= left;
+    end[1] /= right;
+}
+
+static void solve_dry(double end[2], const wheels_t *wheels, const vehicle_t *vehicle)
 {
     double bound[DRY_COUNT];
     double sum = 0;
     for (int i = 0; i < DRY_COUNT; i++) {
-        bound[i] = wheels->step * wheels->dry_arm[i] * dry[i];
+        bound[i] = wheels->step * wheels->dry_arm[i] * vehicle->dry[i];
         sum += bound[i];
     }
     if (sum > 0)
-        dry_solve(end, &wheels->matrix, &wheels->inverse, bound);
+        solve_rims(end, wheels, vehicle->build.rim, bound);
 }
 
 void wheels_step(wheels_t *wheels, vehicle_t *vehicle)
@@ -64,7 +89,7 @@ void wheels_step(wheels_t *wheels, vehicle_t *vehicle)
     }
     double end[2] = {speed[0] + (inverse->left * impulse[0] + inverse->cross * impulse[1]),
                      speed[1] + (inverse->right * impulse[1] + inverse->cross * impulse[0])};
-    solve_dry(end, wheels, vehicle->dry);
+    solve_dry(end, wheels, vehicle);
 
     for (int k = 0; k < 2; k++) {
         const motor_step_t *motor = &wheels->motor[k];

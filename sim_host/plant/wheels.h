@@ -17,11 +17,24 @@ typedef struct {
     double load[2];            /* N m, driving forward */
     double dry_arm[DRY_COUNT]; /* from vehicle_t.dry to N m at the wheel; 0 where the motion is none of the wheels' */
 
+    /* Kept by the contact where the body moves on its own. Ground speeds are those of the body at either wheel, m/s. */
+    struct {
+        pair_t inverse;                   /* ground speeds' change by impulses at the wheels, 1/kg */
+        pair_t grip;                      /* kg: impulse on the body by the wheels' speed ahead of `free` */
+        pair_t mass;                      /* kg: inverse of `inverse` */
+        double free[2];                   /* ground speeds at the end of the step without tyre force */
+        double sway_impulse;              /* N s */
+        double sway_mass;                 /* kg */
+        double travel_surge, travel_sway; /* m, since the body step began */
+        double turn;                      /* rad */
+    } body;
+
     /* Kept by wheels_prepare. */
     double step; /* s */
     bool floats[2];
     motor_step_t motor[2];
-    pair_t matrix; /* M + h/2 D + h K */
+    double weight[2]; /* s: h/2, more where the step is stiff */
+    pair_t matrix;    /* M + h/2 D + h K */
     pair_t inverse;
 
     double energy[2]; /* J: what the drive fed each motor since the caller set it to 0 */
@@ -29,6 +42,9 @@ typedef struct {
 
 /* New coefficients, after the contact, the step h, a motor or its floating changed. */
 void wheels_prepare(wheels_t *wheels, const vehicle_t *vehicle, double h);
+
+/* Those of them that follow from the inertia alone, after the contact changed it within a body step. */
+void wheels_join(wheels_t *wheels);
 
 /* One motor step with vehicle->voltage, wheel_torque and dry: moves current, wheel_speed and wheel_angle of the state.
  */

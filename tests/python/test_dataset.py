@@ -12,6 +12,7 @@ import pytest
 from bad_datasets import write_good
 from brickpilot import plant
 from brickpilot.dataset import PRESET_BATTERY_VOLTAGE, motor_inputs, read
+from brickpilot.parameters import plan
 from brickpilot.signals import SIGNALS, to_frd
 from brickpilot.units import si_factor
 
@@ -101,13 +102,12 @@ def test_the_documented_example_works_as_it_stands(tmp_path: Path) -> None:
     np.testing.assert_array_equal(motor_inputs(run, dataset), [[4.5, 4.5], [math.nan, 4.5]])
 
 
-def test_effects_the_plant_cannot_simulate_are_kept_and_said(tmp_path: Path) -> None:
+def test_the_effects_of_the_documented_example_are_simulated(tmp_path: Path) -> None:
     (tmp_path / "dataset.toml").write_text(EXAMPLE, encoding="utf-8")
     (tmp_path / "straight_half.csv").write_text(EXAMPLE_CSV, encoding="utf-8")
-    unknown = {"gyro_bias", "imu_lever_arm"} - {effect.name for effect in plant.effects()}
-    said = [note for note in read(tmp_path).notes if "not yet simulated" in note]
-    assert all(name in " ".join(said) for name in unknown)
-    assert bool(said) == bool(unknown)
+    chosen = plan(read(tmp_path))
+    assert chosen.model.effects == {"gyro_bias": {"bias": 0.0}, "imu_lever_arm": {"x": 0.02, "y": 0.0}}
+    assert [free.name for free in chosen.free if free.effect] == ["gyro_bias.bias"]
 
 
 def test_the_folder_and_its_toml_name_the_same_data_set(tmp_path: Path) -> None:

@@ -65,7 +65,8 @@ def test_what_a_file_leaves_out_is_preset(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(HEAD + "[parameters]\nmass = 0.7\n[effects.coulomb_friction]\n")
     found = load(tmp_path / "m.toml")
     assert found.parameters == {**plant.presets("diff_drive"), "mass": 0.7}
-    assert found.effects == {"coulomb_friction": {"torque": plant.effects()[1].parameters[0].preset}}
+    friction = next(effect for effect in plant.effects() if effect.name == "coulomb_friction")
+    assert found.effects == {"coulomb_friction": {"torque": friction.parameters[0].preset}}
 
 
 def test_a_model_the_plant_refuses_is_not_written(tmp_path: Path) -> None:

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from brickpilot import plant
-from brickpilot.signals import Vehicle
+from brickpilot.signals import Frame, Vehicle
 from brickpilot.tomlfile import Key, TomlFile
 
-# fmt: off
-RESERVED_EFFECTS = frozenset({
-    "coulomb_friction", "stiction_stribeck", "rolling_sqrt", "quadratic_drag", "caster_drag", "yaw_scrub",
-    "curve_scrub", "direction_asymmetry", "motor_asymmetry", "torque_constant_asymmetry", "wheel_radius_mismatch",
-    "actuator_deadband", "supply_saturation", "pwm_quantisation", "pwm_coast", "battery_sag", "battery_discharge",
-    "motor_heating", "torque_ripple", "cogging", "gear_backlash", "input_delay", "actuator_lag", "sensor_delay",
-    "imu_lag", "wheel_slip", "side_slip", "com_lateral_offset", "com_forward_offset", "payload_mass", "floor_slope",
-    "carpet_nap", "gyro_bias", "gyro_drift", "gyro_scale", "gyro_saturation", "accel_bias", "accel_misalignment",
-    "imu_lever_arm", "encoder_scale", "constant_offset", "start_delay",
-})
-# fmt: on
-"""Names whose meaning is fixed although the plant may not simulate them yet: a data set may state them."""
+# Where an effect's lateral values are along the axes of the frame, unless their name says the side.
+_IN_AXES = frozenset({"sensor", "body"})
+_SIDES = frozenset({"left", "right"})
 
 _LARGE = 1e12
 _FINEST_SD = 1e-15
@@ -57,8 +48,11 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
     return nominal
 
 
-def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any]) -> tuple[dict[str, dict[str, Nominal]], list[str]]:
-    """The effects that the experimenter's model already contains, and the names of those the plant cannot simulate.
+def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame) -> dict[str, dict[str, Nominal]]:
+    """The effects that the experimenter's model already contains.
+
+    Values are read in the file's frame and handed out in the paper's: in FLU the sign of what a sensor or the body has
+    sideways or about the vertical turns over, as that of its signals does. What is called left or right stays.
 
     Raises:
         InputError: naming the effect's line.
@@ -67,21 +61,21 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any]) -> tuple[dict
     effects: dict[str, dict[str, Nominal]] = {}
     for name, entries in table.items():
         key = ("nominal", "effects", name)
-        if name not in known and name not in RESERVED_EFFECTS:
+        if name not in known:
             toml.refuse(key, "unknown effect")
         if not isinstance(entries, dict) or not entries:
             toml.refuse(key, "needs a table with at least one parameter")
         effects[name] = {}
-        ranges = {info.name: info for info in known[name].parameters} if name in known else None
+        ranges = {info.name: info for info in known[name].parameters}
         for parameter, entry in entries.items():
-            if ranges is None:
-                effects[name][parameter] = _entry(toml, (*key, parameter), entry, -_LARGE, _LARGE, "")
-                continue
             if parameter not in ranges:
                 toml.refuse((*key, parameter), f"unknown parameter; known: {', '.join(ranges)}")
             info = ranges[parameter]
-            effects[name][parameter] = _entry(toml, (*key, parameter), entry, info.minimum, info.maximum, info.unit)
-    return effects, sorted(effects.keys() - known.keys())
+            stated = _entry(toml, (*key, parameter), entry, info.minimum, info.maximum, info.unit)
+            if frame == "FLU" and info.odd and known[name].acts_on in _IN_AXES and parameter not in _SIDES:
+                stated = replace(stated, value=0.0 - stated.value)
+            effects[name][parameter] = stated
+    return effects
 
 
 def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, unit: str) -> Nominal:

@@ -98,7 +98,7 @@ def describe(path: Path) -> Description:
     _check_columns(toml, signals, layout)
     nominal_table = toml.table(("nominal",), data.get("nominal", {}))
     effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
-    effects, unsimulated = read_nominal_effects(toml, effects_table)
+    effects = read_nominal_effects(toml, effects_table, frame)
     gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
     runs = _runs(toml, vehicle, frame, gap_s)
     return Description(
@@ -111,16 +111,14 @@ def describe(path: Path) -> Description:
         nominal_effects=effects,
         gap_s=gap_s,
         runs=runs,
-        notes=tuple(_notes(data, signals, unsimulated)),
+        notes=tuple(_notes(data, signals)),
     )
 
 
-def _notes(data: Mapping[str, Any], signals: Iterable[str], unsimulated: list[str]) -> list[str]:
+def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
     notes = []
     if "frame" not in data and TURNS_WITH_FRAME & set(signals):
         notes.append("no frame is stated: FRD is taken, the paper's, clockwise positive")
-    if unsimulated:
-        notes.append(f"nominal effects kept but not yet simulated: {', '.join(unsimulated)}")
     return notes
 
 

@@ -126,7 +126,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
         if name not in infos or name in _FIXED:
             raise InputError("no nominal parameter that can be fitted", field=name)
     values = _absent_values(dataset, infos) | {name: nominal.value for name, nominal in dataset.nominal.items()}
-    stated = {name: table for name, table in dataset.nominal_effects.items() if name in effect_infos}
+    stated = dataset.nominal_effects
     tables = {
         name: {
             info.name: stated.get(name, {}).get(info.name, Nominal(info.preset)).value
@@ -179,11 +179,7 @@ def _is_free(info: ParameterInfo, model: Model, dataset: Dataset, asked: Sequenc
 
 def _notes(dataset: Dataset, model: Model, entering: set[str]) -> tuple[str, ...]:
     absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
-    notes = [f"Not given and taken to be 0: {', '.join(absent)}."] if absent else []
-    unknown = [name for name in dataset.nominal_effects if name not in model.effects]
-    if unknown:
-        notes.append(f"The plant does not know {', '.join(unknown)}: left out.")
-    return tuple(notes)
+    return (f"Not given and taken to be 0: {', '.join(absent)}.",) if absent else ()
 
 
 def _beside(value: float, info: ParameterInfo) -> float:

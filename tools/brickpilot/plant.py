@@ -59,7 +59,8 @@ class State:
     """State of a vehicle in SI, frame of the paper; pairs are left and right, a motor uses the first alone.
 
     A coupled vehicle with both wheel speeds 0 gets them from surge and yaw_rate; otherwise the wheel speeds decide.
-    ``age``: s since power-on; ``charge``: C drawn from the battery since then.
+    ``age``: s since power-on; ``charge``: C drawn from the battery since then; ``heat``: K of the windings above their
+    surroundings; ``rest``: s at rest before the run, in which they cool.
     """
 
     x: float = 0.0
@@ -73,6 +74,8 @@ class State:
     wheel_angle: tuple[float, float] = (0.0, 0.0)
     age: float = 0.0
     charge: float = 0.0
+    heat: tuple[float, float] = (0.0, 0.0)
+    rest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -227,7 +230,7 @@ def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
 
 def _read_state(source: Any) -> State:
     values: dict[str, Any] = {name: getattr(source, name) for name in State.__dataclass_fields__}
-    for pair in ("current", "wheel_speed", "wheel_angle"):
+    for pair in ("current", "wheel_speed", "wheel_angle", "heat"):
         values[pair] = (values[pair][0], values[pair][1])
     return State(**values)
 

@@ -1,15 +1,16 @@
 """Replays measured runs: what a model gives from each run's own inputs alone, beside what was measured.
 
 Nothing measured is fed back. A run starts from what its first sample measured, or from what the file states; what was
-not measured starts at rest. Age and charge carry over from run to run in the file's order, `gap_s` apart.
+not measured starts at rest. Age, charge and heat carry over from run to run in the file's order, `gap_s` apart.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ _START_SAMPLES = 9
 
 _LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
 _FINEST = 20  # interpolated samples per measured one, where the measured crowd
+_SECANT_STEPS = 4
 
 
 class Replay:
@@ -54,16 +56,22 @@ class Replay:
     ) -> list[dict[str, Outputs]]:
         """Each model's outputs by run name, for the runs up to and with `last` (None: all). A run is one batch."""
         results: list[dict[str, Outputs]] = [{} for _ in models]
-        carried = [(0.0, 0.0)] * len(models)
+        carried = [State()] * len(models)
         for run in self.dataset.runs:
             batch = []
-            for model, (age, charge) in zip(models, carried, strict=True):
-                start = dataclasses.replace(initial_state(run, model), age=age + run.gap_s, charge=charge)
+            for model, last_state in zip(models, carried, strict=True):
+                start = dataclasses.replace(
+                    initial_state(run, model),
+                    age=last_state.age + run.gap_s,
+                    charge=last_state.charge,
+                    heat=last_state.heat,
+                    rest=run.gap_s,
+                )
                 batch.append((model, self._open_loop(run, slice(None), start)))
             simulated = plant.simulate(batch, threads=threads)
             for result, one in zip(results, simulated, strict=True):
                 result[run.name] = one.outputs
-            carried = [(one.final.age, one.final.charge) for one in simulated]
+            carried = [one.final for one in simulated]
             if run.name == last:
                 break
         return results
@@ -85,7 +93,7 @@ class Replay:
         """Open-loop stretches of `window_s` s by run name, each from the measured state; a rest at the end is left out.
 
         For a motor. Its velocity is the zero-phase derivative of the position where it was not measured; a window
-        that would start at a blank is left out. Age is the time since the first run began; charge is zero.
+        that would start at a blank is left out. Age is the time since the first run began; charge and heat are zero.
         """
         given = output_names(model)
         stretches: list[tuple[str, slice]] = []
@@ -172,7 +180,7 @@ def initial_state(run: Run, model: Model) -> State:
     for summed, rate, per in _START_RATES:
         if summed in run.outputs and rate not in run.outputs:
             measured[rate] = _starting_rate(run.time, run.outputs[summed]) * per
-    return _state(measured | dict(run.initial or {}), model.vehicle, model)
+    return _state(measured, model.vehicle, model, stated=run.initial or {})
 
 
 _START_RATES = [
@@ -180,6 +188,10 @@ _START_RATES = [
     for summed, rate in (("angle", "speed"), ("travel", "velocity"))
     for side in ("left", "right")
 ] + [("position", "velocity", 1.0), ("angle", "speed", 1.0)]
+
+
+# Measured signals that a state is made of and that a sensor effect may have changed.
+_READ_INTO_STATE = SUMMED | {"yaw_rate", *RATE_OF.values(), *(rate for _, rate, _ in _START_RATES)}
 
 
 def _starting_rate(time: Array, values: Array) -> float:
@@ -190,9 +202,49 @@ def _starting_rate(time: Array, values: Array) -> float:
     return float(np.polyfit(time[:_START_SAMPLES] - time[0], first, 1)[0])
 
 
-def _state(measured: Mapping[str, float], vehicle: str, model: Model, *, age: float = 0.0) -> State:
-    known = {name: value for name, value in measured.items() if np.isfinite(value)}
+def _state(
+    measured: Mapping[str, float],
+    vehicle: str,
+    model: Model,
+    *,
+    stated: Mapping[str, float] = MappingProxyType({}),
+    age: float = 0.0,
+) -> State:
+    """The state of which the model's sensors say `measured`; `stated` is true already, whatever they say."""
+    known = {name: value for name, value in measured.items() if np.isfinite(value)} | dict(stated)
+    read = [name for name in known if name in _READ_INTO_STATE and name not in stated]
+    if not read or not any(effect.acts_on == "sensor" and effect.name in model.effects for effect in plant.effects()):
+        return _state_of(known, vehicle, model, age)
 
+    def say(values: Array) -> tuple[State, Array]:
+        state = _state_of(known | dict(zip(read, values.tolist(), strict=True)), vehicle, model, age)
+        rest = np.zeros((1, 1 if vehicle == "motor" else 2))
+        one = plant.simulate([(model, OpenLoopRun(time=np.zeros(1), inputs=rest, initial=state))])[0]
+        return state, np.array([one.outputs[name][0] if name in one.outputs else known[name] for name in read])
+
+    return _invert(say, np.array([known[name] for name in read]))
+
+
+def _invert(say: Callable[[Array], tuple[State, Array]], wanted: Array) -> State:
+    """Secant steps, each signal for itself: exact after three where a sensor adds or scales. One that is not heeded,
+    such as a yaw rate beside two wheel speeds, or that is clipped, stays off."""
+    values, slope = wanted, np.ones_like(wanted)
+    state, said = say(values)
+    for _ in range(_SECANT_STEPS):
+        off = wanted - said
+        if np.all(np.abs(off) <= 1e-12):
+            break
+        before, said_before, values = values, said, values + off / slope
+        state, said = say(values)
+        moved, answered = values - before, said - said_before
+        if not answered.any():
+            break
+        heeded = (np.abs(moved) > 1e-9) & (np.abs(answered) > 0.1 * np.abs(moved))
+        slope = np.where(heeded, answered / np.where(heeded, moved, 1.0), slope)
+    return state
+
+
+def _state_of(known: Mapping[str, float], vehicle: str, model: Model, age: float) -> State:
     def first(*names_and_scales: tuple[str, float]) -> float | None:
         return next((known[name] * scale for name, scale in names_and_scales if name in known), None)
 

@@ -39,6 +39,28 @@ static void go(double left, double right, double seconds)
     plant_outputs(&plant, out);
 }
 
+/* Value times the mass, at the same size. */
+static void heavy(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    vehicle->build.mass *= value[0];
+}
+static const effect_t HEAVY = {.info = {.name = "heavy"}, .hook = {[SITE_BUILD] = heavy}};
+
+static void test_build_hook_changes_the_vehicle_before_it_starts(void)
+{
+    start(NULL);
+    go(6, 6, 0.3);
+    const double reached = out[OUTPUT_SURGE];
+    bp_model_set(model, "mass", 0.45);
+    use(&HEAVY, 2);
+    for (int run = 0; run < 2; run++) {
+        start(NULL);
+        go(6, 6, 0.3);
+        TEST_ASSERT_EQUAL_DOUBLE(reached, out[OUTPUT_SURGE]);
+    }
+}
+
 /* Commands arrive value seconds after the run's start: memory counts the time. */
 static void late(const double *value, double *memory, vehicle_t *vehicle)
 {
@@ -207,6 +229,7 @@ static void test_sensor_hook_changes_what_is_seen_and_not_what_is(void)
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(test_build_hook_changes_the_vehicle_before_it_starts);
     RUN_TEST(test_timing_hook_acts_between_body_steps_and_keeps_its_memory);
     RUN_TEST(test_memory_is_empty_at_the_start_of_every_run);
     RUN_TEST(test_supply_hook_lowers_voltage_by_what_the_motors_draw);

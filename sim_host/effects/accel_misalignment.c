@@ -1,0 +1,27 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    const double surge = vehicle->output[OUTPUT_ACCEL_SURGE], sway = vehicle->output[OUTPUT_ACCEL_SWAY];
+    const double cosine = cos(value[0]), sine = sin(value[0]);
+    vehicle->output[OUTPUT_ACCEL_SURGE] = cosine * surge + sine * sway;
+    vehicle->output[OUTPUT_ACCEL_SWAY] = cosine * sway - sine * surge;
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"angle", "rad", "accelerometers turned clockwise about the vertical; a tilt on level ground is accel_bias", -0.8,
+     0.8, 0.15, 1},
+};
+
+const effect_t effect_accel_misalignment = {
+    .info = {.name = "accel_misalignment",
+             .acts_on = "sensor",
+             .equation = "accel_surge = cos(angle) a_u + sin(angle) a_v, accel_sway = cos(angle) a_v - sin(angle) a_u",
+             .source = "mounting misalignment, Titterton & Weston 2004",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_SENSOR] = sensor},
+};

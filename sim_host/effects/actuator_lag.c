@@ -1,0 +1,36 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* memory: V at either motor, 0 at the run's start. Over a step the input is constant and the mean of the answer exact.
+ */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    if (!(value[0] > 0))
+        return;
+    const double a = vehicle->step / value[0];
+    const double passed = -expm1(-a);
+    for (int k = 0; k < 2; k++) {
+        const double wanted = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
+        const double missing = wanted - memory[k];
+        memory[k] += passed * missing;
+        if (!isnan(vehicle->voltage[k]))
+            vehicle->voltage[k] = wanted - missing * passed / a;
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"time_constant", "s", "of the voltage that follows the command", 0, 10, 0.08, 0},
+};
+
+const effect_t effect_actuator_lag = {
+    .info = {.name = "actuator_lag",
+             .acts_on = "drive",
+             .equation = "time_constant dV_motor/dt = V - V_motor, from 0 V at the run's start; a motor that floats "
+                         "floats at once",
+             .source = "first-order lag, Ogata 2010, Modern Control Engineering, ch. 5",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .memory_count = 2,
+    .hook = {[SITE_DRIVE] = drive},
+};

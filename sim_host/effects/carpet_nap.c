@@ -1,0 +1,38 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    if (vehicle->vehicle != BP_MOTOR)
+        vehicle->dry[DRY_SURGE] += 0.5 * hypot(value[0], value[1]);
+}
+
+static void body(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    const double cosine = cos(vehicle->middle.heading), sine = sin(vehicle->middle.heading);
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    vehicle->force_surge += 0.5 * (value[0] * cosine + value[1] * sine);
+    vehicle->force_sway += 0.5 * (value[1] * cosine - value[0] * sine);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"force_x", "N", "lean of the pile along the earth's x axis, where heading 0 points", -1e4, 1e4, 0.5, 0},
+    {"force_y", "N", "lean along the earth's y axis, to the right of that", -1e4, 1e4, 0.3, 1},
+};
+
+const effect_t effect_carpet_nap = {
+    .info = {.name = "carpet_nap",
+             .acts_on = "body",
+             .equation = "pile that leans towards d = (force_x, force_y) / F, F = |(force_x, force_y)|: force -F/2 "
+                         "(direction of motion - d), so that it costs nothing along d, F against it, and pulls towards "
+                         "d across it; at rest it holds. Not for a motor",
+             .source = "a passive force with one easy direction; carpet drift of a robot along the pile: Gutmann, "
+                       "Eade, Fong & Munich 2012, Vector field SLAM, IEEE T-RO 28(3)",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_WHEEL] = wheel, [SITE_BODY] = body},
+};

@@ -1,0 +1,33 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* At rest either motion may have all of it. */
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    const double along = vehicle->middle.surge, across = vehicle->middle.yaw_rate * value[1];
+    const double speed = hypot(along, across);
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    vehicle->dry[DRY_SURGE] += value[0] * (speed > 0 ? fabs(along) / speed : 1);
+    vehicle->dry[DRY_YAW] += value[0] * fabs(value[1]) * (speed > 0 ? fabs(across) / speed : 1);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"force", "N", "friction of the ball", 0, 1e4, 0.25, 0},
+    {"forward", "m", "where it touches the floor, from the axle; negative: behind", -10, 10, -0.08, 0},
+};
+
+const effect_t effect_caster_drag = {
+    .info = {.name = "caster_drag",
+             .acts_on = "body",
+             .equation = "dry friction of a sliding ball at (forward, 0) of the axle's middle, against its velocity "
+                         "(u, r forward): X = -force u / s, N = -force forward^2 r / s, s = |(u, r forward)|; at rest "
+                         "it holds. The tyres take its side force. Not for a motor",
+             .source = "Coulomb friction against the sliding velocity, Moreau 1988; castor ball of a differential "
+                       "drive: Siegwart, Nourbakhsh & Scaramuzza 2011, ch. 2 and 3",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_WHEEL] = wheel},
+};

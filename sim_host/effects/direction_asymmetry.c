@@ -1,0 +1,63 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+static double sign(double value)
+{
+    return value > 0 ? 1 : value < 0 ? -1 : 0;
+}
+
+static int wheels(const vehicle_t *vehicle)
+{
+    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
+}
+
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    for (int k = 0; k < wheels(vehicle); k++)
+        vehicle->voltage[k] *= 1 + 0.5 * value[2] * sign(vehicle->voltage[k]);
+}
+
+/* The drag changes by no more than makes one direction free of losses. */
+static void motor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    for (int k = 0; k < wheels(vehicle); k++) {
+        motor_t *motor = &vehicle->motor[k];
+        const double change = 0.5 * value[1] * sign(vehicle->state.wheel_speed[k]);
+        motor->drag = fmax(motor->drag + change, 0);
+    }
+}
+
+/* Friction on one side of zero is half of it on both sides and half as a constant torque. */
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    for (int k = 0; k < wheels(vehicle); k++) {
+        vehicle->dry[DRY_LEFT + k] += 0.5 * fabs(value[0]);
+        vehicle->wheel_torque[k] -= 0.5 * value[0];
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"torque", "N m", "dry friction forward less backward, each wheel; N where the motor's input commands force", -1000,
+     1000, 0.006, 0},
+    {"drag", "N m s/rad", "linear losses forward less backward; N s/m where the motor's input commands force", -1e5,
+     1e5, 0, 0},
+    {"gain", "1", "voltage that arrives forward less backward, over what is commanded", -2, 2, 0, 0},
+};
+
+const effect_t effect_direction_asymmetry = {
+    .info = {.name = "direction_asymmetry",
+             .acts_on = "motor",
+             .equation = "forward less backward, each wheel: dry friction T_f = -torque while w > 0 and none backward "
+                         "(negative: the reverse); losses (b + drag / 2) w forward, (b - drag / 2) w backward; voltage "
+                         "V (1 + gain / 2) forward, V (1 - gain / 2) backward",
+             .source = "friction of its own in each direction: Armstrong-Helouvry et al. 1994, Automatica 30(7); "
+                       "Janot, Gautier & Brunot 2019, EMPS benchmark. Beside Coulomb friction `torque` is a constant "
+                       "offset; drag and gain are not",
+             .parameter_count = 3,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_DRIVE] = drive, [SITE_MOTOR] = motor, [SITE_WHEEL] = wheel},
+};

@@ -1,0 +1,97 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* The plant's wheel carries the rotor's inertia J_m and feels K_t i. What it must feel instead, with the rotor's speed
+ * ahead of its own by `slip`, is K_t i - J_m slip': nothing changes in contact, the rotor alone is driven in the play,
+ * and momentum is kept when it meets the tooth. */
+typedef struct {
+    double play;  /* rad: rotor ahead of the wheel, from the middle of the gap */
+    double slip;  /* rad/s: rate of `play` */
+    double speed; /* rad/s: of the wheel, a motor step ago; NaN after an impact */
+    double accel; /* rad/s^2: of the wheel */
+} mesh_t;
+
+static void start(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    mesh_t *mesh = (mesh_t *)memory;
+    for (int k = 0; k < 2; k++)
+        mesh[k].speed = vehicle->state.wheel_speed[k];
+}
+
+/* The back EMF is the rotor's. */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    const mesh_t *mesh = (const mesh_t *)memory;
+    for (int k = 0; k < 2; k++)
+        vehicle->voltage[k] -= vehicle->motor[k].emf_constant * mesh[k].slip;
+}
+
+/* A drive that commands force has no inertia of its own: there the share is that of the mass. */
+static double rotor_inertia(const vehicle_t *vehicle, int k, double share)
+{
+    const double own = vehicle->motor[k].inertia;
+    return share * (own > 0 ? own : vehicle->build.mass);
+}
+
+/* Torque that would turn the rotor against the wheel, and how it falls with `slip`. */
+static double push(const vehicle_t *vehicle, int k, double inertia, double accel, double *damping)
+{
+    const motor_t *motor = &vehicle->motor[k];
+    const double voltage = vehicle->voltage[k];
+    *damping = isnan(voltage) ? 0 : motor->torque_constant * motor->emf_constant / motor->resistance;
+    const double direct = isnan(voltage) ? 0 : motor->torque_per_volt * voltage;
+    return motor->torque_constant * vehicle->state.current[k] + direct - inertia * accel;
+}
+
+static void turn(mesh_t *mesh, vehicle_t *vehicle, int k, double gap, double share)
+{
+    const double h = vehicle->step, speed = vehicle->state.wheel_speed[k];
+    if (!isnan(mesh->speed))
+        mesh->accel = (speed - mesh->speed) / h;
+    mesh->speed = speed;
+
+    const double inertia = rotor_inertia(vehicle, k, share);
+    double damping;
+    const double torque = push(vehicle, k, inertia, mesh->accel, &damping);
+    const double before = mesh->slip;
+    mesh->slip += h * torque / (inertia + h * damping);
+    mesh->play += 0.5 * h * (before + mesh->slip);
+    if (fabs(mesh->play) > 0.5 * gap) {
+        mesh->play = copysign(0.5 * gap, mesh->play);
+        mesh->slip = 0;
+        mesh->speed = before != 0 ? NAN : speed;
+    }
+    vehicle->wheel_torque[k] -= inertia * (mesh->slip - before) / h;
+}
+
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    mesh_t *mesh = (mesh_t *)memory;
+    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
+    for (int k = 0; k < count; k++)
+        turn(&mesh[k], vehicle, k, value[0], value[1]);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"gap", "rad", "play between motor and wheel, at the wheel; m where the motor's input commands force", 0, 3, 0.2,
+     0},
+    {"rotor_share", "1", "of wheel_inertia before the play; of mass where the motor's input commands force", 0.01, 0.9,
+     0.6, 0},
+};
+
+const effect_t effect_gear_backlash = {
+    .info = {.name = "gear_backlash",
+             .acts_on = "gear",
+             .equation =
+                 "within |p| < gap / 2 the rotor turns alone: J_m w_m' = K_t i, p' = w_m - w, J_m = rotor_share "
+                 "J; at its ends it meets the wheel without rebound, and leaves when the torque changes sign",
+             .source = "Nordin & Gutman 2002, Controlling mechanical systems with backlash, a survey; two inertias, "
+                       "inelastic impact",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .memory_count = 2 * sizeof(mesh_t) / sizeof(double),
+    .hook = {[SITE_START] = start, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
+};

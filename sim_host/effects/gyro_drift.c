@@ -1,0 +1,25 @@
+#include "effects/effect.h"
+
+/* memory: s since the run's start. Age counts from power-on, so that runs in sequence drift on. */
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    memory[0] += vehicle->step;
+    const double age = vehicle->state.age;
+    vehicle->output[OUTPUT_YAW_RATE] += value[0] * age;
+    vehicle->output[OUTPUT_YAW_ANGLE] += value[0] * memory[0] * (age - 0.5 * memory[0]);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"rate", "rad/s^2", "growth of the bias, which is 0 at power-on", -1, 1, 0.02, 1},
+};
+
+const effect_t effect_gyro_drift = {
+    .info = {.name = "gyro_drift",
+             .acts_on = "sensor",
+             .equation = "yaw_rate = r + rate t, t since power-on; yaw_angle is its integral from the run's start",
+             .source = "rate ramp, IEEE Std 952-1997, annex C",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .memory_count = 1,
+    .hook = {[SITE_SENSOR] = sensor},
+};

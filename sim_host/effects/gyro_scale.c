@@ -1,0 +1,30 @@
+#include "effects/effect.h"
+
+typedef struct {
+    double started;
+    double heading; /* at the start: the angle is counted from there */
+} origin_t;
+
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    origin_t *origin = (origin_t *)memory;
+    if (origin->started == 0)
+        *origin = (origin_t){1, vehicle->output[OUTPUT_YAW_ANGLE]};
+    vehicle->output[OUTPUT_YAW_RATE] += value[0] * vehicle->output[OUTPUT_YAW_RATE];
+    vehicle->output[OUTPUT_YAW_ANGLE] += value[0] * (vehicle->output[OUTPUT_YAW_ANGLE] - origin->heading);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"error", "1", "relative; above 0 the gyro says too much", -0.5, 0.5, 0.1, 0},
+};
+
+const effect_t effect_gyro_scale = {
+    .info = {.name = "gyro_scale",
+             .acts_on = "sensor",
+             .equation = "yaw_rate = (1 + error) r; yaw_angle is its integral",
+             .source = "scale-factor error, IEEE Std 1431-2004; Titterton & Weston 2004",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .memory_count = sizeof(origin_t) / sizeof(double),
+    .hook = {[SITE_SENSOR] = sensor},
+};

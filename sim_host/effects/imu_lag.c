@@ -1,0 +1,56 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+typedef struct {
+    double started;
+    double surge, sway, yaw_rate; /* filtered */
+    double turning;               /* unfiltered yaw rate at the last step */
+    double first;                 /* yaw rate that the filter had settled on */
+} filter_t;
+
+/* Exact for accelerations that are constant in the step, which they are as means, and for a yaw rate that is linear. */
+static void advance(filter_t *filter, const double *output, double lag, double step)
+{
+    const double kept = exp(-step / lag);
+    const double slope = lag * (output[OUTPUT_YAW_RATE] - filter->turning) / step;
+    filter->surge = output[OUTPUT_ACCEL_SURGE] + kept * (filter->surge - output[OUTPUT_ACCEL_SURGE]);
+    filter->sway = output[OUTPUT_ACCEL_SWAY] + kept * (filter->sway - output[OUTPUT_ACCEL_SWAY]);
+    filter->yaw_rate = output[OUTPUT_YAW_RATE] - slope + kept * (filter->yaw_rate - filter->turning + slope);
+}
+
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    filter_t *filter = (filter_t *)memory;
+    double *output = vehicle->output;
+    if (filter->started == 0 || value[0] <= 0) {
+        filter->started = 1;
+        filter->surge = output[OUTPUT_ACCEL_SURGE];
+        filter->sway = output[OUTPUT_ACCEL_SWAY];
+        filter->yaw_rate = output[OUTPUT_YAW_RATE];
+        filter->first = output[OUTPUT_YAW_RATE];
+    } else {
+        advance(filter, output, value[0], vehicle->step);
+    }
+    filter->turning = output[OUTPUT_YAW_RATE];
+    output[OUTPUT_ACCEL_SURGE] = filter->surge;
+    output[OUTPUT_ACCEL_SWAY] = filter->sway;
+    output[OUTPUT_YAW_RATE] = filter->yaw_rate;
+    output[OUTPUT_YAW_ANGLE] -= value[0] * (filter->yaw_rate - filter->first);
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"time_constant", "s", "of accelerometers and gyro alike", 0, 10, 0.05, 0},
+};
+
+const effect_t effect_imu_lag = {
+    .info = {.name = "imu_lag",
+             .acts_on = "sensor",
+             .equation = "time_constant y' + y = x for accel_surge, accel_sway and yaw_rate, settled at the start; "
+                         "yaw_angle is the integral of y",
+             .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .memory_count = sizeof(filter_t) / sizeof(double),
+    .hook = {[SITE_SENSOR] = sensor},
+};

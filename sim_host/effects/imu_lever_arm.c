@@ -1,0 +1,26 @@
+#include "effects/effect.h"
+
+/* Means over the body step, like the accelerations they add to. */
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    const double x = value[0], y = value[1];
+    const double turn = vehicle->state.yaw_rate - 0.5 * vehicle->step * vehicle->yaw_accel;
+    vehicle->output[OUTPUT_ACCEL_SURGE] -= turn * turn * x + vehicle->yaw_accel * y;
+    vehicle->output[OUTPUT_ACCEL_SWAY] -= turn * turn * y - vehicle->yaw_accel * x;
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"x", "m", "accelerometers ahead of the middle of the axle", -5, 5, 0.03, 0},
+    {"y", "m", "accelerometers to the right of it", -5, 5, 0.02, 1},
+};
+
+const effect_t effect_imu_lever_arm = {
+    .info = {.name = "imu_lever_arm",
+             .acts_on = "sensor",
+             .equation = "accel_surge += -r^2 x - r' y, accel_sway += -r^2 y + r' x",
+             .source = "rigid-body kinematics; size effect, Titterton & Weston 2004",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_SENSOR] = sensor},
+};

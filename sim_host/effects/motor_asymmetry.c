@@ -1,0 +1,28 @@
+#include "effects/effect.h"
+
+/* A gain of the drive, not of the motor: it scales V alone, and with it stall torque and speed alike. What differs in
+ * the motor is torque_constant_asymmetry, which scales K_t V by 1 + c and K_t K_e by (1 + c)^2: more torque, less
+ * speed. The two are told apart by any run that holds both a start and a steady speed. A lone motor has no other side.
+ */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    vehicle->voltage[0] *= 1 + 0.5 * value[0];
+    vehicle->voltage[1] *= 1 - 0.5 * value[0];
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"difference", "1", "voltage gain of the left drive less that of the right; their mean is 1", -1, 1, 0.1, 1},
+};
+
+const effect_t effect_motor_asymmetry = {
+    .info = {.name = "motor_asymmetry",
+             .acts_on = "drive",
+             .equation = "V_left = (1 + difference / 2) V, V_right = (1 - difference / 2) V; nothing on a single motor",
+             .source = "eq. 12 with a gain for each drive",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_DRIVE] = drive},
+};

@@ -1,0 +1,48 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* Of copper at 20 degrees C, 1/K (IEC 60028). It is known, and enters only times the thermal resistance. */
+static const double COPPER = 0.00393;
+
+static void start(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    for (int k = 0; k < 2; k++)
+        vehicle->state.heat[k] *= exp(-vehicle->state.rest / value[1]);
+}
+
+static void motor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    (void)memory;
+    for (int k = 0; k < 2; k++)
+        vehicle->motor[k].resistance *= 1 + COPPER * vehicle->state.heat[k];
+}
+
+/* Each motor step, since the current between them may be in pulses. */
+static void warm(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    bp_state *state = &vehicle->state;
+    for (int k = 0; k < 2; k++) {
+        const double power = vehicle->motor[k].resistance * state->current[k] * state->current[k];
+        state->heat[k] += vehicle->step / value[1] * (value[0] * power - state->heat[k]);
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"thermal_resistance", "K/W", "winding to surroundings", 0, 10000, 300, 0},
+    {"time_constant", "s", "of the winding's temperature", 1, 100000, 20, 0},
+};
+
+const effect_t effect_motor_heating = {
+    .info = {.name = "motor_heating",
+             .acts_on = "motor",
+             .equation = "R' = R (1 + 0.00393 T), time_constant dT/dt = thermal_resistance R' i^2 - T; T in K above "
+                         "the surroundings, carried from run to run",
+             .source = "one-body thermal model, Hughes & Drury 2019, Electric Motors and Drives; copper: IEC 60028",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_START] = start, [SITE_MOTOR] = motor, [SITE_WHEEL] = warm},
+};

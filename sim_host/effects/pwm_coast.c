@@ -1,0 +1,86 @@
+#include "effects/effect.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+/* Share of a tick, or of a sum, that is rounding. */
+static const double SLACK = 1e-9;
+
+typedef struct {
+    double sum;  /* of the duty of each tick: overflows at 1 */
+    double on;   /* 1 during a tick that drives */
+    double owed; /* s of pulse still to be given: a motor step is all on or all off */
+} density_t;
+
+typedef struct {
+    double into; /* s into the tick */
+    density_t density[2];
+} pulses_t;
+
+static double duty(const vehicle_t *vehicle, int k)
+{
+    const double part = fabs(vehicle->voltage[k]) / vehicle->supply;
+    return part > 0 ? part : 0; /* a floating motor is NaN */
+}
+
+static void begin_tick(density_t *density, double part)
+{
+    density->sum += part < 1 ? part : 1;
+    density->on = density->sum >= 1 - SLACK;
+    density->sum -= density->on;
+}
+
+/* Adds the pulses of the next motor step to what is owed. */
+static void count_pulses(pulses_t *pulses, const vehicle_t *vehicle, double period)
+{
+    double left = vehicle->step;
+    while (left > SLACK * period) {
+        const double rest = period - pulses->into;
+        const double span = left < rest ? left : rest;
+        for (int k = 0; k < 2; k++) {
+            if (pulses->into <= 0)
+                begin_tick(&pulses->density[k], duty(vehicle, k));
+            pulses->density[k].owed += pulses->density[k].on * span;
+        }
+        pulses->into = rest - span > SLACK * period ? pulses->into + span : 0;
+        left -= span;
+    }
+}
+
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    pulses_t *pulses = (pulses_t *)memory;
+    const bool brakes = value[1] >= 0.5;
+    count_pulses(pulses, vehicle, value[0]);
+    for (int k = 0; k < 2; k++) {
+        double *owed = &pulses->density[k].owed;
+        const bool on = *owed > 0.5 * vehicle->step;
+        if (isnan(vehicle->voltage[k]) || vehicle->voltage[k] == 0) {
+            *owed = 0;
+        } else if (on) {
+            *owed -= vehicle->step;
+            vehicle->voltage[k] = copysign(vehicle->supply, vehicle->voltage[k]);
+        } else {
+            vehicle->voltage[k] = brakes ? 0 : NAN;
+        }
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"period", "s", "of a tick, which is all pulse or all pause", 1e-4, 0.1, 0.001, 0},
+    {"brakes", "1", "in a pause the motor is shorted (1) or floats (0)", 0, 1, 0, 0},
+};
+
+const effect_t effect_pwm_coast = {
+    .info = {.name = "pwm_coast",
+             .acts_on = "drive",
+             .equation =
+                 "each tick: sum += |V| / V_supply; where sum >= 1, sum -= 1 and V_motor = sign(V) V_supply for "
+                 "the tick, otherwise the motor floats (i = 0) or is shorted; V = 0 is shorted",
+             .source = "brickOS, kernel/dmotor.c, on its 1 ms system tick (CONF_DMOTOR_HOLD: shorted); first-order "
+                       "sigma-delta modulation, Norsworthy, Schreier & Temes 1997",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .memory_count = sizeof(pulses_t) / sizeof(double),
+    .hook = {[SITE_DRIVE] = drive},
+};

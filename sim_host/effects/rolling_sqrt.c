@@ -1,0 +1,27 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* A bound on the impulse, so that the infinite slope at rest cannot ring. */
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    for (int k = 0; k < 2; k++)
+        vehicle->dry[DRY_LEFT + k] += value[0] * sqrt(fabs(vehicle->state.wheel_speed[k]));
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"torque", "N m", "loss of each wheel at 1 rad/s; N at 1 m/s where the motor's input commands force", 0, 1000,
+     0.002, 0},
+};
+
+const effect_t effect_rolling_sqrt = {
+    .info = {.name = "rolling_sqrt",
+             .acts_on = "wheel",
+             .equation = "T_f = -torque sqrt(|w| / 1 rad/s) sign(w)",
+             .source = "power law of speed with exponent 1/2, between Coulomb (0) and viscous (1): mixed lubrication, "
+                       "Armstrong-Helouvry et al. 1994, Automatica 30(7)",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_WHEEL] = wheel},
+};

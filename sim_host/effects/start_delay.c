@@ -1,0 +1,35 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* memory: s since the run's start. The step in which the inputs are let go has them for its part. */
+static void timing(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const double held = (value[0] - memory[0]) / vehicle->step;
+    memory[0] += vehicle->step;
+    if (held <= 0)
+        return;
+    for (int k = 0; k < 2; k++) {
+        const double command = vehicle->command[k];
+        if (held >= 1 || (isnan(command) && held > 0.5))
+            vehicle->command[k] = 0;
+        else
+            vehicle->command[k] = (1 - held) * command; /* floats on if it did */
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"delay", "s", "from the run's start to its first input, with 0 V until then; later inputs are in time", 0, 10, 0.2,
+     0},
+};
+
+const effect_t effect_start_delay = {
+    .info = {.name = "start_delay",
+             .acts_on = "timing",
+             .equation = "V(t) = 0 for t < delay, otherwise the command of t; t from the run's start",
+             .source = "elementary: recorder and drive that are not started by the same signal",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .memory_count = 1,
+    .hook = {[SITE_TIMING] = timing},
+};

@@ -1,0 +1,30 @@
+#include "effects/effect.h"
+
+/* K_t and K_e are one flux seen from two sides, so they differ together. K_t alone would be a third of a kind: with
+ * L / R short it cannot be told from 1 / R of that side. A lone motor has no other side. */
+static void motor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    for (int k = 0; k < 2; k++) {
+        const double flux = 1 + (k == 0 ? 0.5 : -0.5) * value[0];
+        vehicle->motor[k].torque_constant *= flux;
+        vehicle->motor[k].emf_constant *= flux;
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"difference", "1", "K_t and K_e of the left motor less those of the right, over their mean", -1, 1, 0.1, 1},
+};
+
+const effect_t effect_torque_constant_asymmetry = {
+    .info = {.name = "torque_constant_asymmetry",
+             .acts_on = "motor",
+             .equation = "K_t and K_e of the left motor times 1 + difference / 2, of the right times 1 - difference / "
+                         "2; nothing on a single motor",
+             .source = "K_t and K_e are one flux: Hughes & Drury 2019, Electric Motors and Drives, ch. 3; eq. 12",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_MOTOR] = motor},
+};

@@ -1,0 +1,25 @@
+#include "effects/effect.h"
+
+static void build(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    vehicle->build.along = (tyre_t){.creep = value[0], .friction = value[1]};
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"creep", "m/(N s)", "slip speed over force while that is small", 1e-4, 100, 0.1, 0},
+    {"friction", "1", "largest force over load", 1e-3, 100, 0.8, 0},
+};
+
+const effect_t effect_wheel_slip = {
+    .info = {.name = "wheel_slip",
+             .acts_on = "wheel",
+             .equation = "force of each tyre along F = s / sqrt(creep^2 + (s / (friction m g / 2))^2), s = r_w w - (u "
+                         "+- half_track r), instead of s = 0. coupled profile only; not for a motor",
+             .source =
+                 "linear creep, Johnson 1985, Contact Mechanics, ch. 8, up to Coulomb's limit; slip of wheeled robots: "
+                 "Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth passage is ours",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_BUILD] = build},
+};

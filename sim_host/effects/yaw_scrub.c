@@ -1,0 +1,24 @@
+#include "effects/effect.h"
+
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    if (vehicle->vehicle != BP_MOTOR)
+        vehicle->dry[DRY_YAW] += value[0];
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {"moment", "N m", "dry moment of the tyres' patches and of what else slides sideways", 0, 1e4, 0.012, 0},
+};
+
+const effect_t effect_yaw_scrub = {
+    .info = {.name = "yaw_scrub",
+             .acts_on = "body",
+             .equation = "N = -moment sign(r) while the vehicle turns; at rest it holds any moment up to that size. "
+                         "Not for a motor",
+             .source = "turning resistance of a tyre on the spot, Wong 2008, Theory of Ground Vehicles; solved as a "
+                       "bounded impulse, Moreau 1988",
+             .parameter_count = 1,
+             .parameters = PARAMETERS},
+    .hook = {[SITE_WHEEL] = wheel},
+};

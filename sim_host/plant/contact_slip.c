@@ -1,0 +1,164 @@
+#include <math.h>
+
+#include "plant/body.h"
+#include "plant/contact.h"
+
+static pair_t add(pair_t a, pair_t b)
+{
+    return (pair_t){a.left + b.left, a.right + b.right, a.cross + b.cross};
+}
+
+static pair_t invert(pair_t a)
+{
+    const double scale = 1 / (a.left * a.right - a.cross * a.cross);
+    return (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
+}
+
+/* Slip speed over force: from `creep`, where that force is small, to what keeps the force within the friction. */
+static double compliance(const tyre_t *tyre, double load, double slip)
+{
+    const double beyond = slip / (tyre->friction * load);
+    return sqrt(tyre->creep * tyre->creep + beyond * beyond);
+}
+
+static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
+{
+    const bool rolls = !(vehicle->build.along.creep > 0);
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    for (int k = 0; k < 2; k++)
+        wheels->load[k] = 0;
+    wheels->inertia = (pair_t){vehicle->motor[0].inertia, vehicle->motor[1].inertia, 0};
+    wheels->drag = (pair_t){vehicle->motor[0].drag, vehicle->motor[1].drag, 0};
+    wheels->dry_arm[DRY_LEFT] = 1;
+    wheels->dry_arm[DRY_RIGHT] = 1;
+    wheels->dry_arm[DRY_SURGE] = rolls ? 0.5 * radius : 0;
+    wheels->dry_arm[DRY_YAW] = rolls ? 0.5 * radius / vehicle->parameter[PARAMETER_HALF_TRACK] : 0;
+    wheels->body.travel_surge = 0;
+    wheels->body.travel_sway = 0;
+    wheels->body.turn = 0;
+}
+
+/* Impulses in h s on surge, sway and yaw, about the middle of the axle, without the tyres'. The velocity of the centre
+ * of mass keeps its direction over ground, so it turns in the body's axes: exact, and it feeds no energy. */
+typedef struct {
+    double surge, sway, yaw;
+} impulse_t;
+
+static impulse_t impulse_of(const vehicle_t *vehicle, double h)
+{
+    const bp_state *state = &vehicle->state;
+    const double a = vehicle->build.com_forward, c = vehicle->build.com_right, mass = vehicle->build.mass;
+    const double u = state->surge - state->yaw_rate * c, v = state->sway + state->yaw_rate * a;
+    const double cosine = cos(h * state->yaw_rate), sine = sin(h * state->yaw_rate);
+    const double surge = mass * (u * cosine + v * sine - u), sway = mass * (v * cosine - u * sine - v);
+    return (impulse_t){.surge = surge + h * (vehicle->force_surge - vehicle->drag_surge * state->surge),
+                       .sway = sway + h * (vehicle->force_sway - vehicle->drag_sway * state->sway),
+                       .yaw = a * sway - c * surge + h * (vehicle->moment_yaw - vehicle->drag_yaw * state->yaw_rate)};
+}
+
+/* The body without tyre force along: its mass at the wheels, sway eliminated, and the speeds it would reach. */
+static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h)
+{
+    const bp_state *state = &vehicle->state;
+    const build_t *build = &vehicle->build;
+    const double a = build->com_forward, c = build->com_right, b = vehicle->parameter[PARAMETER_HALF_TRACK];
+    impulse_t impulse = impulse_of(vehicle, h);
+    double yaw_mass = build->yaw_inertia + build->mass * (a * a + c * c) + h * vehicle->drag_yaw;
+
+    wheels->body.sway_mass = 0;
+    if (build->across.creep > 0) {
+        const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY];
+        const double side = weight > 0 ? h / compliance(&build->across, weight, state->sway) : 0;
+        impulse.sway -= side * state->sway;
+        wheels->body.sway_impulse = impulse.sway;
+        wheels->body.sway_mass = build->mass + h * vehicle->drag_sway + side;
+        yaw_mass -= build->mass * a * build->mass * a / wheels->body.sway_mass;
+        impulse.yaw -= build->mass * a * impulse.sway / wheels->body.sway_mass;
+    }
+    wheels->body.mass = contact_at_wheels(build->mass + h * vehicle->drag_surge, yaw_mass, b);
+    wheels->body.mass.left -= 0.5 * build->mass * c / b;
+    wheels->body.mass.right += 0.5 * build->mass * c / b;
+    wheels->body.inverse = invert(wheels->body.mass);
+
+    const double left = 0.5 * (impulse.surge + impulse.yaw / b), right = 0.5 * (impulse.surge - impulse.yaw / b);
+    const pair_t *inverse = &wheels->body.inverse;
+    wheels->body.free[0] = state->surge + b * state->yaw_rate + inverse->left * left + inverse->cross * right;
+    wheels->body.free[1] = state->surge - b * state->yaw_rate + inverse->right * right + inverse->cross * left;
+}
+
+/* With the compliance C of the tyres the impulse on the body is (C / h + 1 / B)^-1 times the wheels' speed ahead of the
+ * free body: implicit in the slip, and rolling without slip for C = 0. */
+static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
+{
+    const bp_state *state = &vehicle->state;
+    const build_t *build = &vehicle->build;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double rim[2] = {radius * build->rim[0], radius * build->rim[1]};
+    const double load = 0.5 * build->mass * vehicle->parameter[PARAMETER_GRAVITY];
+    free_body(wheels, vehicle, h);
+
+    wheels->body.grip = wheels->body.mass;
+    if (build->along.creep > 0) {
+        const double left = rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate);
+        const double right = rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate);
+        const pair_t soft = {compliance(&build->along, load, left) / h, compliance(&build->along, load, right) / h, 0};
+        wheels->body.grip = load > 0 ? invert(add(soft, wheels->body.inverse)) : (pair_t){0, 0, 0};
+    }
+    const pair_t *grip_mass = &wheels->body.grip;
+    wheels->inertia = (pair_t){.left = vehicle->motor[0].inertia + rim[0] * rim[0] * grip_mass->left,
+                               .right = vehicle->motor[1].inertia + rim[1] * rim[1] * grip_mass->right,
+                               .cross = rim[0] * rim[1] * grip_mass->cross};
+    const double behind[2] = {wheels->body.free[0] - rim[0] * state->wheel_speed[0],
+                              wheels->body.free[1] - rim[1] * state->wheel_speed[1]};
+    wheels->load[0] = rim[0] * (grip_mass->left * behind[0] + grip_mass->cross * behind[1]) / h;
+    wheels->load[1] = rim[1] * (grip_mass->right * behind[1] + grip_mass->cross * behind[0]) / h;
+}
+
+/* Ground speeds of the body with the tyres' impulses and the body's own dry friction. */
+static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, double h, double ground[2])
+{
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double rim[2] = {radius * vehicle->build.rim[0] * vehicle->state.wheel_speed[0],
+                           radius * vehicle->build.rim[1] * vehicle->state.wheel_speed[1]};
+    if (!(vehicle->build.along.creep > 0)) {
+        ground[0] = rim[0];
+        ground[1] = rim[1];
+        return;
+    }
+    const pair_t *inverse = &wheels->body.inverse, *grip_mass = &wheels->body.grip;
+    const double ahead[2] = {rim[0] - wheels->body.free[0], rim[1] - wheels->body.free[1]};
+    const double left = grip_mass->left * ahead[0] + grip_mass->cross * ahead[1];
+    const double right = grip_mass->right * ahead[1] + grip_mass->cross * ahead[0];
+    ground[0] = wheels->body.free[0] + inverse->left * left + inverse->cross * right;
+    ground[1] = wheels->body.free[1] + inverse->right * right + inverse->cross * left;
+    const double bound[DRY_COUNT] = {
+        [DRY_SURGE] = 0.5 * h * vehicle->dry[DRY_SURGE], [DRY_YAW] = 0.5 * h / b * vehicle->dry[DRY_YAW]};
+    if (bound[DRY_SURGE] + bound[DRY_YAW] > 0)
+        dry_solve(ground, &wheels->body.mass, inverse, bound);
+}
+
+static void follow(wheels_t *wheels, vehicle_t *vehicle, double h)
+{
+    bp_state *state = &vehicle->state;
+    const double surge = state->surge, sway = state->sway, yaw_rate = state->yaw_rate;
+    double ground[2];
+    ground_speeds(wheels, vehicle, h, ground);
+    state->surge = 0.5 * (ground[0] + ground[1]);
+    state->yaw_rate = 0.5 * (ground[0] - ground[1]) / vehicle->parameter[PARAMETER_HALF_TRACK];
+    if (wheels->body.sway_mass > 0) {
+        const double lever = vehicle->build.mass * vehicle->build.com_forward;
+        const double impulse = wheels->body.sway_impulse - lever * (state->yaw_rate - yaw_rate);
+        state->sway += impulse / wheels->body.sway_mass;
+    }
+    wheels->body.travel_surge += 0.5 * h * (surge + state->surge);
+    wheels->body.travel_sway += 0.5 * h * (sway + state->sway);
+    wheels->body.turn += 0.5 * h * (yaw_rate + state->yaw_rate);
+}
+
+static void finish(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *before, double step)
+{
+    body_accelerations(vehicle, before, step);
+    body_move(&vehicle->state, wheels->body.travel_surge, wheels->body.travel_sway, wheels->body.turn);
+}
+
+const contact_t contact_slip = {.prepare = prepare, .finish = finish, .grip = grip, .follow = follow};

@@ -1,0 +1,73 @@
+#include "affected.h"
+
+/* Stalled at a duty d: i = d V / R, the battery gives 2 d i. */
+static double stalled(double resistance, double part)
+{
+    use("battery_sag", &resistance);
+    set("wheel_inertia", 1e4);
+    start(affected, NULL);
+    go(9 * part, -9 * part, 2);
+    return plant.vehicle.supply;
+}
+
+static void test_stalled_voltage_is_that_of_a_divider(void)
+{
+    const double resistances[] = {0.5, 4, 30, 100};
+    for (int i = 0; i < 4; i++) {
+        TEST_ASSERT_DOUBLE_WITHIN(1e-3, 9 / (1 + 2 * resistances[i] / 22), stalled(resistances[i], 1));
+        TEST_ASSERT_DOUBLE_WITHIN(1e-3, 9 / (1 + 0.5 * resistances[i] / 22), stalled(resistances[i], 0.5));
+    }
+}
+
+static void test_the_voltage_settles_within_a_few_body_steps(void)
+{
+    const double resistances[] = {1, 4, 100};
+    const int steps[] = {4, 4, 20};
+    set("wheel_inertia", 1e4);
+    for (int i = 0; i < 3; i++) {
+        use("battery_sag", &resistances[i]);
+        start(affected, NULL);
+        go(9, 9, steps[i] * STEP);
+        const double settled = 9 / (1 + 2 * resistances[i] / 22);
+        TEST_ASSERT_DOUBLE_WITHIN(0.02 * settled, settled, plant.vehicle.supply);
+    }
+}
+
+static void test_braking_by_reversing_raises_nothing_beyond_bounds(void)
+{
+    const double resistance = 10;
+    use("battery_sag", &resistance);
+    start(affected, NULL);
+    for (int i = 0; i < 200; i++) {
+        go(i % 2 == 0 ? 9 : -9, i % 3 == 0 ? -9 : 9, 0.15);
+        TEST_ASSERT_TRUE(plant.vehicle.supply > 1 && plant.vehicle.supply < 14);
+    }
+}
+
+static void test_no_resistance_changes_nothing(void)
+{
+    const double none = 0;
+    use("battery_sag", &none);
+    assert_no_effect();
+}
+
+static void test_symmetry_and_a_lone_motor(void)
+{
+    const double resistance = 8;
+    use("battery_sag", &resistance);
+    assert_reversal();
+    assert_mirror("battery_sag", &resistance);
+    make_motor("battery_sag", &resistance);
+    assert_effect();
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_stalled_voltage_is_that_of_a_divider);
+    RUN_TEST(test_the_voltage_settles_within_a_few_body_steps);
+    RUN_TEST(test_braking_by_reversing_raises_nothing_beyond_bounds);
+    RUN_TEST(test_no_resistance_changes_nothing);
+    RUN_TEST(test_symmetry_and_a_lone_motor);
+    return UNITY_END();
+}
