@@ -26,7 +26,7 @@ typedef struct {
     int16_t accel_surge_mm_s2; /* specific force, -32767..32767 */
     int16_t accel_sway_mm_s2;
     int16_t yaw_rate_mrad_s; /* -32767..32767 */
-    uint16_t rotation_left;  /* counts, free-running: wraps at 65536 */
+    uint16_t rotation_left;  /* counts since power-on: wraps at 65536 */
     uint16_t rotation_right;
     uint16_t battery_mv;    /* 0..20000 */
     int32_t reference_x_um; /* -2e9..2e9 */
