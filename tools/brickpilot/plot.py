@@ -45,6 +45,8 @@ def figure(
 def to_svg(drawn: Figure, title: str) -> str:
     """The figure as an `<svg>` element, `title` its accessible name. Black becomes the page's own text colour."""
     buffer = io.StringIO()
+    for legend in filter(None, (axis.get_legend() for axis in drawn.axes)):
+        legend.set_frame_on(False)  # its box would be white on dark paper
     with matplotlib.rc_context(_STYLE):
         drawn.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()

@@ -56,8 +56,8 @@ def draw(path: Path) -> None:
 
 
 def main() -> None:
-    """Writes the plot into this checkout."""
-    draw(Path(__file__).parents[3] / "sim_host" / "convergence.svg")
+    """Writes the plot; run from the root of a checkout."""
+    draw(Path("sim_host/convergence.svg"))
 
 
 if __name__ == "__main__":

@@ -27,13 +27,3 @@ def render(vehicle_file: Path) -> str:
     blocks += [_defines(f"RCX_{sensor.upper()}", table) for sensor, table in vehicle["sensors"].items()]
     body = "\n\n".join("\n".join(block) for block in blocks)
     return f"{HEADER}\n{body}\n\n#endif\n"
-
-
-def main() -> None:
-    """Writes the header beside the vehicle file of this checkout."""
-    models = Path(__file__).parents[3] / "sim_host" / "models"
-    (models / "rcx_gen.h").write_text(render(models / "rcx.toml"), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

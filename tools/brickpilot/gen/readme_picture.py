@@ -11,11 +11,11 @@ GREY = "#808080"  # legible on white and on black
 
 
 def main() -> None:
-    """Writes the picture into this checkout."""
+    """Writes the picture; run from the root of a checkout."""
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0))
     svg = run_report.track(flown, flight.summary(flown)).replace("currentColor", GREY)
-    (Path(__file__).parents[3] / "tools" / "mission.svg").write_text(svg, encoding="utf-8")
+    Path("tools/mission.svg").write_text(svg, encoding="utf-8")
 
 
 if __name__ == "__main__":
