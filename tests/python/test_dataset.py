@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import time
 from pathlib import Path
 
 import numpy as np
@@ -318,16 +317,6 @@ def test_units_of_outputs_are_those_of_the_plant() -> None:
     assert len(shared) >= 10
     for name in shared:
         assert si_factor(plant.outputs()[name], SIGNALS[name].unit) == 1.0, name
-
-
-def test_25000_rows_of_4_columns_are_read_within_half_a_second(tmp_path: Path) -> None:
-    rows = "time,voltage_left,voltage_right,yaw_rate\n" + "".join(
-        f"{k * 1e-3:.3f},4.5,-4.5,{k * 7 % 100}e-2\n" for k in range(25_000)
-    )
-    write_set(tmp_path, drive("voltage_left voltage_right"), rows)
-    begin = time.process_time()
-    assert read(tmp_path).runs[0].time.size == 25_000
-    assert time.process_time() - begin < 0.5
 
 
 def measured(name: str) -> Path:
