@@ -151,6 +151,8 @@ static bool can_be_flown(const bp_flight *request)
     if (request->drive == NULL)
         sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
                 request->waypoint_count <= BP_MAX_WAYPOINTS;
+    else
+        sound = sound && request->waypoint_count == 0;
     for (int i = 0; sound && request->drive == NULL && i < 2 * request->waypoint_count; i++)
         sound = isfinite(request->waypoints[i]);
     return sound;

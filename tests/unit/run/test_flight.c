@@ -78,6 +78,11 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bad = flight;
     bad.waypoints = NULL;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    static const double STILL[2 * STEPS];
+    bad = flight;
+    bad.drive = STILL; /* a schedule has no waypoints: not even a count of them, which nothing bounds */
+    bad.waypoint_count = BP_MAX_WAYPOINTS + 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     static const double NOWHERE[] = {NAN, 0};
     bad = flight;
     bad.waypoints = NOWHERE;
