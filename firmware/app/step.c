@@ -11,6 +11,18 @@ static int16_t round_q12(int32_t value_q12)
     return fix_sat16((value_q12 + 2048) >> 12);
 }
 
+/* The duty was made for the battery's last reading; this one says what the motors had. */
+static void correct_drive(const step_config_t *config, step_state_t *state, uint16_t battery_mv)
+{
+    const uint16_t floor_mv = config->mixer.battery_floor_mv;
+    const uint16_t believed_mv = state->battery_mv < floor_mv ? floor_mv : state->battery_mv;
+    const int16_t change_mv = fix_sat16((int32_t)battery_mv - believed_mv);
+    signals_drive_t *const drive = &state->drive;
+
+    drive->left_mv = fix_sat16(drive->left_mv + fix_share_q15(change_mv, drive->left_q15));
+    drive->right_mv = fix_sat16(drive->right_mv + fix_share_q15(change_mv, drive->right_q15));
+}
+
 static void estimate(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
                      signals_state_t *out)
 {
@@ -105,6 +117,8 @@ static void control_heading(const step_config_t *config, step_state_t *state, ui
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)
 {
+    if (config->battery_sags && (sensors->have & SENSOR_BATTERY))
+        correct_drive(config, state, sensors->battery_mv);
     if (sensors->have & SENSOR_BATTERY)
         state->battery_mv = sensors->battery_mv;
     else if (state->battery_mv == 0)
@@ -116,5 +130,5 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
     control_heading(config, state, sensors->period_ms, output);
     output->effort.surge_mv = output->speed.output_mv;
     output->effort.yaw_mv = output->heading.output_mv;
-    mixer_step(&config->mixer, &state->mixer, &output->effort, state->battery_mv, &state->drive);
+    mixer_step(&config->mixer, &state->mixer, &output->effort, &output->state, state->battery_mv, &state->drive);
 }

@@ -1,6 +1,7 @@
 /* step.h: the pipeline, one control step: sensors -> estimator -> autopilot -> PIDs -> mixer. Pure: no HAL, no clock.
  *
- *   model      predicts from the voltages applied in the step before
+ *   model      predicts from the voltages applied in the step before; the battery's next reading corrects them where it
+ *              is known to sag
  *   estimator  heading from the gyro, speed from the prediction and the sensors, pose by dead reckoning;
  *              a reference overrides all
  *   autopilot  mode and line of sight: a speed and a heading to hold
@@ -28,6 +29,7 @@ typedef struct {
     int16_t feedforward_mv_q10; /* mV per 1/16 mm/s demanded: what holds that speed on level ground; 0..32767 */
     mixer_config_t mixer;
     uint16_t battery_nominal_mv; /* counts where no battery reading is to be had */
+    bool battery_sags;           /* the model gets the voltage that a step turns out to have had */
 } step_config_t;
 
 /* All zero to begin with: at rest at the origin, heading along x. */

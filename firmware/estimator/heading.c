@@ -37,9 +37,9 @@ static void learn_block(const heading_config_t *config, heading_state_t *state)
         state->learnt_blocks++;
 }
 
-static void watch_rest(const heading_config_t *config, heading_state_t *state, const heading_input_t *input)
+static void watch_rest(const heading_config_t *config, heading_state_t *state, const heading_input_t *input,
+                       int16_t rate)
 {
-    const int16_t rate = input->sensors->yaw_rate_mrad_s;
     const bool first = state->block_steps == 0;
     if (first || rate < state->block_least_mrad_s)
         state->block_least_mrad_s = rate;
@@ -65,13 +65,20 @@ static int16_t round_q8(int32_t value_q8)
     return fix_sat16(value_q8 < 0 ? -(int32_t)magnitude : (int32_t)magnitude);
 }
 
+/* The gyro's rate, less what is known of its errors. */
+static int16_t measured_mrad_s(const heading_config_t *config, const signals_sensors_t *sensors)
+{
+    const int32_t rate_q8 = fix_sub16(sensors->yaw_rate_mrad_s, config->gyro_bias_mrad_s) * 256L;
+    return round_q8(rate_q8 + fix_share_q15(rate_q8, config->gyro_scale_q15));
+}
+
 /* Turns by the mean of this step's rate and the one before, less the bias. */
-static int16_t integrate(heading_state_t *state, const heading_input_t *input)
+static int16_t integrate(heading_state_t *state, const heading_input_t *input, int16_t measured)
 {
     const signals_sensors_t *const sensors = input->sensors;
     const int32_t bias_q8 = state->bias_mrad_s_q8;
     const int16_t rate = sensors->have & SENSOR_GYRO
-                             ? sensors->yaw_rate_mrad_s
+                             ? measured
                              : fix_sat16(input->predicted_yaw_rate_mrad_s + (int32_t)round_q8(bias_q8));
     const int32_t twice = fix_mul(rate, sensors->period_ms) + fix_mul(state->raw_rate_mrad_s, sensors->period_ms);
     const int32_t twice_bias_q8 = 2 * fix_mul(state->bias_mrad_s_q8, sensors->period_ms);
@@ -84,8 +91,9 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
                   heading_output_t *output)
 {
     const signals_sensors_t *const sensors = input->sensors;
-    watch_rest(config, state, input);
-    output->yaw_rate_mrad_s = integrate(state, input);
+    const int16_t measured = measured_mrad_s(config, sensors);
+    watch_rest(config, state, input, measured);
+    output->yaw_rate_mrad_s = integrate(state, input, measured);
     if (sensors->have & SENSOR_REFERENCE) {
         state->heading_bam32 = (uint32_t)sensors->reference_heading_bam16 << 16;
         output->yaw_rate_mrad_s = sensors->reference_yaw_rate_mrad_s;

@@ -5,7 +5,9 @@
  * block sets the bias, the next ones are averaged in, the later the slower. A reference overrides the gyro.
  * The rotation sensors' own heading is not fused: a count is 2 degrees of heading, and an error of 1 % in half-track or
  * wheel radius turns more heading than the gyro's bias does after a rest.
- * Negate all rates and the initial heading, and the output is negated.
+ * What is known of the gyro beforehand, its bias and then its scale, is taken out first, to the nearest mrad/s; learnt
+ * is what is left.
+ * Negate all rates, the known bias and the initial heading, and the output is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_HEADING_H
 #define BRICKPILOT_ESTIMATOR_HEADING_H
@@ -20,13 +22,15 @@ typedef struct {
     uint16_t rest_speed_mm_s_q4; /* the model rests at or below this, 0..32767 */
     uint8_t slowest_weight_bits; /* a block counts at least 2^-this, 0..7 */
     uint16_t blind_ms;           /* so long may the model's yaw rate stand in for the gyro, 0..65000 */
+    int16_t gyro_bias_mrad_s;    /* known: what the gyro says at rest, any */
+    int16_t gyro_scale_q15;      /* known: what its rates lack beside, -32767..32767 = -1..1 of themselves */
 } heading_config_t;
 
 /* All zero to begin with, or with heading_bam32 set to where the robot points. */
 typedef struct {
     uint32_t heading_bam32;
-    int16_t raw_rate_mrad_s; /* of the step before, with bias */
-    int16_t bias_mrad_s_q8;  /* +-127 mrad/s, saturates */
+    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is left */
+    int16_t bias_mrad_s_q8;  /* learnt, beside the known one: +-127 mrad/s, saturates */
     uint8_t learnt_blocks;   /* stays at 255 */
     uint8_t block_steps;
     int32_t block_sum_mrad_s;

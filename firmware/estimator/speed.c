@@ -13,6 +13,7 @@ enum {
 #define SPEED_LIMIT_MM_S_Q17 1073479680L
 #define JUMP_LIMIT_MM_S_Q17 536870912L
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
+#define MOST_TRAVEL_UM_Q5 1073741824L
 
 static const int16_t PER_PERIOD_Q15[LONGEST_PERIOD_MS + 1] = {0,    32767, 16384, 10923, 8192, 6554, 5461,
                                                               4681, 4096,  3641,  3277,  2979, 2731, 2521,
@@ -52,18 +53,27 @@ static int32_t felt_change(const speed_state_t *state, const speed_input_t *inpu
     return fix_share_q15(fix_mul(accel_mm_s2, sensors->period_ms) * 256, Q17_PER_UM_S_Q8_Q15);
 }
 
+static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
+{
+    const int32_t travel = (int32_t)fix_mul_u16(fix_abs_u16(counts), config->count_travel_um_q2) * 4;
+    return counts < 0 ? -travel : travel;
+}
+
 /* Travel of the vehicle's middle by the rotation sensors since the step before. */
 static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t *state,
                                     const signals_sensors_t *sensors)
 {
     const int16_t left = (int16_t)(uint16_t)(sensors->rotation_left - state->rotation_left);
     const int16_t right = (int16_t)(uint16_t)(sensors->rotation_right - state->rotation_right);
-    const int16_t counts = state->rotation_known ? fix_clamp16(fix_add16(left, right), MOST_COUNTS) : 0;
+    const bool known = state->rotation_known;
     state->rotation_left = sensors->rotation_left;
     state->rotation_right = sensors->rotation_right;
     state->rotation_known = true;
-    const int32_t travel = (int32_t)fix_mul_u16(fix_abs_u16(counts), config->count_travel_um_q2) * 4;
-    return counts < 0 ? -travel : travel;
+    if (!known)
+        return 0;
+    const int32_t mean = travel_of_counts_um_q5(config, fix_clamp16(fix_add16(left, right), MOST_COUNTS));
+    const int32_t turned = travel_of_counts_um_q5(config, fix_clamp16(fix_sub16(left, right), MOST_COUNTS));
+    return fix_clamp32(mean + fix_share_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q5);
 }
 
 /* The sensors' say on the speed predicted; returns the travel by which the rotation sensors move the estimate. */

@@ -20,10 +20,12 @@
 #define SPEED_BEHIND_LIMIT_UM_Q5 3200000L /* 100 mm: beyond it the wheels slip, and the observer forgets */
 
 typedef struct {
-    int16_t accel_gain_q15;       /* share of the accelerometer in a change of speed, 0..32767 = 1 */
-    uint8_t slowest_weight_bits;  /* the accelerometer's bias moves by at least 2^-this of the error per step at rest,
+    int16_t accel_gain_q15;      /* share of the accelerometer in a change of speed, 0..32767 = 1 */
+    uint8_t slowest_weight_bits; /* the accelerometer's bias moves by at least 2^-this of the error per step at rest,
                                      0..12 */
-    uint16_t count_travel_um_q2;  /* travel of a wheel per count, 1..65535: up to 16.4 mm */
+    uint16_t count_travel_um_q2; /* travel of a wheel per count, mean of both, 1..65535: up to 16.4 mm */
+    int16_t
+        count_mismatch_q15; /* the left wheel's is longer, the right one's shorter, by this share, -32767..32767 = -1..1 */
     int16_t behind_to_travel_q15; /* share of the travel behind that is made up in a step, 0..32767 */
     int16_t behind_to_speed_q15;  /* change of speed [mm/s q17] per travel behind [um q5], in a step, 0..32767 */
     int16_t accel_filter_q15;     /* share of a new acceleration in the filtered one, 1..32767 */

@@ -51,6 +51,7 @@ extern const effect_t effect_caster_drag;
 extern const effect_t effect_cogging;
 extern const effect_t effect_com_forward_offset;
 extern const effect_t effect_com_lateral_offset;
+extern const effect_t effect_composed_term;
 extern const effect_t effect_constant_offset;
 extern const effect_t effect_coulomb_friction;
 extern const effect_t effect_curve_scrub;

@@ -14,6 +14,7 @@ static const effect_t *const TABLE[] = {
     &effect_actuator_deadband,
     &effect_motor_asymmetry,
     &effect_direction_asymmetry,
+    &effect_composed_term,
     &effect_supply_saturation,
     &effect_pwm_coast,
     &effect_torque_constant_asymmetry,

@@ -11,7 +11,7 @@
 enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1 }; /* vehicle */
 enum { BP_COUPLED = 0, BP_PAPER = 1 };    /* profile */
 enum { BP_E_NAME = -1, BP_E_RANGE = -2, BP_E_MEMORY = -3, BP_E_TIME = -4, BP_E_DIVERGED = -5 };
-enum { BP_MAX_PARAMETERS = 8 }; /* of one effect */
+enum { BP_MAX_PARAMETERS = 160 }; /* of one effect */
 
 typedef struct bp_model bp_model;
 
@@ -90,6 +90,18 @@ int bp_simulate(bp_run *runs, int count, int threads);
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
 enum { BP_MAX_WAYPOINTS = 32 };
 
+/* What the firmware is told of this robot beyond its model: its own raw integers, formats in the names and in
+ * firmware/app/compensation.h. All zero tells nothing. */
+typedef struct {
+    short left_gain_q15, left_emf_mv_q15, left_friction_mv, left_offset_mv; /* mV up to 20000; friction from 0 */
+    short right_gain_q15, right_emf_mv_q15, right_friction_mv, right_offset_mv;
+    short deadband_mv, reserve_mv; /* 0..20000 */
+    short half_track_m_q14;        /* 0 or more */
+    short battery_sags;            /* 0 or 1 */
+    short gyro_bias_mrad_s, gyro_scale_q15;
+    short travel_scale_q15, count_mismatch_q15;
+} bp_compensation;
+
 typedef struct {
     const bp_model *model;   /* of a BP_DIFF_DRIVE */
     int controller;          /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
@@ -107,6 +119,8 @@ typedef struct {
     double *log;             /* steps x (number of log names), filled; or NULL */
     short *motors;           /* steps x 2 duty_q15, filled; or NULL */
     int status;              /* filled: 0 or BP_E_ */
+
+    const bp_compensation *compensation; /* or NULL: none */
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */

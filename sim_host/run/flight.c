@@ -4,6 +4,7 @@
 
 #include "app/params_gen.h"
 #include "brickpilot_sim.h"
+#include "run/flight_compensation.h"
 #include "run/flight_log.h"
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
@@ -71,6 +72,8 @@ static int prepare(flight_t *flight)
     flight->config = request->controller == BP_PAPER ? PARAMS_PAPER : PARAMS_COUPLED;
     if (request->cruise > 0)
         flight->config.step.mode.los.cruise_mm_s_q4 = to_int16(request->cruise * 16e3);
+    if (request->compensation != NULL)
+        flight_compensate(request->compensation, &flight->config);
     flight->imu_config = imu_config_default();
     flight->encoder_config = encoder_config_default();
     flight->battery_config = battery_config_default();
@@ -147,7 +150,7 @@ static bool can_be_flown(const bp_flight *request)
                  request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
                  request->sensors <= BP_SENSORS_IMU_ENCODERS &&
                  (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&
-                 request->cruise <= 2 && request->stop_path >= 0;
+                 request->cruise <= 2 && request->stop_path >= 0 && flight_can_compensate(request->compensation);
     if (request->drive == NULL)
         sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
                 request->waypoint_count <= BP_MAX_WAYPOINTS;

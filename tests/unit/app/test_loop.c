@@ -146,6 +146,48 @@ static void test_loop_sends_a_telemetry_record_every_so_many_ticks(void)
     TEST_ASSERT_EQUAL_UINT16(0, port.link_out_size);
 }
 
+/* Current of the model's motors after a step in which the battery turns out to give `battery_mv`. */
+static int32_t current_ua_q7(bool sags, uint16_t battery_mv)
+{
+    setUp();
+    config.step.battery_sags = sags;
+    run(200, 3, MODE_START);
+    port.battery_mv = battery_mv;
+    run(1, 3, MODE_NONE);
+    return state.step.model.motor[0].current_ua_q7;
+}
+
+static void test_loop_tells_the_model_what_a_sagging_battery_gave(void)
+{
+    const int32_t full = current_ua_q7(true, 9000);
+    const int32_t sagged = current_ua_q7(true, 8000);
+    setUp();
+    run(200, 3, MODE_START);
+    state.step.drive.left_mv = (int16_t)(state.step.drive.left_mv - state.step.drive.left_mv / 9);
+    state.step.drive.right_mv = (int16_t)(state.step.drive.right_mv - state.step.drive.right_mv / 9);
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_LESS_THAN_INT32(full - full / 50, sagged);
+    TEST_ASSERT_INT32_WITHIN(full / 1000, state.step.model.motor[0].current_ua_q7, sagged);
+    TEST_ASSERT_EQUAL_INT32(full, current_ua_q7(false, 9000));
+    TEST_ASSERT_EQUAL_INT32(full, current_ua_q7(false, 8000));
+}
+
+static void test_loop_tells_the_model_what_a_battery_below_its_floor_gave(void)
+{
+    setUp();
+    config.step.battery_sags = true;
+    port.battery_mv = 2500; /* counts as 5 V: the duty gives half of what is wanted */
+    run(1, 3, MODE_START);
+    const int16_t wanted_mv = state.step.drive.left_mv;
+    const int32_t rest = state.step.model.motor[0].current_ua_q7;
+    run(1, 3, MODE_NONE);
+    body_state_t half = {.x_um = 0};
+    body_step(&config.step.model, &half, wanted_mv / 2, wanted_mv / 2);
+    TEST_ASSERT_EQUAL_INT32(0, rest);
+    TEST_ASSERT_INT32_WITHIN(half.motor[0].current_ua_q7 / 1000, half.motor[0].current_ua_q7,
+                             state.step.model.motor[0].current_ua_q7);
+}
+
 static void test_loop_counters_do_not_wrap(void)
 {
     state.late_ticks = 65535;
@@ -166,6 +208,8 @@ int main(void)
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);
     RUN_TEST(test_loop_takes_gyro_accelerometer_and_rotation_sensors);
     RUN_TEST(test_loop_sends_a_telemetry_record_every_so_many_ticks);
+    RUN_TEST(test_loop_tells_the_model_what_a_sagging_battery_gave);
+    RUN_TEST(test_loop_tells_the_model_what_a_battery_below_its_floor_gave);
     RUN_TEST(test_loop_counters_do_not_wrap);
     return UNITY_END();
 }

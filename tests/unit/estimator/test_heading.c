@@ -172,6 +172,71 @@ static void test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long
     TEST_ASSERT_TRUE(output.valid);
 }
 
+/* A gyro of which bias and scale are known beforehand, driven. */
+static void run_known(int16_t bias_mrad_s, int16_t scale_q15, int16_t rate_mrad_s, int steps)
+{
+    heading_config_t known = *CONFIG;
+    known.gyro_bias_mrad_s = bias_mrad_s;
+    known.gyro_scale_q15 = scale_q15;
+    sensors.yaw_rate_mrad_s = rate_mrad_s;
+    input.driven = true;
+    for (int i = 0; i < steps; i++)
+        heading_step(&known, &state, &input, &output);
+    input.driven = false;
+}
+
+static void test_heading_takes_a_known_bias_out_without_a_rest(void)
+{
+    run_known(170, 0, 170, 1000);
+    TEST_ASSERT_EQUAL_UINT32(0, state.heading_bam32);
+    TEST_ASSERT_EQUAL_INT16(0, output.yaw_rate_mrad_s);
+    run_known(170, 0, 1170, 1);
+    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_learns_what_a_known_bias_leaves(void)
+{
+    heading_config_t known = *CONFIG;
+    known.gyro_bias_mrad_s = 170;
+    sensors.yaw_rate_mrad_s = 190;
+    for (int i = 0; i < HEADING_BLOCK_STEPS; i++)
+        heading_step(&known, &state, &input, &output);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
+}
+
+static void test_heading_scales_what_a_known_bias_leaves(void)
+{
+    run_known(100, -2979, 1200, 1); /* 1 / 1.1 */
+    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    run_known(100, -2979, -1000, 1);
+    TEST_ASSERT_EQUAL_INT16(-1000, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit(void)
+{
+    run_known(37, 1234, 777, 500);
+    const uint32_t turned = state.heading_bam32;
+    setUp();
+    run_known(-37, 1234, -777, 500);
+    TEST_ASSERT_EQUAL_UINT32(0U - turned, state.heading_bam32);
+}
+
+static void test_heading_of_a_known_gyro_saturates(void)
+{
+    run_known(-32767, 32767, 32767, 1);
+    TEST_ASSERT_EQUAL_INT16(32767, output.yaw_rate_mrad_s);
+    run_known(32767, 32767, -32767, 1);
+    TEST_ASSERT_EQUAL_INT16(-32767, output.yaw_rate_mrad_s);
+}
+
+static void test_heading_leaves_the_models_yaw_rate_as_it_is(void)
+{
+    sensors.have = 0;
+    input.predicted_yaw_rate_mrad_s = 1000;
+    run_known(100, -2979, 0, 1);
+    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -189,5 +254,11 @@ int main(void)
     RUN_TEST(test_heading_bias_saturates_at_its_limit);
     RUN_TEST(test_heading_takes_the_reference_above_all);
     RUN_TEST(test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long);
+    RUN_TEST(test_heading_takes_a_known_bias_out_without_a_rest);
+    RUN_TEST(test_heading_learns_what_a_known_bias_leaves);
+    RUN_TEST(test_heading_scales_what_a_known_bias_leaves);
+    RUN_TEST(test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit);
+    RUN_TEST(test_heading_of_a_known_gyro_saturates);
+    RUN_TEST(test_heading_leaves_the_models_yaw_rate_as_it_is);
     return UNITY_END();
 }

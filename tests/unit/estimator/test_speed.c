@@ -157,6 +157,44 @@ static void test_speed_observer_forgets_what_slips(void)
     TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
 }
 
+/* Travel behind after one step in which the wheels count this, with wheels of two sizes. */
+static int32_t behind_um_q5(int16_t mismatch_q15, int left, int right)
+{
+    speed_config_t config = *CONFIG;
+    config.count_mismatch_q15 = mismatch_q15;
+    config.behind_to_travel_q15 = 0;
+    setUp();
+    sensors.have = SENSOR_ROTATION;
+    for (int i = 0; i < 2; i++) {
+        sensors.rotation_left = (uint16_t)(i * left);
+        sensors.rotation_right = (uint16_t)(i * right);
+        speed_step(&config, &state, &input, &output);
+    }
+    return state.behind_um_q5;
+}
+
+static void test_speed_weighs_the_counts_of_unequal_wheels(void)
+{
+    const int32_t count_um_q5 = CONFIG->count_travel_um_q2 * 4; /* of both wheels' middle: half of one wheel's travel */
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 9, behind_um_q5(4096, 10, 0)); /* 9/8 of 10 counts */
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 7, behind_um_q5(4096, 0, 10));
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 20 / 8, behind_um_q5(4096, 10, -10));
+    TEST_ASSERT_EQUAL_INT32(-behind_um_q5(4096, 7, 3), behind_um_q5(4096, -7, -3));
+    TEST_ASSERT_EQUAL_INT32(behind_um_q5(4096, 7, 3), behind_um_q5(-4096, 3, 7));
+}
+
+static void test_speed_of_counts_without_end_saturates(void)
+{
+    speed_config_t config = *CONFIG;
+    config.count_travel_um_q2 = 65535;
+    config.count_mismatch_q15 = 32767;
+    sensors.have = SENSOR_ROTATION;
+    speed_step(&config, &state, &input, &output);
+    sensors.rotation_left = 32767;
+    speed_step(&config, &state, &input, &output);
+    TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
+}
+
 static void test_speed_is_the_same_backward_bit_for_bit(void)
 {
     sensors.have = SENSOR_ACCELEROMETER;
@@ -229,6 +267,8 @@ int main(void)
     RUN_TEST(test_speed_ignores_counts_from_before_the_first_step);
     RUN_TEST(test_speed_counts_wrap_unnoticed);
     RUN_TEST(test_speed_observer_forgets_what_slips);
+    RUN_TEST(test_speed_weighs_the_counts_of_unequal_wheels);
+    RUN_TEST(test_speed_of_counts_without_end_saturates);
     RUN_TEST(test_speed_is_the_same_backward_bit_for_bit);
     RUN_TEST(test_speed_takes_the_reference_above_all);
     RUN_TEST(test_speed_tells_its_rate_of_change_at_any_period);

@@ -4,10 +4,12 @@
 static const mixer_config_t CONFIG = {.battery_floor_mv = 6000, .max_duty_q15 = 32767};
 enum { BATTERY_MV = 9000 };
 static mixer_state_t state;
+static signals_state_t motion;
 
 void setUp(void)
 {
     state = (mixer_state_t){0};
+    motion = (signals_state_t){0};
 }
 void tearDown(void) {}
 
@@ -15,7 +17,7 @@ static signals_drive_t mix_with(const mixer_config_t *config, int16_t surge_mv, 
 {
     const signals_effort_t effort = {.surge_mv = surge_mv, .yaw_mv = yaw_mv};
     signals_drive_t drive;
-    mixer_step(config, &state, &effort, battery_mv, &drive);
+    mixer_step(config, &state, &effort, &motion, battery_mv, &drive);
     return drive;
 }
 
@@ -151,6 +153,65 @@ static void test_mixer_counts_saturated_steps_and_stays_at_the_end(void)
     TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.surge_saturated_steps);
 }
 
+static const drive_config_t FRICTION = {
+    .left = {.friction_mv = 500}, .right = {.friction_mv = 700}, .half_track_m_q14 = 1147, .reserve_mv = 700};
+
+static void test_mixer_drives_what_the_motors_need_and_tells_the_model_what_it_wanted(void)
+{
+    const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
+    motion.speed_mm_s_q4 = 16 * 100;
+    motion.yaw_rate_mrad_s = 3000; /* the right side goes backward */
+    const signals_drive_t drive = mix_with(&config, 2000, 1000, BATTERY_MV);
+    assert_voltages(3000, 1000, drive);
+    TEST_ASSERT_INT16_WITHIN(1, 3500 * 32767L / BATTERY_MV, drive.left_q15);
+    TEST_ASSERT_INT16_WITHIN(1, 300 * 32767L / BATTERY_MV, drive.right_q15);
+}
+
+static void test_mixer_keeps_the_drives_reserve(void)
+{
+    const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
+    const signals_drive_t drive = mix_with(&config, 9000, 1000, BATTERY_MV);
+    assert_voltages(8300, 6300, drive);
+    assert_flags(1, 0, drive);
+    TEST_ASSERT_INT16_WITHIN(1, 8800 * 32767L / BATTERY_MV, drive.left_q15);
+    const mixer_config_t all = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = {.reserve_mv = 9000}};
+    assert_voltages(0, 0, mix_with(&all, 9000, 1000, BATTERY_MV));
+}
+
+static void test_mixer_never_passes_max_duty_whatever_the_motors_need(void)
+{
+    const mixer_config_t config = {
+        .battery_floor_mv = 6000, .max_duty_q15 = 30000, .drive = {.left = {.gain_q15 = 32767}, .deadband_mv = 20000}};
+    TEST_ASSERT_INT16_WITHIN(4, 30000, mix_with(&config, 6000, 0, BATTERY_MV).left_q15);
+    TEST_ASSERT_INT16_WITHIN(4, -30000, mix_with(&config, -6000, 0, BATTERY_MV).right_q15);
+}
+
+static void test_mixer_without_effort_is_off_whatever_the_motors_need(void)
+{
+    const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
+    motion.speed_mm_s_q4 = 16 * 300;
+    const signals_drive_t drive = mix_with(&config, 0, 0, BATTERY_MV);
+    TEST_ASSERT_EQUAL_INT16(0, drive.left_q15);
+    TEST_ASSERT_EQUAL_INT16(0, drive.right_q15);
+}
+
+static void test_mixer_mirrors_motors_of_two_kinds(void)
+{
+    const drive_config_t mirrored_drive = {
+        .left = FRICTION.right, .right = FRICTION.left, .half_track_m_q14 = 1147, .reserve_mv = 700};
+    const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
+    const mixer_config_t mirrored = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = mirrored_drive};
+    for (int16_t yaw = -5000; yaw <= 5000; yaw = (int16_t)(yaw + 250))
+        for (int16_t rate = -4000; rate <= 4000; rate = (int16_t)(rate + 160)) {
+            motion = (signals_state_t){.speed_mm_s_q4 = 2000, .yaw_rate_mrad_s = rate};
+            const signals_drive_t one = mix_with(&config, 2500, yaw, BATTERY_MV);
+            motion.yaw_rate_mrad_s = (int16_t)-rate;
+            const signals_drive_t other = mix_with(&mirrored, 2500, (int16_t)-yaw, BATTERY_MV);
+            TEST_ASSERT_EQUAL_INT16(one.left_q15, other.right_q15);
+            TEST_ASSERT_EQUAL_INT16(one.right_q15, other.left_q15);
+        }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -166,5 +227,10 @@ int main(void)
     RUN_TEST(test_mixer_takes_a_battery_above_20_v_for_20_v);
     RUN_TEST(test_mixer_never_passes_max_duty);
     RUN_TEST(test_mixer_counts_saturated_steps_and_stays_at_the_end);
+    RUN_TEST(test_mixer_drives_what_the_motors_need_and_tells_the_model_what_it_wanted);
+    RUN_TEST(test_mixer_keeps_the_drives_reserve);
+    RUN_TEST(test_mixer_never_passes_max_duty_whatever_the_motors_need);
+    RUN_TEST(test_mixer_without_effort_is_off_whatever_the_motors_need);
+    RUN_TEST(test_mixer_mirrors_motors_of_two_kinds);
     return UNITY_END();
 }

@@ -1,0 +1,329 @@
+#include "effects/effect.h"
+
+#include <math.h>
+#include <stddef.h>
+
+#include "effects/composed_laws.h"
+
+static const double PI = 3.14159265358979323846;
+
+enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_SENSOR, PLACE_COUNT };
+
+typedef struct {
+    double position, speed, push; /* m, m/s, m/s^2; rad for yaw */
+} sprung_t;
+
+typedef struct {
+    double acts[PLACE_COUNT]; /* 0: every coefficient of the place is 0 */
+    double start_age;
+    double time;     /* s since the run's start, by motor steps */
+    double speed[2]; /* of the wheels a body step ago */
+    double step;     /* s, the last body step */
+    double dry_surge, dry_yaw;
+    sprung_t surge, yaw;
+    double gyro_error, gyro_angle;
+} memory_t;
+
+/* A law at the left wheel (k = 0) or the right one; a single motor has no difference. */
+static double sided(composed_sum_t *sum, const double *common, const double *diff, const composed_t *given,
+                    const composed_point_t *at, const vehicle_t *vehicle, int k)
+{
+    const double both = sum(common, given, at);
+    if (vehicle->vehicle == BP_MOTOR)
+        return both;
+    return both + (k == 0 ? 1 : -1) * sum(diff, given, at);
+}
+
+static int wheels(const vehicle_t *vehicle)
+{
+    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
+}
+
+static double within(double low, double value, double high)
+{
+    return fmin(fmax(value, low), high);
+}
+
+static double volts(const vehicle_t *vehicle, int k)
+{
+    return k >= wheels(vehicle) || isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
+}
+
+/* From one member of composed_t up to another, in bytes. */
+static double any(const double *value, size_t first, size_t end)
+{
+    for (size_t i = first / sizeof *value; i < end / sizeof *value; i++)
+        if (value[i] != 0)
+            return 1;
+    return 0;
+}
+
+static void start(const double *value, double *memory, vehicle_t *vehicle)
+{
+    memory_t *kept = (memory_t *)memory;
+    kept->acts[PLACE_DRIVE] = any(value, offsetof(composed_t, drive_gain), offsetof(composed_t, wheel_loss));
+    kept->acts[PLACE_LOSS] = any(value, offsetof(composed_t, wheel_loss), offsetof(composed_t, wheel_dry));
+    kept->acts[PLACE_WHEEL] = any(value, offsetof(composed_t, wheel_dry), offsetof(composed_t, surge_dry));
+    kept->acts[PLACE_BODY] = any(value, offsetof(composed_t, surge_dry), offsetof(composed_t, gyro_add));
+    kept->acts[PLACE_SENSOR] = any(value, offsetof(composed_t, gyro_add), offsetof(composed_t, frequency));
+    kept->start_age = vehicle->state.age;
+    kept->speed[0] = vehicle->state.wheel_speed[0];
+    kept->speed[1] = vehicle->state.wheel_speed[1];
+}
+
+/* Time as the terms count it, `since` s after the run's start. */
+static double clock_time(const composed_t *given, const memory_t *kept, double since)
+{
+    return since + given->clock * kept->start_age;
+}
+
+/* Voltages pass through with a gain of 0 to 2. */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    const memory_t *kept = (const memory_t *)memory;
+    if (kept->acts[PLACE_DRIVE] == 0)
+        return;
+    const double before[2] = {volts(vehicle, 0), volts(vehicle, 1)};
+    for (int k = 0; k < wheels(vehicle); k++) {
+        const composed_point_t at = {.V = before[k],
+                                     .other = before[1 - k],
+                                     .w = vehicle->state.wheel_speed[k],
+                                     .t = clock_time(given, kept, kept->time + 0.5 * vehicle->step)};
+        const double gain =
+            sided(composed_drive_gain, given->drive_gain, given->drive_gain_diff, given, &at, vehicle, k);
+        const double more = sided(composed_drive_add, given->drive_add, given->drive_add_diff, given, &at, vehicle, k);
+        vehicle->voltage[k] = vehicle->voltage[k] * within(0, 1 + gain, 2) + more;
+    }
+}
+
+/* Losses join the motors' own, which the integrator takes implicitly; as a whole they never become gains. */
+static void motor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    if (kept->acts[PLACE_LOSS] == 0)
+        return;
+    const double half = 0.5 * vehicle->step;
+    for (int k = 0; k < wheels(vehicle); k++) {
+        const double speed = vehicle->state.wheel_speed[k];
+        const composed_point_t at = {.w = speed + 0.5 * (speed - kept->speed[k]),
+                                     .t = clock_time(given, kept, kept->time + half)};
+        const double loss =
+            sided(composed_wheel_loss, given->wheel_loss, given->wheel_loss_diff, given, &at, vehicle, k);
+        vehicle->motor[k].drag = fmax(vehicle->motor[k].drag + loss, 0);
+        kept->speed[k] = speed;
+    }
+}
+
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    const double half = 0.5 * vehicle->step;
+    for (int k = 0; k < wheels(vehicle) && kept->acts[PLACE_WHEEL] != 0; k++) {
+        const double speed = vehicle->state.wheel_speed[k], current = vehicle->state.current[k];
+        const composed_point_t at = {.V = volts(vehicle, k),
+                                     .i = current,
+                                     .w = speed,
+                                     .theta = vehicle->state.wheel_angle[k] + half * speed,
+                                     .t = clock_time(given, kept, kept->time + half)};
+        const double dry = sided(composed_wheel_dry, given->wheel_dry, given->wheel_dry_diff, given, &at, vehicle, k);
+        const double gain =
+            sided(composed_wheel_gain, given->wheel_gain, given->wheel_gain_diff, given, &at, vehicle, k);
+        const double push =
+            sided(composed_wheel_push, given->wheel_push, given->wheel_push_diff, given, &at, vehicle, k);
+        vehicle->dry[DRY_LEFT + k] += fmax(dry, 0);
+        vehicle->wheel_torque[k] += within(-1, gain, 1) * vehicle->motor[k].torque_constant * current + push;
+    }
+    vehicle->dry[DRY_SURGE] += kept->dry_surge;
+    vehicle->dry[DRY_YAW] += kept->dry_yaw;
+    kept->time += vehicle->step;
+}
+
+/* A mass on a spring and a damper, carried by a body that accelerated with `rate` for h s: implicit midpoint. */
+static void swing(sprung_t *mass, const composed_t *given, double rate, double h)
+{
+    const double p = 2 * PI * given->frequency, loss = given->damping * p;
+    const double before = mass->speed;
+    mass->speed = (before * (1 - h * loss - 0.25 * h * h * p * p) - h * (rate + p * p * mass->position)) /
+                  (1 + h * loss + 0.25 * h * h * p * p);
+    mass->position += 0.5 * h * (before + mass->speed);
+    mass->push = p * p * (mass->position + 0.5 * h * mass->speed) + 2 * loss * mass->speed;
+}
+
+/* m per rad; 0 for a motor without a wheel, whose load does not move. */
+static double lever(const vehicle_t *vehicle)
+{
+    const double *p = vehicle->parameter;
+    return vehicle->vehicle == BP_MOTOR && p[PARAMETER_FORCE_PER_VOLT] > 0 ? 1 : p[PARAMETER_WHEEL_RADIUS];
+}
+
+/* The losses of the wheels as a drag on the surge, N s/m: what terms of the body may take away. */
+static double rolling_drag(const vehicle_t *vehicle)
+{
+    const double *p = vehicle->parameter;
+    const double radius = lever(vehicle), weight = vehicle->build.mass * p[PARAMETER_GRAVITY];
+    const double drag = p[PARAMETER_VISCOUS_FRICTION] + weight * p[PARAMETER_ROLLING_FRICTION] * radius * radius;
+    return vehicle->profile == BP_PAPER || !(radius > 0) ? 0 : wheels(vehicle) * drag / (radius * radius);
+}
+
+static double fourth_power(double value)
+{
+    return value * value * value * value;
+}
+
+static composed_point_t body_point(const composed_t *given, memory_t *kept, const vehicle_t *vehicle)
+{
+    const bp_state *state = &vehicle->state;
+    const double half = 0.5 * vehicle->step, u = vehicle->middle.surge, psi = vehicle->middle.heading;
+    composed_point_t at = {.u = u, .t = clock_time(given, kept, state->age - kept->start_age + half)};
+    if (vehicle->vehicle == BP_MOTOR) {
+        at.x = lever(vehicle) * state->wheel_angle[0] + half * u;
+    } else {
+        at.r = vehicle->middle.yaw_rate;
+        at.psi = psi;
+        at.x = state->x + half * (state->surge * cos(psi) - state->sway * sin(psi));
+        at.y = state->y + half * (state->surge * sin(psi) + state->sway * cos(psi));
+    }
+    const double off = (at.x - given->patch_x) / given->patch_half_width;
+    at.patch = 1 / (1 + fourth_power(off * off));
+    return at;
+}
+
+static void body(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    if (kept->acts[PLACE_BODY] == 0)
+        return;
+    composed_point_t at = body_point(given, kept, vehicle);
+    swing(&kept->surge, given, vehicle->surge_rate, kept->step);
+    swing(&kept->yaw, given, vehicle->yaw_accel, kept->step);
+    kept->step = vehicle->step;
+
+    const double least = -rolling_drag(vehicle), half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    at.sprung = kept->surge.push;
+    kept->dry_surge = fmax(composed_surge_dry(given->surge_dry, given, &at), 0);
+    vehicle->drag_surge = fmax(vehicle->drag_surge + composed_surge_loss(given->surge_loss, given, &at), least);
+    vehicle->force_surge += composed_surge_push(given->surge_push, given, &at);
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    at.sprung = kept->yaw.push;
+    kept->dry_yaw = fmax(composed_yaw_dry(given->yaw_dry, given, &at), 0);
+    vehicle->drag_yaw =
+        fmax(vehicle->drag_yaw + composed_yaw_loss(given->yaw_loss, given, &at), least * half_track * half_track);
+    vehicle->moment_yaw += composed_yaw_push(given->yaw_push, given, &at);
+}
+
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    if (kept->acts[PLACE_SENSOR] == 0 || vehicle->vehicle == BP_MOTOR)
+        return;
+    const bp_state *state = &vehicle->state;
+    double *output = vehicle->output;
+    const composed_point_t at = {.u = state->surge,
+                                 .r = state->yaw_rate,
+                                 .a = output[OUTPUT_ACCEL_SURGE],
+                                 .b = output[OUTPUT_ACCEL_SWAY],
+                                 .i_left = state->current[0],
+                                 .i_right = state->current[1],
+                                 .t = clock_time(given, kept, state->age - kept->start_age)};
+    const double error = composed_gyro_add(given->gyro_add, given, &at);
+    kept->gyro_angle += 0.5 * vehicle->step * (kept->gyro_error + error);
+    kept->gyro_error = error;
+    output[OUTPUT_YAW_RATE] += error;
+    output[OUTPUT_YAW_ANGLE] += kept->gyro_angle;
+    output[OUTPUT_ACCEL_SURGE] += composed_accel_surge_add(given->accel_surge_add, given, &at);
+    output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
+}
+
+/* The table. `meaning` is TARGET += FACTORS [expression] FACTORS: tools/brickpilot/discover/compose.py reads it. */
+#define ROW_DRIVE_GAIN(name, unit, low, odd, expression)                                                               \
+    {"drive_gain_" #name, unit, "V += c * [" #expression "] * V", low * 100.0, 100, 0, odd},
+#define ROW_DRIVE_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
+    {"drive_gain_diff_" #name, unit, "V += side * c * [" #expression "] * V", low * 100.0, 100, 0, 1},
+#define ROW_DRIVE_ADD(name, unit, low, odd, expression)                                                                \
+    {"drive_add_" #name, unit, "V += c * [" #expression "]", low * 100.0, 100, 0, odd},
+#define ROW_DRIVE_ADD_DIFF(name, unit, low, odd, expression)                                                           \
+    {"drive_add_diff_" #name, unit, "V += side * c * [" #expression "]", low * 100.0, 100, 0, 1},
+#define ROW_WHEEL_LOSS(name, unit, low, odd, expression)                                                               \
+    {"wheel_loss_" #name, unit, "T += -c * [" #expression "] * w", low * 1000.0, 1000, 0, odd},
+#define ROW_WHEEL_LOSS_DIFF(name, unit, low, odd, expression)                                                          \
+    {"wheel_loss_diff_" #name, unit, "T += -side * c * [" #expression "] * w", low * 1000.0, 1000, 0, 1},
+#define ROW_WHEEL_DRY(name, unit, low, odd, expression)                                                                \
+    {"wheel_dry_" #name, unit, "T += -c * [" #expression "] * sign(w)", low * 1000.0, 1000, 0, odd},
+#define ROW_WHEEL_DRY_DIFF(name, unit, low, odd, expression)                                                           \
+    {"wheel_dry_diff_" #name, unit, "T += -side * c * [" #expression "] * sign(w)", low * 1000.0, 1000, 0, 1},
+#define ROW_WHEEL_GAIN(name, unit, low, odd, expression)                                                               \
+    {"wheel_gain_" #name, unit, "T += c * [" #expression "] * K_t * i", low * 100.0, 100, 0, odd},
+#define ROW_WHEEL_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
+    {"wheel_gain_diff_" #name, unit, "T += side * c * [" #expression "] * K_t * i", low * 100.0, 100, 0, 1},
+#define ROW_WHEEL_PUSH(name, unit, low, odd, expression)                                                               \
+    {"wheel_push_" #name, unit, "T += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+#define ROW_WHEEL_PUSH_DIFF(name, unit, low, odd, expression)                                                          \
+    {"wheel_push_diff_" #name, unit, "T += side * c * [" #expression "]", -1000, 1000, 0, 1},
+#define ROW_SURGE_DRY(name, unit, low, odd, expression)                                                                \
+    {"surge_dry_" #name, unit, "X += -c * [" #expression "] * sign(u)", low * 1e5, 1e5, 0, odd},
+#define ROW_SURGE_LOSS(name, unit, low, odd, expression)                                                               \
+    {"surge_loss_" #name, unit, "X += -c * [" #expression "] * u", low * 1e5, 1e5, 0, odd},
+#define ROW_SURGE_PUSH(name, unit, low, odd, expression)                                                               \
+    {"surge_push_" #name, unit, "X += c * [" #expression "]", low * 1e5, 1e5, 0, odd},
+#define ROW_YAW_DRY(name, unit, low, odd, expression)                                                                  \
+    {"yaw_dry_" #name, unit, "N += -c * [" #expression "] * sign(r)", low * 1e4, 1e4, 0, odd},
+#define ROW_YAW_LOSS(name, unit, low, odd, expression)                                                                 \
+    {"yaw_loss_" #name, unit, "N += -c * [" #expression "] * r", low * 1e4, 1e4, 0, odd},
+#define ROW_YAW_PUSH(name, unit, low, odd, expression)                                                                 \
+    {"yaw_push_" #name, unit, "N += c * [" #expression "]", low * 1e4, 1e4, 0, odd},
+#define ROW_GYRO_ADD(name, unit, low, odd, expression)                                                                 \
+    {"gyro_add_" #name, unit, "yaw_rate += c * [" #expression "]", low * 100.0, 100, 0, odd},
+#define ROW_ACCEL_SURGE_ADD(name, unit, low, odd, expression)                                                          \
+    {"accel_surge_add_" #name, unit, "accel_surge += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+#define ROW_ACCEL_SWAY_ADD(name, unit, low, odd, expression)                                                           \
+    {"accel_sway_add_" #name, unit, "accel_sway += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+
+/* clang-format off */
+static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
+    COMPOSED_DRIVE_GAIN(ROW_DRIVE_GAIN) COMPOSED_DRIVE_GAIN(ROW_DRIVE_GAIN_DIFF)
+    COMPOSED_DRIVE_ADD(ROW_DRIVE_ADD) COMPOSED_DRIVE_ADD(ROW_DRIVE_ADD_DIFF)
+    COMPOSED_WHEEL_LOSS(ROW_WHEEL_LOSS) COMPOSED_WHEEL_LOSS(ROW_WHEEL_LOSS_DIFF)
+    COMPOSED_WHEEL_DRY(ROW_WHEEL_DRY) COMPOSED_WHEEL_DRY(ROW_WHEEL_DRY_DIFF)
+    COMPOSED_WHEEL_GAIN(ROW_WHEEL_GAIN) COMPOSED_WHEEL_GAIN(ROW_WHEEL_GAIN_DIFF)
+    COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH) COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH_DIFF)
+    COMPOSED_SURGE_DRY(ROW_SURGE_DRY) COMPOSED_SURGE_LOSS(ROW_SURGE_LOSS) COMPOSED_SURGE_PUSH(ROW_SURGE_PUSH)
+    COMPOSED_YAW_DRY(ROW_YAW_DRY) COMPOSED_YAW_LOSS(ROW_YAW_LOSS) COMPOSED_YAW_PUSH(ROW_YAW_PUSH)
+    COMPOSED_GYRO_ADD(ROW_GYRO_ADD)
+    COMPOSED_ACCEL_SURGE_ADD(ROW_ACCEL_SURGE_ADD) COMPOSED_ACCEL_SWAY_ADD(ROW_ACCEL_SWAY_ADD)
+    {"frequency", "Hz", "of what is periodic in time; of the sprung mass", 1e-3, 1000, 1, 0},
+    {"order", "1", "periods per turn of the wheel; rad/m where the motor's input commands force", 0, 10000, 1, 0},
+    {"wavelength", "m", "of what is periodic in x", 1e-3, 1000, 0.5, 0},
+    {"patch_x", "m", "where the middle of the patch is", -1000, 1000, 0.5, 0},
+    {"patch_half_width", "m", "from there to where half of it is left", 1e-3, 1000, 0.2, 0},
+    {"damping", "1", "damping ratio of the sprung mass", 0, 10, 0.1, 0},
+    {"clock", "1", "0: t counts from each run's start; 1: from power-on", 0, 1, 0, 0},
+};
+/* clang-format on */
+
+const effect_t effect_composed_term = {
+    .info = {.name = "composed_term",
+             .acts_on = "body",
+             .equation =
+                 "the sum of the terms below whose coefficient c is not 0: to the voltage V of each motor, the "
+                 "torque T of each wheel, the force X ahead, the moment N, or to what a sensor says; side: 1 left, -1 "
+                 "right. What multiplies V, or K_t i, is at most 1 in size; what opposes sign(w), sign(u) or sign(r) "
+                 "is dry friction, which holds at rest and never pushes; what multiplies w, u or r takes away at most "
+                 "the linear losses",
+             .source = "sparse regression of dynamics: Brunton, Proctor & Kutz 2016, PNAS 113(15); of a discrepancy: "
+                       "Kaheman, Kaiser, Strom, Kutz & Brunton 2019",
+             .parameter_count = COMPOSED_COUNT,
+             .parameters = PARAMETERS},
+    .memory_count = sizeof(memory_t) / sizeof(double),
+    .hook = {[SITE_START] = start,
+             [SITE_DRIVE] = drive,
+             [SITE_MOTOR] = motor,
+             [SITE_WHEEL] = wheel,
+             [SITE_BODY] = body,
+             [SITE_SENSOR] = sensor},
+};
