@@ -323,9 +323,9 @@ def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypat
     runs = tuple(dataclasses.replace(run, gap_s=gap) for run, gap in zip(data.runs, gaps, strict=True))
     ages, simulate = [], plant.simulate
 
-    def recorded(jobs, threads=1):
+    def recorded(jobs, threads=1, signals=None):
         ages.extend(run.initial.age for _, run in jobs)
-        return simulate(jobs, threads=threads)
+        return simulate(jobs, threads=threads, signals=signals)
 
     monkeypatch.setattr(plant, "simulate", recorded)
     Replay(dataclasses.replace(data, runs=runs)).simulate([robot()])
@@ -342,7 +342,7 @@ def test_what_the_reader_found_is_in_the_report(tmp_path):
 
 
 def test_a_model_under_which_the_plant_diverges_is_one_failure(tmp_path, monkeypatch):
-    def diverging(jobs, threads=1):
+    def diverging(jobs, threads=1, signals=None):
         raise SimulationError("the state grew beyond all bounds")
 
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brickpilot import audit_standing
+from brickpilot.audit_course import LEAST_FROZEN, RATES, SUMS, Course, Habits, stretches
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,40 +20,15 @@ _EDGE_STEPS = 3.0  # resolutions: the jump on and off a plateau
 _DITHERS = 0.6  # share of samples that repeat the one before, at most: noise of half a resolution and more
 _BLOCK = 50
 _QUIET_BLOCKS = 0.9  # quantile over blocks of that share
-_LEAST_FROZEN = 20
-_UNLIKELY = 4.0  # times the stretch that is to be expected once
+_UNLIKELY = 4.0  # times the stretch that is to be expected once, or the longest elsewhere
 _LEAP = 8.0  # times the largest other change: how a sum of motion leaps when a frozen sensor wakes
 _BY_RATE = 10.0  # resolutions: how far the measured rate must have moved a sum that stands
-_REVERSES = 0.3
 _ONE_WAY = 0.8  # of its path: motion, not noise
 _MOVES = 0.1  # of its largest: no offset of a rate at rest
 _NEAR = 4.0  # of the usual change from sample to sample
 _FEW = 0.2  # of the samples at an extreme
 _STALE = 0.75  # share of repeats in a rate that then says nothing: it stands itself
 _BATTERY = "battery_voltage"
-
-_RATES = {"angle": "speed", "position": "velocity"} | {
-    f"wheel_{of}_{side}": f"wheel_{rate}_{side}"
-    for of, rate in (("angle", "speed"), ("travel", "velocity"))
-    for side in ("left", "right")
-}
-_SUMS = frozenset(_RATES) | {"yaw_angle"}
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """One run as far as it is audited; `outputs` are blanked as faults are found. `resolution`: by signal, SI."""
-
-    time: Vector
-    inputs: Mapping[str, Vector]
-    outputs: dict[str, Vector]
-    resolution: Mapping[str, float]
-
-
-def stretches(mask: Mask) -> list[tuple[int, int]]:
-    """Start and stop (exclusive) of each stretch of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def clipped(course: Course, name: str, stated: tuple[float, float] | None) -> Mask:
@@ -63,7 +40,7 @@ def clipped(course: Course, name: str, stated: tuple[float, float] | None) -> Ma
     found = np.zeros(len(values), dtype=bool)
     if stated is None:
         for sign in (1.0, -1.0):
-            found |= _plateau(sign * values, course.resolution[name]) if name not in _SUMS else False
+            found |= _plateau(sign * values, course.resolution[name]) if name not in SUMS else False
         return found
     step = min(course.resolution[name], 0.01 * (stated[1] - stated[0]))
     with np.errstate(invalid="ignore"):
@@ -78,15 +55,17 @@ def _plateau(values: Vector, resolution: float) -> Mask:
     """Samples at the highest value, where it comes far more often than any other and is left and met by leaps."""
     none = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
-    if len(known) < _LEAST_FROZEN or known.max() == 0.0:
+    if len(known) < LEAST_FROZEN or known.max() == 0.0:
         return none
     top = known.max()
     at_top = values >= top - 1e-5 * max(float(np.ptp(known)), abs(top))
     count = int(np.count_nonzero(at_top))
     others = values[~at_top & np.isfinite(values)]
-    if count < _LEAST_CLIPPED or len(others) < _LEAST_FROZEN:
+    if count < _LEAST_CLIPPED or len(others) < LEAST_FROZEN:
         return none
-    most = int(np.unique(others, return_counts=True)[1].max())
+    bottom = others.min()  # the range's other end, where the signal may stand as often
+    between = others[others != bottom] if bottom != 0.0 else others
+    most = int(np.unique(between, return_counts=True)[1].max(initial=0))
     repeated = np.diff(others) == 0.0
     edges = [near for start, stop in stretches(at_top) for near in (start - 1, stop) if 0 <= near < len(values)]
     leaps = [top - values[near] for near in edges if np.isfinite(values[near])]
@@ -95,16 +74,19 @@ def _plateau(values: Vector, resolution: float) -> Mask:
     return at_top if count > _CLIPPED_BEYOND * most and repeated.mean() <= _DITHERS and sharp else none
 
 
-def frozen(course: Course, name: str, courses: Sequence[Course]) -> Mask:
+def frozen(course: Course, name: str, habits: Habits) -> Mask:
     """Stretches of one value that the signal's noise cannot make, or that its own rate or a leap at the end denies."""
     values = course.outputs[name]
     found = np.zeros(len(values), dtype=bool)
-    long = [span for span in stretches(_repeats(values)) if span[1] - span[0] >= _LEAST_FROZEN - 1]
-    for start, last in long:
+    for start, last in stretches(_repeats(values), LEAST_FROZEN - 1):
         stop = last + 1
-        if _denied_by_rate(course, name, start, stop) or (
-            _moves_elsewhere(course, name, start, stop)
-            and (_leaps(course, name, start, stop) or _too_long(course, name, start, stop, courses))
+        if (
+            _denied_by_rate(course, name, start, stop)
+            or audit_standing.denied(course, name, start, stop, habits)
+            or (
+                _moves_elsewhere(course, name, start, stop)
+                and (_leaps(course, name, start, stop) or _too_long(course, name, start, stop, habits))
+            )
         ):
             found[start:stop] = True
     return found
@@ -119,7 +101,7 @@ def at_extreme(course: Course, name: str, stands: Mask) -> Mask:
     values = course.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
-    if name not in _SUMS and stands.any() and not stands[-1]:
+    if name not in SUMS and stands.any() and not stands[-1]:
         for end in (known.min(), known.max()):
             at_end = values == end
             others = known[known != end]
@@ -143,45 +125,46 @@ def _moves_elsewhere(course: Course, name: str, start: int, stop: int) -> bool:
     return any(np.mean(np.diff(values) == 0.0) < 0.5 for values in others if np.isfinite(values).mean() > 0.5)
 
 
-def _too_long(course: Course, name: str, start: int, stop: int, courses: Sequence[Course]) -> bool:
+def _too_long(course: Course, name: str, start: int, stop: int, habits: Habits) -> bool:
     """Whether the signal, wherever else it was measured, repeats itself too seldom for such a stretch.
 
-    The quietest tenth of its blocks is not counted, and a wheel that stands is no frozen sensor.
+    The quietest tenth of its blocks is not counted, and a wheel that stands is no frozen sensor; nor does a wheel that
+    stands or creeps tell how its rate behaves while it turns.
     """
-    stands = name in _SUMS or course.outputs[name][start] == 0.0
-    if stands and not name.startswith(_ANALOGUE) and not _is_noise(name, courses):
+    level = course.outputs[name][start]
+    analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
+    if not analogue and (name in SUMS or level == 0.0) and not habits.is_noise(name):
         return False
-    shares: list[float] = []
-    samples = 0
-    for one in courses:
-        values = one.outputs[name]
-        outside = np.isfinite(values)
-        if one is course:
-            outside[start:stop] = False
-        pieces = [values[a + 1 : b] == values[a : b - 1] for a, b in stretches(outside)]
-        repeats = np.concatenate(pieces) if pieces else np.zeros(0, dtype=bool)
-        samples += len(repeats)
-        blocks = repeats[: len(repeats) // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
-        shares.extend(blocks.mean(axis=1).tolist())
-    if len(shares) < 2:
-        return False
-    share = max(float(np.quantile(shares, _QUIET_BLOCKS)), 1.0 / samples)
-    if share > _DITHERS:
-        return False
-    return bool(stop - start >= max(_LEAST_FROZEN, _UNLIKELY * np.log(samples) / -np.log(share)))
+    elsewhere = [one.outputs[name] for one in habits.courses if one is not course]
+    elsewhere += [course.outputs[name][:start], course.outputs[name][stop:]]
+    share, _, samples = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
+    once = np.log(samples) / -np.log(share) if 0.0 < share <= _DITHERS else np.inf  # a stretch to be expected once
+    if not analogue and level != 0.0:
+        share, longest, _ = _repetition([np.abs(values) >= 0.5 * abs(level) for values in elsewhere], elsewhere)
+        once = min(once, float(longest)) if share <= _DITHERS else once
+    return bool(stop - start >= max(LEAST_FROZEN, _UNLIKELY * once))
 
 
-def _is_noise(name: str, courses: Sequence[Course]) -> bool:
-    """Whether a signal goes to and fro as noise does (in two of three samples) rather than one way as motion does."""
-    changes = np.concatenate([np.diff(one.outputs[name]) for one in courses])
-    return bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
+def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> tuple[float, int, int]:
+    """Of the samples counted: the share of repeats in all but the quietest blocks (1 where there is no telling), the
+    longest stretch of repeats, and their number."""
+    inner = [values[a:b] for mask, values in zip(counted, pieces, strict=True) for a, b in stretches(mask)]
+    repeats = np.concatenate([np.diff(values) == 0.0 for values in inner] or [np.zeros(0, dtype=bool)])
+    blocks = repeats[: len(repeats) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1)
+    edges = np.flatnonzero(np.diff(repeats, prepend=False, append=False))
+    longest = 1 + int(np.diff(edges)[::2].max(initial=0))
+    if len(blocks) < 2:
+        return 1.0, longest, len(repeats)
+    return max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats)), longest, len(repeats)
 
 
 def _leaps(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether the signal leaves the stretch, and met it if it is no sum, by a change that it never else makes."""
     values = course.outputs[name]
-    edges = [stop] if name in _SUMS else [start, stop]
+    edges = [stop] if name in SUMS else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
+        return False
+    if any(abs(values[edge] - values[edge - 1]) <= _LEAP * course.resolution[name] for edge in edges):
         return False
     changes = np.abs(np.diff(values))
     others = np.delete(changes, [edge - 1 for edge in (start, stop) if 0 < edge < len(values)])
@@ -194,7 +177,7 @@ def _leaps(course: Course, name: str, start: int, stop: int) -> bool:
 
 def _denied_by_rate(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether the measured rate of a sum says that it moved far while it stood."""
-    rate = course.outputs.get(_RATES.get(name, ""))
+    rate = course.outputs.get(RATES.get(name, ""))
     if rate is None:
         return False
     during = rate[start:stop]
@@ -202,5 +185,6 @@ def _denied_by_rate(course: Course, name: str, start: int, stop: int) -> bool:
         return False
     moved = np.nan_to_num(during[:-1]) * np.diff(course.time[start:stop])
     way, moves = abs(float(moved.sum())), float(np.abs(moved).sum())
-    fast = abs(float(np.nanmean(during))) > _MOVES * float(np.nanmax(np.abs(rate)))
-    return bool(fast and way > _ONE_WAY * moves and way > _BY_RATE * course.resolution[name])
+    if way <= _ONE_WAY * moves or way <= _BY_RATE * course.resolution[name]:
+        return False
+    return bool(abs(float(np.nanmean(during))) > _MOVES * float(np.nanmax(np.abs(rate))))

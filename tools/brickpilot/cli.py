@@ -63,6 +63,9 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
     "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="What the robot feels; default ideal."
 )
 @click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot.")
+@click.option(
+    "--compensation", "compensation_file", metavar="FILE", help="Tell the firmware this compensation.toml of the robot."
+)
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Of the sensors' noise; default 0.")
 @click.option("--out", metavar="DIR", help="The run folder; default runs/SCENARIO-PROFILE-SENSORS.")
 @as_json
@@ -72,6 +75,7 @@ def run(
     profile: str | None,
     sensors: str | None,
     model_file: str | None,
+    compensation_file: str | None,
     seed: int | None,
     out: str | None,
     as_json: bool,
@@ -80,7 +84,7 @@ def run(
 
     Without SCENARIO the paper's eight waypoints are flown. The run folder holds log.csv, summary.json and report.html.
     """
-    from brickpilot import flight, model, run_folder, run_report, scenario
+    from brickpilot import compensation, flight, model, run_folder, run_report, scenario
 
     if scenario_name is not None and scenario_file is not None:
         raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
@@ -88,7 +92,8 @@ def run(
     asked = "mission" if asked is None else asked
     chosen = scenario.load(scenario.find(asked))
     vehicle = model.load(Path(model_file)) if model_file else model.rcx()
-    plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed)
+    told = compensation.load(Path(compensation_file)) if compensation_file else None
+    plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=told)
     command = [
         "brickpilot",
         "run",
@@ -101,6 +106,7 @@ def run(
         str(plan.seed),
     ]
     command += ["--model", model_file] if model_file else []
+    command += ["--compensation", compensation_file] if compensation_file else []
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     flown = flight.fly(plan)
     figures = flight.summary(flown)
@@ -228,6 +234,148 @@ def calibrate(
     for group in found.cannot_tell_apart:
         click.echo(f"only together: {', '.join(group)}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
+
+
+@cli.command()
+@click.argument("dataset")
+@click.option(
+    "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default the data set's nominal values."
+)
+@click.option("--out", metavar="DIR", help="Where everything goes; default runs/discover-NAME.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the random starts.")
+@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
+@as_json
+def discover(dataset: str, model_file: str | None, out: str | None, seed: int, jobs: int, as_json: bool) -> None:
+    """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
+
+    Says "none", "these, and here is the experiment that tells them apart" or "something with no name, this term" too.
+    Writes report.html, verdict.json and model.toml, the C source of a composed term, and compensation.toml where the
+    brick can undo what was found.
+    """
+    from brickpilot import compensation, model, run_folder
+    from brickpilot import dataset as dataset_module
+    from brickpilot.discover import report, report_text, workflow
+
+    data = dataset_module.read(Path(dataset))
+    given = model.load(Path(model_file)) if model_file else None
+    folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
+    command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
+    with run_folder.fresh_folder(folder, workflow.files(data)) as beside:
+        with _progress(as_json) as progress:
+            found = workflow.discover(data, given, seed=seed, jobs=jobs, progress=progress)
+        figures = found.to_json()
+        (beside / "verdict.json").write_text(json.dumps(figures, indent=2) + "\n")
+        (beside / "report.html").write_text(report.page(found, shlex.join(command)), encoding="utf-8")
+        model.save(found.augmented, beside / "model.toml")
+        if found.term is not None:
+            (beside / found.term.file_name).write_text(found.term.source, encoding="utf-8")
+        undone = compensation.from_model(found.augmented, found.nominal_model) if found.effects else None
+        if undone is not None:
+            undone.save(beside / "compensation.toml")
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    for note in found.notes:
+        click.echo(f"note: {note}")
+    click.echo(report_text.verdict(found))
+    for effect in found.effects:
+        for name, value in effect.parameters.items():
+            span = "the data do not tell" if value.ci95 is None else "{:.4g}..{:.4g}".format(*value.ci95)
+            click.echo(f"{effect.name + '.' + name:40}{value.value:12.5g} {value.unit:12} {span}")
+    click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
+
+
+@cli.group()
+def benchmark() -> None:
+    """Measures how well discovery does, on data of known truth, beside its peer."""
+
+
+@benchmark.command("discover")
+@click.option(
+    "--suite",
+    type=click.Choice(["single", "pairs", "triples", "none", "odd", "ci", "all"]),
+    default="all",
+    show_default=True,
+    help="Which sets of tests/hidden; all: without ci.",
+)
+@click.option(
+    "--engine",
+    type=click.Choice(["mujoco", "planar", "both"]),
+    default="mujoco",
+    show_default=True,
+    help="Whose physics.",
+)
+@click.option("--only", multiple=True, metavar="PATTERN", help="These names alone (shell pattern); repeatable.")
+@click.option("--limit", type=click.IntRange(1), metavar="N", help="The first N sets of each suite and engine.")
+@click.option(
+    "--seed-offset",
+    type=click.IntRange(0),
+    default=1_000_000,
+    show_default=True,
+    help="0 is for setting thresholds, the default for what is reported.",
+)
+@click.option("--data", metavar="DIR", help="Judge the sets that stand here, their truths beside them; make none.")
+@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
+@click.option(
+    "--out",
+    metavar="DIR",
+    default="runs/benchmark-discover",
+    show_default=True,
+    help="Where results.jsonl is, or goes.",
+)
+@click.option(
+    "--peer",
+    type=click.Choice(["sindy", "sindy-grid"]),
+    help="PySINDy on the same sets; -grid: at all settings, for tune-peer.",
+)
+@click.option("--table", "table_alone", is_flag=True, help="Judge nothing; print the table of what is there.")
+@as_json
+def benchmark_discover(
+    suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
+    out: str, peer: Any, table_alone: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Runs discovery on sets with hidden effects, with several, with none and with what no library names.
+
+    tests/hidden makes the sets; they are judged one by one and thrown away. Each leaves a line in results.jsonl: a
+    rerun goes on where the last one stopped. The table is computed from those lines.
+    """
+    from brickpilot.discover import benchmark as blind_test
+    from brickpilot.discover import benchmark_sets, benchmark_table, benchmark_text
+
+    folder = Path(out)
+    if table_alone:
+        results = blind_test.load(folder / blind_test.RESULTS)
+    else:
+        if data is not None:
+            maker = benchmark_sets.Maker.near(Path.cwd())
+            tasks = benchmark_sets.standing(Path(data), only, limit)
+        else:
+            maker = benchmark_sets.Maker.find(Path.cwd())
+            tasks = benchmark_sets.planned(maker, suite, engine, seed_offset, only, limit)
+        with _progress(as_json) as progress:
+            results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
+    found = benchmark_table.table(results)
+    if as_json:
+        click.echo(json.dumps(found))
+        return
+    for line in benchmark_text.lines(found):
+        click.echo(line)
+
+
+@benchmark.command("tune-peer")
+@click.argument("results", metavar="RESULTS.jsonl")
+@as_json
+def benchmark_tune_peer(results: str, as_json: bool) -> None:
+    """Tunes PySINDy's window and gates on a benchmark of calibration seeds that was run with --peer sindy-grid."""
+    from brickpilot.discover import benchmark as blind_test
+    from brickpilot.discover import benchmark_tune
+
+    found = benchmark_tune.tune(blind_test.load(Path(results)))
+    if as_json:
+        click.echo(json.dumps(benchmark_tune.to_json(found)))
+        return
+    for line in benchmark_tune.lines(found):
+        click.echo(line)
 
 
 @cli.command("import")

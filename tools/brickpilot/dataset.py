@@ -196,7 +196,8 @@ def _read_run(entry: RunEntry, description: Description) -> Run:
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
     """The runs with their damaged samples blanked, the faults, and what to say of them."""
     records = [Record(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
-    found = audit(records, description.signals, description.frame)
+    nominal = {name: known.value for name, known in description.nominal.items()}
+    found = audit(records, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():
         for values in outputs.values():
             values.setflags(write=False)

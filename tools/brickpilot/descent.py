@@ -153,5 +153,6 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         max_nfev=_EVALUATIONS,
         ftol=tolerance,
         xtol=tolerance,
+        tr_solver="lsmr",  # the other one takes the singular values of all samples in every step
     )
     return np.asarray(found.x)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import plant
+from brickpilot.compensation import Compensation
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.ils import signal_error
 from brickpilot.model import RCX, Model
@@ -39,6 +40,7 @@ class Plan:
     start_step: int
     cruise: float  # m/s
     motor_step: float = 0.0
+    compensation: Compensation | None = None  # what the firmware is told of this robot
 
 
 @dataclass(frozen=True)
@@ -52,17 +54,25 @@ class Flight:
 
 
 def plan(
-    scenario: Scenario, model: Model, *, profile: str | None = None, sensors: str | None = None, seed: int | None = None
+    scenario: Scenario,
+    model: Model,
+    *,
+    profile: str | None = None,
+    sensors: str | None = None,
+    seed: int | None = None,
+    compensation: Compensation | None = None,
 ) -> Plan:
     """Settles profile, sensors and seed: the argument, else the scenario's, else coupled, ideal, 0.
 
     Raises:
-        InputError: the model is not of a differential drive.
+        InputError: the model is not of a differential drive, or there is no use for the compensation.
     """
     if model.vehicle != "diff_drive":
         raise InputError(f"a {model.vehicle} model cannot fly a mission; a diff_drive is needed", field=model.name)
     profile = profile or scenario.profile or model.profile
     sensors = sensors or scenario.sensors or "ideal"
+    if compensation is not None and (profile != "coupled" or scenario.kind != "mission"):
+        raise InputError("is for a mission in the profile coupled", field="compensation")
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
     return Plan(
         scenario=scenario,
@@ -79,6 +89,7 @@ def plan(
         steps=round(scenario.duration / STEP_S),
         start_step=round(start_at / STEP_S),
         cruise=scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile),
+        compensation=compensation,
     )
 
 
@@ -110,6 +121,11 @@ def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> Non
     request.steps = plan.steps
     request.start_step = plan.start_step
     request.cruise = plan.cruise
+    told = ffi.new("bp_compensation *")
+    if plan.compensation is not None:
+        for name, raw in plan.compensation.raw.items():
+            setattr(told, name, raw)
+        request.compensation = told
     waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
     drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
     if drive is not None:
@@ -222,6 +238,7 @@ def summary(flight: Flight) -> dict[str, Any]:
         "steps": plan.steps,
         "model": plan.model.name,
         "effects": {name: dict(values) for name, values in plan.model.effects.items()},
+        "compensation": None if plan.compensation is None else dict(plan.compensation.raw),
         "times_real_time": flight.times_real_time,
         "motor_stream_sha256": hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest(),
     }

@@ -30,6 +30,9 @@ _TOP_KEYS = (
 )
 _ENTRY_KEYS = ("value", "unit", "basis")
 
+# Of an effect with more parameters, such as composed_term, a file holds those that are not at their presets.
+_SPELT_OUT = 8
+
 RCX = Path(__file__).parent / "models" / "rcx.toml"
 """The packaged robot's file."""
 
@@ -178,10 +181,11 @@ def render(model: Model) -> str:
     infos = {effect.name: effect for effect in plant.effects()}
     for name, chosen in model.effects.items():
         table = tomlkit.table()
+        spelt_out = len(infos[name].parameters) <= _SPELT_OUT
         for info in infos[name].parameters:
-            table[info.name] = _entry(
-                chosen.get(info.name, info.preset), info.unit, model.basis.get(f"{name}.{info.name}")
-            )
+            value = chosen.get(info.name, info.preset)
+            if spelt_out or value != info.preset:
+                table[info.name] = _entry(value, info.unit, model.basis.get(f"{name}.{info.name}"))
         document["effects"][name] = table
     return tomlkit.dumps(document)
 

@@ -2,43 +2,35 @@
 
 The residual of signal s in sample k is e = (measured - simulated) / scale_s, of which least squares sees
 phi(e) / sqrt(tau_s). phi is the pseudo-Huber loss (Charbonnier 1997), so that a collision or a dropout pulls no
-harder than `_BEND` scales' worth. tau_s is the residual's correlation time in samples, so that n samples of a slow
+harder than `BEND` scales' worth. tau_s is the residual's correlation time in samples, so that n samples of a slow
 model error count as the n / tau_s they are worth. scale_s is the residual's own size, never below the signal's noise:
 on measured data it is the model's error, not the noise, that says how well a signal can be matched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.dataset import Dataset, Run
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.blocks import Bins, blocks
+from brickpilot.dataset import Dataset
+from brickpilot.errors import SimulationError
 from brickpilot.model import Model
 from brickpilot.parameters import Plan
-from brickpilot.replay import RATE_OF, SUMMED, Replay, judged, measured_rates
+from brickpilot.replay import SUMMED, Outputs, Replay
 
 Array = NDArray[np.float64]
 
-_BEND = 2.0
+BEND = 2.0
+"""Scales: where the loss turns from squared to linear."""
+
 _STEP = 1e-4
 _ANCHOR_SD = 30.0  # in coordinates: keeps what the data leave open from wandering, and outweighs nothing they say
 _FIRST_SCALE = 0.2  # of the signal's rms: before any residual is known
 _NOTHING = 1e-30  # SI: a signal whose rms is less is taken for zero
-
-
-@dataclass(frozen=True)
-class Block:
-    """One signal of one fitted run: its place in the stacked residual, its samples, what was measured."""
-
-    run: str
-    signal: str
-    place: slice
-    known: NDArray[np.bool_]
-    measured: Array
 
 
 @dataclass(frozen=True)
@@ -55,6 +47,8 @@ class OutputError:
 
     Args:
         runs: names of the runs that are fitted.
+        bins: averages are compared; None: samples.
+        measured: what is compared with, where `replay` runs on other samples than were measured.
 
     Where the plant diverges the residual is NaN, and its derivative 0 where only the neighbouring value does.
 
@@ -65,12 +59,21 @@ class OutputError:
     leaves for the model's error.
     """
 
-    def __init__(self, replay: Replay, plan: Plan, runs: Sequence[str], *, threads: int = 2) -> None:
+    def __init__(
+        self,
+        replay: Replay,
+        plan: Plan,
+        runs: Sequence[str],
+        *,
+        threads: int = 2,
+        bins: Bins | None = None,
+        measured: Dataset | None = None,
+    ) -> None:
         self.plan = plan
         self._replay, self._threads = replay, threads
         self._last = max(runs, key=[run.name for run in replay.dataset.runs].index)
-        self.blocks, self.notes = _blocks(replay.dataset, plan.model, set(runs))
-        self.measured = np.concatenate([block.measured[block.known] for block in self.blocks])
+        self.blocks, self.notes = blocks(measured or replay.dataset, plan.model, set(runs), bins)
+        self.measured = np.concatenate([block.measured for block in self.blocks])
         self.signals = list(dict.fromkeys(block.signal for block in self.blocks))
         self.scales = {signal: self._first_scale(signal) for signal in self.signals}
         self.holds_priors = True
@@ -79,12 +82,12 @@ class OutputError:
     def predict(self, models: Sequence[Model]) -> Array:
         """(models, samples): what each model gives where something was measured; NaN where it diverges in any run."""
         try:
-            outputs = self._replay.simulate(models, last=self._last, threads=self._threads)
+            outputs = self._simulate(self._replay, models)
         except SimulationError:
             if len(models) > 1:
                 return np.vstack([self.predict([model]) for model in models])
             return np.full((1, len(self.measured)), np.nan)
-        return np.array([np.concatenate([one[b.run][b.signal][b.known] for b in self.blocks]) for one in outputs])
+        return np.array([np.concatenate([b.pick(one[b.run][b.signal]) for b in self.blocks]) for one in outputs])
 
     def residual(self, point: Array) -> Array:
         bent, _ = _bend(self._whitened(point))
@@ -122,7 +125,7 @@ class OutputError:
         """
         size, tau = self._per_sample("size"), self._per_sample("tau")
         whitened = (self.measured - self.predict([model])[0]) / size
-        root = np.sqrt(1 + (whitened / _BEND) ** 2)
+        root = np.sqrt(1 + (whitened / BEND) ** 2)
         return whitened / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, least: int) -> tuple[NDArray[np.int64], int]:
@@ -147,8 +150,8 @@ class OutputError:
         moved = []
         for signal in self.signals:
             replay = self._replay.nudged(signal, self.scales[signal].noise)
-            outputs = replay.simulate([model], last=self._last, threads=self._threads)[0]
-            moved.append(np.concatenate([outputs[b.run][b.signal][b.known] for b in self.blocks]) - base)
+            outputs = self._simulate(replay, [model])[0]
+            moved.append(np.concatenate([b.pick(outputs[b.run][b.signal]) for b in self.blocks]) - base)
         return np.array(moved)
 
     def by_run(self, values: Array) -> Array:
@@ -162,6 +165,9 @@ class OutputError:
     def signal_size(self) -> Array:
         """(samples,): rms of the signal that the sample belongs to."""
         return self._by_signal({signal: self._rms(signal) for signal in self.signals})
+
+    def _simulate(self, replay: Replay, models: Sequence[Model]) -> list[dict[str, Outputs]]:
+        return replay.simulate(models, last=self._last, threads=self._threads, signals=self.signals)
 
     def _simulated(self, point: Array) -> Array:
         key = point.tobytes()
@@ -245,7 +251,7 @@ def correlation_time(parts: Sequence[Array]) -> float:
 
 def _bend(whitened: Array) -> tuple[Array, Array]:
     """Pseudo-Huber: (phi, d phi / d whitened), with phi^2 / 2 = bend^2 (sqrt(1 + (e / bend)^2) - 1)."""
-    root = np.sqrt(1 + (whitened / _BEND) ** 2)
+    root = np.sqrt(1 + (whitened / BEND) ** 2)
     shrink = np.sqrt(2 / (1 + root))
     return whitened * shrink, 1 / (root * shrink)
 
@@ -258,43 +264,3 @@ def _robust_size(error: Array) -> float:
     for _ in range(30):
         size = float(np.sqrt(np.mean(np.minimum(error**2, (2.5 * size) ** 2)) / 0.9775))
     return size
-
-
-def _blocks(dataset: Dataset, model: Model, fitted: set[str]) -> tuple[list[Block], list[str]]:
-    names, _ = judged(dataset, model)
-    blocks, notes, start = [], [], 0
-    for run in dataset.runs:
-        if run.name not in fitted:
-            continue
-        rates = measured_rates(run)
-        for signal, measured in _fitted_signals(run, names, rates).items():
-            known = np.isfinite(measured)
-            count = int(np.count_nonzero(known))
-            if count < 2:
-                continue
-            if _frozen(measured[known], rates.get(RATE_OF.get(signal, ""))):
-                notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
-                continue
-            blocks.append(Block(run.name, signal, slice(start, start + count), known, measured))
-            start += count
-    if not blocks:
-        raise InputError("nothing measured to judge in the runs that are fitted", file=dataset.path, field="signals")
-    return blocks, notes
-
-
-def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) -> dict[str, Array]:
-    """What was measured and is judged, but of a motor's position alone its velocity.
-
-    A position sums the velocity's error up while the run lasts: the same data, with an error that never settles.
-    """
-    fitted = {name: run.outputs[name] for name in names if name in run.outputs}
-    for summed, rate in RATE_OF.items():
-        if summed in fitted and rate not in fitted:
-            del fitted[summed]
-            fitted[rate] = rates[rate]
-    return fitted
-
-
-def _frozen(known: Array, rate: Array | None) -> bool:
-    """Whether `known` stands still while the rate that was measured beside it does not."""
-    return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))

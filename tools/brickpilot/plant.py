@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from cffi import FFI
@@ -185,10 +185,9 @@ def presets(vehicle: str) -> dict[str, float]:
     return found
 
 
-def _refuse(model: Model, name: str, value: float, status: int) -> None:
+def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
     reasons = {-1: "unknown", -2: f"{value} is outside what is physical", -3: "too many effects"}
-    if status:
-        raise InputError(reasons[status], file=model.name, field=name)
+    raise InputError(reasons[status], file=model.name, field=name)
 
 
 def build(model: Model) -> Any:
@@ -203,19 +202,28 @@ def build(model: Model) -> Any:
         raise MemoryError
     built = ffi.gc(built, library.bp_model_free)
     for name, value in model.parameters.items():
-        _refuse(model, name, value, library.bp_model_set(built, name.encode(), value))
-    infos = {effect.name: effect for effect in effects()}
+        status = library.bp_model_set(built, name.encode(), value)
+        if status:
+            _refuse(model, name, value, status)
+    presets_of = _effect_presets()
     for name, table in model.effects.items():
-        if name not in infos:
+        known = presets_of.get(name)
+        if known is None:
             raise InputError("unknown effect", file=model.name, field=f"effects.{name}")
-        known = [info.name for info in infos[name].parameters]
         for parameter in table:
             if parameter not in known:
                 raise InputError("unknown parameter", file=model.name, field=f"effects.{name}.{parameter}")
-        values = [table.get(info.name, info.preset) for info in infos[name].parameters]
+        values = [*{**known, **table}.values()]
         status = library.bp_model_add_effect(built, name.encode(), ffi.new("double[]", values or [0.0]))
-        _refuse(model, f"effects.{name}", values[0] if values else 0.0, status)
+        if status:
+            _refuse(model, f"effects.{name}", values[0] if values else 0.0, status)
     return built
+
+
+@cache
+def _effect_presets() -> dict[str, dict[str, float]]:
+    """effect -> parameter -> preset, in the table's order."""
+    return {effect.name: {info.name: info.preset for info in effect.parameters} for effect in effects()}
 
 
 def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
@@ -253,8 +261,14 @@ def _fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: 
     return buffers
 
 
-def simulate(jobs: Sequence[tuple[Model, OpenLoopRun]], threads: int = 1) -> list[Simulated]:
+def simulate(
+    jobs: Sequence[tuple[Model, OpenLoopRun]], threads: int = 1, *, signals: Collection[str] | None = None
+) -> list[Simulated]:
     """Simulates each run under its model, on up to `threads` threads; the results do not depend on how many.
+
+    Args:
+        signals: the outputs to keep, of those that the vehicle has; None: all. Copying the rest out costs more time
+            than simulating it.
 
     Raises:
         SimulationError: of the first run that failed, e.g. because its state diverged.
@@ -279,8 +293,9 @@ def simulate(jobs: Sequence[tuple[Model, OpenLoopRun]], threads: int = 1) -> lis
         status = requests[index].status
         if status:
             raise SimulationError(f"{model.name}, run {index}: {_TROUBLE.get(status, status)}", index, status)
-        columns = np.ascontiguousarray(rows[index].T)
-        present = ~np.isnan(columns[:, 0])  # the plant gives NaN for what the other kind of vehicle has
-        kept = {name: columns[k] for k, name in enumerate(names) if present[k]}
+        present = ~np.isnan(rows[index][0])  # the plant gives NaN for what the other kind of vehicle has
+        wanted = [k for k, name in enumerate(names) if present[k] and (signals is None or name in signals)]
+        columns = rows[index].T[wanted]
+        kept = {names[k]: column for k, column in zip(wanted, columns, strict=True)}
         results.append(Simulated(kept, _read_state(requests[index].final)))
     return results

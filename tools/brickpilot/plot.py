@@ -63,12 +63,13 @@ def thin(time: Array, value: Array, points: int = 1200) -> tuple[Array, Array]:
     """
     if len(time) <= points:
         return time, value
-    keep = {0, len(time) - 1}
-    for stretch in np.array_split(np.arange(len(time)), points // 2):
-        inside = value[stretch]
-        if np.all(np.isnan(inside)):
-            keep.add(int(stretch[0]))
-            continue
-        keep.update((int(stretch[np.nanargmin(inside)]), int(stretch[np.nanargmax(inside)])))
-    kept = np.array(sorted(keep))
+    width = -(-len(time) // (points // 2))
+    padded = np.full(points // 2 * width, np.nan)
+    padded[: len(value)] = value
+    stretches = padded.reshape(-1, width)
+    gaps, starts = np.isnan(stretches), width * np.arange(points // 2)
+    least = starts + np.where(gaps, np.inf, stretches).argmin(axis=1)
+    most = starts + np.where(gaps, -np.inf, stretches).argmax(axis=1)
+    kept = np.unique(np.concatenate([[0, len(time) - 1], least, most]))
+    kept = kept[kept < len(time)]
     return time[kept], value[kept]

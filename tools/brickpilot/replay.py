@@ -7,8 +7,9 @@ not measured starts at rest. Age, charge and heat carry over from run to run in 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -33,6 +34,9 @@ RATE_OF = {"position": "velocity", "angle": "speed"}
 # A run whose first samples all move one way starts in motion.
 _START_SAMPLES = 9
 
+# Effects by which the charge drawn or the heat left by one run changes the next; age alone is known beforehand.
+_REMEMBERED = frozenset({"battery_discharge", "motor_heating"})
+
 _LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
 _FINEST = 20  # interpolated samples per measured one, where the measured crowd
 _SECANT_STEPS = 4
@@ -44,37 +48,65 @@ class Replay:
     Args:
         dataset: as `dataset.read` gives it.
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own.
+        inputs: run -> (n, 1) or (n, 2) V, where they are not those of the runs' rows.
     """
 
-    def __init__(self, dataset: Dataset, *, motor_step: float = 0.0, body_step: float = 0.0) -> None:
+    def __init__(
+        self,
+        dataset: Dataset,
+        *,
+        motor_step: float = 0.0,
+        body_step: float = 0.0,
+        inputs: Mapping[str, Array] | None = None,
+    ) -> None:
         self.dataset = dataset
-        self.inputs: dict[str, Array] = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
+        self.inputs = dict(inputs) if inputs else {run.name: motor_inputs(run, dataset) for run in dataset.runs}
         self._steps = (motor_step, body_step)
 
     def simulate(
-        self, models: Sequence[Model], *, last: str | None = None, threads: int = 2
+        self,
+        models: Sequence[Model],
+        *,
+        last: str | None = None,
+        threads: int = 2,
+        signals: Collection[str] | None = None,
     ) -> list[dict[str, Outputs]]:
-        """Each model's outputs by run name, for the runs up to and with `last` (None: all). A run is one batch."""
-        results: list[dict[str, Outputs]] = [{} for _ in models]
+        """Each model's outputs by run name, for the runs up to and with `last` (None: all).
+
+        `signals`: the outputs to keep; None: all that the vehicle has.
+        """
+        names = [run.name for run in self.dataset.runs]
+        runs = self.dataset.runs[: len(names) if last is None else names.index(last) + 1]
+        ages = np.cumsum([run.gap_s + before for run, before in zip(runs, [0.0, *map(_duration, runs)], strict=False)])
         carried = [State()] * len(models)
-        for run in self.dataset.runs:
-            batch = []
-            for model, last_state in zip(models, carried, strict=True):
-                start = dataclasses.replace(
-                    initial_state(run, model),
-                    age=last_state.age + run.gap_s,
-                    charge=last_state.charge,
-                    heat=last_state.heat,
-                    rest=run.gap_s,
-                )
-                batch.append((model, self._open_loop(run, slice(None), start)))
-            simulated = plant.simulate(batch, threads=threads)
-            for result, one in zip(results, simulated, strict=True):
-                result[run.name] = one.outputs
-            carried = [one.final for one in simulated]
-            if run.name == last:
-                break
+        results: list[dict[str, Outputs]] = [{} for _ in models]
+        for batch in self._batches(runs, ages, models):
+            jobs = []
+            for run, age in batch:
+                for model, last_state in zip(models, carried, strict=True):
+                    start = dataclasses.replace(
+                        initial_state(run, model),
+                        age=age,
+                        charge=last_state.charge,
+                        heat=last_state.heat,
+                        rest=run.gap_s,
+                    )
+                    jobs.append((model, self._open_loop(run, slice(None), start)))
+            simulated = iter(plant.simulate(jobs, threads, signals=signals))
+            for run, _ in batch:
+                carried = []
+                for result in results:
+                    one = next(simulated)
+                    result[run.name] = one.outputs
+                    carried.append(one.final)
         return results
+
+    def _batches(self, runs: Sequence[Run], ages: Array, models: Sequence[Model]) -> list[list[tuple[Run, float]]]:
+        """Runs that can be simulated side by side: all, unless what one leaves behind changes the next."""
+        pairs = [(run, float(age)) for run, age in zip(runs, ages, strict=True)]
+        if any(_REMEMBERED & model.effects.keys() for model in models):
+            return [[pair] for pair in pairs]
+        return [pairs]
 
     def nudged(self, signal: str, by: float) -> Replay:
         """The same data with `by` added to what each run's first sample measured of `signal`."""
@@ -86,7 +118,10 @@ class Replay:
                 dataclasses.replace(run, outputs={**run.outputs, signal: values}) if signal in run.outputs else run
             )
         return Replay(
-            dataclasses.replace(self.dataset, runs=tuple(runs)), motor_step=self._steps[0], body_step=self._steps[1]
+            dataclasses.replace(self.dataset, runs=tuple(runs)),
+            motor_step=self._steps[0],
+            body_step=self._steps[1],
+            inputs=self.inputs,
         )
 
     def windows(self, model: Model, window_s: float, *, threads: int = 2) -> dict[str, list[Window]]:
@@ -194,6 +229,10 @@ _START_RATES = [
 _READ_INTO_STATE = SUMMED | {"yaw_rate", *RATE_OF.values(), *(rate for _, rate, _ in _START_RATES)}
 
 
+def _duration(run: Run) -> float:
+    return float(run.time[-1] - run.time[0])
+
+
 def _starting_rate(time: Array, values: Array) -> float:
     first = values[:_START_SAMPLES]
     change = np.diff(first)
@@ -213,7 +252,7 @@ def _state(
     """The state of which the model's sensors say `measured`; `stated` is true already, whatever they say."""
     known = {name: value for name, value in measured.items() if np.isfinite(value)} | dict(stated)
     read = [name for name in known if name in _READ_INTO_STATE and name not in stated]
-    if not read or not any(effect.acts_on == "sensor" and effect.name in model.effects for effect in plant.effects()):
+    if not read or not any(_misreads(name, vehicle) for name in model.effects):
         return _state_of(known, vehicle, model, age)
 
     def say(values: Array) -> tuple[State, Array]:
@@ -223,6 +262,19 @@ def _state(
         return state, np.array([one.outputs[name][0] if name in one.outputs else known[name] for name in read])
 
     return _invert(say, np.array([known[name] for name in read]))
+
+
+@cache
+def _misreads(effect: str, vehicle: str) -> bool:
+    """Whether an effect, at its preset, changes what sensors say of the state at the very first sample."""
+    rest = np.zeros((1, 1 if vehicle == "motor" else 2))
+    moving = State(surge=0.2, yaw_rate=1.0, wheel_speed=(7.0, 3.0), wheel_angle=(2.0, 1.0), heading=0.5, age=1.0)
+    base = Model("moving", vehicle, "coupled", plant.presets(vehicle))
+    run = OpenLoopRun(time=np.zeros(1), inputs=rest, initial=moving)
+    plain, changed = (
+        one.outputs for one in plant.simulate([(base, run), (dataclasses.replace(base, effects={effect: {}}), run)])
+    )
+    return any(plain[name][0] != changed[name][0] for name in plain.keys() & _READ_INTO_STATE)
 
 
 def _invert(say: Callable[[Array], tuple[State, Array]], wanted: Array) -> State:

@@ -1,0 +1,169 @@
+"""What may be hidden, and how large: for each effect the parameters at which it shows clearly, and how they vary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from hidden.recipe import BENCH, Vehicle
+
+Kind = Literal["plain", "torque", "force", "moment", "mass", "spin"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """How one effect is drawn.
+
+    Attributes:
+        visible: parameters at size 1 on `recipe.BENCH`; every rms change is then at least 5 noise sd in some signal.
+        scaled: those of them that grow with the size; the others stay.
+        offset: what `scaled` starts from at size 0, for limits that an effect lowers.
+        signed: whether the scaled parameters also come with the other sign.
+        ranges: parameters drawn anew for each data set, uniformly.
+        kind: how `scaled` goes with the vehicle's strength, so that the effect shows on another one too.
+        grid: where above 0, scaled parameters are whole multiples of it.
+    """
+
+    visible: Mapping[str, float]
+    scaled: tuple[str, ...]
+    offset: Mapping[str, float] = field(default_factory=dict)
+    signed: bool = False
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    kind: Kind = "plain"
+    grid: float = 0.0
+
+
+def _one(parameter: str, value: float, *, signed: bool = False, kind: Kind = "plain") -> Effect:
+    return Effect({parameter: value}, (parameter,), signed=signed, kind=kind)
+
+
+_PHASE = (-3.0, 3.0)
+
+LIBRARY: dict[str, Effect] = {
+    "start_delay": _one("delay", 0.1),
+    "input_delay": _one("delay", 0.025),
+    "battery_discharge": _one("slope", 0.15),
+    "battery_sag": _one("resistance", 7.5),
+    "pwm_quantisation": _one("step", 0.06),
+    "actuator_lag": _one("time_constant", 0.025),
+    "actuator_deadband": _one("voltage", 0.15),
+    "motor_asymmetry": _one("difference", 0.04, signed=True),
+    "direction_asymmetry": Effect({"torque": 0.003, "drag": 0.0, "gain": 0.0}, ("torque",), signed=True, kind="torque"),
+    "supply_saturation": Effect({"voltage": -1.5}, ("voltage",), offset={"voltage": 7.5}),
+    "pwm_coast": Effect({"period": 0.004, "brakes": 0.0}, ("period",), grid=0.001),
+    "torque_constant_asymmetry": _one("difference", 0.05, signed=True),
+    "motor_heating": Effect(
+        {"thermal_resistance": 260.0, "time_constant": 25.0}, ("thermal_resistance",),
+        ranges={"time_constant": (15, 40)},
+    ),
+    "torque_ripple": Effect(
+        {"amplitude": 0.3, "order": 6.0, "phase": 0.0, "phase_difference": 0.0}, ("amplitude",),
+        ranges={"order": (4, 9), "phase": _PHASE, "phase_difference": (-1, 1)},
+    ),
+    "cogging": Effect(
+        {"torque": 0.008, "order": 6.0, "phase": 0.0, "phase_difference": 0.0}, ("torque",), kind="torque",
+        ranges={"order": (4, 9), "phase": _PHASE, "phase_difference": (-1, 1)},
+    ),
+    "gear_backlash": Effect({"gap": 0.15, "rotor_share": 0.6}, ("gap",), ranges={"rotor_share": (0.4, 0.7)}),
+    "coulomb_friction": _one("torque", 0.002, kind="torque"),
+    "stiction_stribeck": Effect(
+        {"coulomb": 0.0012, "breakaway": 0.0025, "stribeck_speed": 1.0}, ("coulomb", "breakaway"), kind="torque",
+        ranges={"stribeck_speed": (0.7, 2.0)},
+    ),
+    "rolling_sqrt": _one("torque", 0.0006, kind="torque"),
+    "constant_offset": Effect(
+        {"torque": 0.006, "difference": 0.0}, ("torque", "difference"), signed=True, kind="torque",
+        ranges={"difference": (0.001, 0.003)},
+    ),
+    "carpet_nap": Effect(
+        {"force_x": 0.9, "force_y": 0.5}, ("force_x", "force_y"), signed=True, kind="force",
+        ranges={"force_y": (-0.6, 0.6)},
+    ),
+    "caster_drag": Effect(
+        {"force": 0.12, "forward": -0.08}, ("force",), kind="force", ranges={"forward": (-0.1, -0.06)}
+    ),
+    "yaw_scrub": _one("moment", 0.005, kind="moment"),
+    "curve_scrub": _one("coefficient", 0.9),
+    "quadratic_drag": _one("drag", 3.0, kind="force"),
+    "floor_slope": Effect(
+        {"slope_x": 0.02, "slope_y": 0.01}, ("slope_x", "slope_y"), signed=True, ranges={"slope_y": (-0.02, 0.02)}
+    ),
+    "com_forward_offset": _one("forward", 0.015, signed=True),
+    "com_lateral_offset": _one("right", 0.015, signed=True),
+    "payload_mass": Effect(
+        {"mass": 0.2, "forward": 0.04, "right": 0.0}, ("mass",), kind="mass",
+        ranges={"forward": (-0.05, 0.05), "right": (-0.03, 0.03)},
+    ),
+    "wheel_radius_mismatch": _one("mismatch", 0.05, signed=True),
+    "wheel_slip": Effect({"creep": 0.1, "friction": 0.8}, ("creep",), ranges={"friction": (0.7, 1.0)}),
+    "side_slip": Effect({"creep": 0.2, "friction": 0.8}, ("creep",), ranges={"friction": (0.7, 1.0)}),
+    "imu_lever_arm": Effect(
+        {"x": 0.03, "y": 0.015}, ("x", "y"), signed=True, ranges={"y": (-0.03, 0.03)}
+    ),
+    "accel_misalignment": _one("angle", 0.2, signed=True),
+    "imu_lag": _one("time_constant", 0.02),
+    "accel_bias": Effect({"surge": 0.15, "sway": 0.1}, ("surge", "sway"), signed=True, ranges={"sway": (-0.15, 0.15)}),
+    "gyro_scale": _one("error", 0.035, signed=True),
+    "gyro_bias": _one("bias", 0.08, signed=True),
+    "gyro_drift": _one("rate", 0.0012, signed=True),
+    "gyro_saturation": Effect({"limit": -0.9}, ("limit",), offset={"limit": 4.9}, kind="spin"),
+    "encoder_scale": _one("error", 0.05, signed=True),
+    "sensor_delay": _one("delay", 0.02),
+}  # fmt: skip
+"""Every effect of the library that these engines can make, by the library's names, parameters and signs."""
+
+ODD: dict[str, Effect] = {
+    "odd_periodic_force": Effect(
+        {"force": 0.5, "frequency": 1.3}, ("force",), kind="force", ranges={"frequency": (0.7, 2)}
+    ),
+    "odd_friction_with_voltage": _one("slope", 0.0005, kind="torque"),
+    "odd_drag_patch": Effect({"drag": 6.0, "from": 0.5, "to": 1.2}, ("drag",), kind="force"),
+    "odd_angle_brake": _one("torque", 0.004, kind="torque"),
+    "odd_cubic_drag": _one("drag", 5.0, kind="force"),
+    "odd_yaw_by_speed": _one("moment", 0.02, signed=True, kind="moment"),
+    "odd_turn_force": _one("share", 0.8, signed=True),
+    "odd_load_ramp": _one("rate", 0.00004, kind="torque"),
+    "odd_heading_spring": _one("moment", 0.01, kind="moment"),
+    "odd_tether": _one("stiffness", 1.0, kind="force"),
+    "odd_voltage_gain": _one("loss", 0.01),
+    "odd_crosstalk": _one("share", 0.04, signed=True),
+    "odd_gyro_cubic": _one("cubic", 0.003, signed=True),
+}
+"""Oddities that no library names. What each does stands in README.md."""
+
+TABLE = LIBRARY | ODD
+
+
+def strength(kind: Kind, vehicle: Vehicle) -> float:
+    """How much stronger than the bench's this vehicle is, where `kind` counts."""
+
+    def torque(v: Vehicle) -> float:
+        return v.torque_constant * v.battery_voltage / v.resistance
+
+    def spin(v: Vehicle) -> float:
+        return v.wheel_radius / (v.half_track * v.emf_constant)
+
+    ratio = torque(vehicle) / torque(BENCH)
+    force = ratio * BENCH.wheel_radius / vehicle.wheel_radius
+    return {
+        "plain": 1.0, "torque": ratio, "force": force, "moment": force * vehicle.half_track / BENCH.half_track,
+        "mass": vehicle.mass / BENCH.mass, "spin": spin(vehicle) / spin(BENCH),
+    }[kind]  # fmt: skip
+
+
+def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
+    """Parameters of effect `name` at about `size` times what shows clearly, with a random sign and spread."""
+    effect = TABLE[name]
+    spread, sign = random.uniform(1.0, 1.15), random.choice((-1.0, 1.0))
+    places = random.uniform(size=len(effect.ranges))
+    values = {parameter: float(value) for parameter, value in effect.visible.items()}
+    for (parameter, (low, high)), place in zip(effect.ranges.items(), places, strict=True):
+        values[parameter] = float(low + place * (high - low))
+    for parameter in effect.scaled:
+        grown = values[parameter] * size * (sign if effect.signed else 1.0) * (spread if not effect.offset else 1.0)
+        grown = (effect.offset.get(parameter, 0.0) + grown) * strength(effect.kind, vehicle)
+        values[parameter] = effect.grid * max(1, round(grown / effect.grid)) if effect.grid else grown
+    return values

@@ -1,0 +1,168 @@
+"""Supply, drive and motors of a vehicle, in plain numbers: what no physics engine knows.
+
+Equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects named
+in `Hidden`. One call a step; the current is exact for a speed that changes linearly within it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hidden.recipe import Hidden, Vehicle
+
+COPPER = 0.00393  # 1/K, IEC 60028
+FLOOR = 0.01  # share of its voltage that an empty battery keeps
+
+EFFECTS = frozenset(
+    {"start_delay", "input_delay", "battery_discharge", "battery_sag", "odd_crosstalk", "pwm_quantisation",
+     "actuator_lag", "actuator_deadband", "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast",
+     "torque_constant_asymmetry", "motor_heating"}
+)  # fmt: skip
+"""What acts here alone, in the order in which a command passes it. (The gain of direction_asymmetry does, too.)"""
+
+
+def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float) -> NDArray[np.float64]:
+    """What reaches the drive of `commands` (n, V, one each step): late (`input_delay`), or held at the start."""
+    out = commands
+    delay = hidden.get("input_delay", {}).get("delay", 0.0)
+    if delay > 0:
+        grid = np.arange(len(out)) * step_s
+        whole = math.floor(delay / step_s)
+        part = delay / step_s - whole
+        padded = np.concatenate([np.zeros(whole + 1), out])
+        out = (1 - part) * padded[1 : len(grid) + 1] + part * padded[: len(grid)]
+    held = hidden.get("start_delay", {}).get("delay", 0.0)
+    if held > 0:
+        missing = np.clip(held / step_s - np.arange(len(out)), 0.0, 1.0)
+        out = out * (1 - missing)
+    return out
+
+
+class Electrics:
+    """State of the battery, the drive and both motors. `step` is called once for each `step_s`."""
+
+    def __init__(self, vehicle: Vehicle, hidden: Hidden, step_s: float) -> None:
+        self._vehicle, self._step = vehicle, step_s
+
+        def p(effect: str, parameter: str, absent: float = 0.0) -> float:
+            return hidden.get(effect, {}).get(parameter, absent)
+
+        flux, gain = 0.5 * p("torque_constant_asymmetry", "difference"), 0.5 * p("motor_asymmetry", "difference")
+        self._torque_constant = (vehicle.torque_constant * (1 + flux), vehicle.torque_constant * (1 - flux))
+        self._emf_constant = (vehicle.emf_constant * (1 + flux), vehicle.emf_constant * (1 - flux))
+        self._gain = (1 + gain, 1 - gain)
+        self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
+        self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
+        lag = p("actuator_lag", "time_constant")
+        # share of a gap that is closed by the end of a step, and on average over it
+        self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
+        self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
+        self._deadband, self._by_direction = p("actuator_deadband", "voltage"), 0.5 * p("direction_asymmetry", "gain")
+        self._fade, self._limit = p("odd_voltage_gain", "loss"), p("supply_saturation", "voltage", math.inf)
+        self._pulses, self._brakes = "pwm_coast" in hidden, p("pwm_coast", "brakes") > 0.5
+        self._tick = max(1, round(p("pwm_coast", "period") / step_s))
+        self._thermal = p("motor_heating", "thermal_resistance")
+        self._heat_time = p("motor_heating", "time_constant", 1.0)
+        self.heat = [0.0, 0.0]  # K above the surroundings, kept from run to run
+        self.charge = 0.0  # C drawn since power-on
+        self.battery = vehicle.battery_voltage
+        self._drawn = 0.0
+        self._decay = self._decays(vehicle.resistance)
+        self._plain = not hidden.keys() & (EFFECTS | {"direction_asymmetry"})
+        self.start_run()
+
+    def start_run(self) -> None:
+        """At rest, without current, nothing in the drive; `heat` and `charge` stay."""
+        self.current = [0.0, 0.0]
+        self._lagged = [0.0, 0.0]
+        self._sum = [0.0, 0.0]
+        self._on = [True, True]
+        self._count = 0
+        self._drawn = 0.0
+
+    def _decays(self, resistance: float) -> tuple[float, float]:
+        """What is left of a current's distance from its goal after a step, and its mean over the step."""
+        if self._vehicle.inductance <= 0:
+            return 0.0, 0.0
+        x = self._step * resistance / self._vehicle.inductance
+        return math.exp(-x), -math.expm1(-x) / x
+
+    def step(self, command_left: float, command_right: float, speed_left: float, speed_right: float) -> list[float]:
+        """Mean torques (left, right), N m at the wheel, over one step at these V and mid-step rad/s."""
+        if self._plain:
+            volts: list[float | None] = [command_left, command_right]
+        else:
+            volts = self._drive(command_left, command_right)
+        resistance = self._vehicle.resistance
+        torque, drawn = [0.0, 0.0], 0.0
+        for side, speed in ((0, speed_left), (1, speed_right)):
+            applied = volts[side]
+            if applied is None:  # floats
+                self.current[side] = 0.0
+                mean = 0.0
+            else:
+                if self._thermal:
+                    hot = resistance * (1 + COPPER * self.heat[side])
+                    left, average = self._decays(hot)
+                else:
+                    hot = resistance
+                    left, average = self._decay
+                goal = (applied - self._emf_constant[side] * speed) / hot
+                apart = self.current[side] - goal
+                self.current[side] = goal + apart * left
+                mean = goal + apart * average
+                drawn += applied * mean
+                if self._thermal:
+                    warmth = self._thermal * hot * mean * mean - self.heat[side]
+                    self.heat[side] += self._step * warmth / self._heat_time
+            torque[side] = self._torque_constant[side] * mean
+        self._drawn = drawn / self.battery
+        self.charge += self._drawn * self._step
+        return torque
+
+    def _drive(self, command_left: float, command_right: float) -> list[float | None]:
+        """V at the motors (left, right); None: the motor floats."""
+        full = self._vehicle.battery_voltage
+        self.battery = max(full - self._slope * self.charge - self._sag * self._drawn, FLOOR * full)
+        share = self.battery / full
+        commands = (command_left * share, command_right * share)
+        volts: list[float | None] = [0.0, 0.0]
+        fresh = self._count % self._tick == 0
+        self._count += 1
+        for side in (0, 1):
+            value = commands[side] - self._crosstalk * commands[1 - side]
+            if self._quantum:
+                value = self._quantised(value)
+            if self._closed < 1.0:
+                missing = value - self._lagged[side]
+                value = self._lagged[side] + missing * self._midway
+                self._lagged[side] += missing * self._closed
+            size = abs(value)
+            if self._deadband:
+                size = max(size - self._deadband, 0.0)
+            size *= self._gain[side] * (1 + self._by_direction if value > 0 else 1 - self._by_direction)
+            size *= 1 - self._fade * size
+            value = math.copysign(min(size, self._limit), value)
+            volts[side] = self._pulse(side, value, fresh) if self._pulses else value
+        return volts
+
+    def _quantised(self, volts: float) -> float:
+        quantum = self._quantum * self.battery
+        level = math.copysign(math.floor(abs(volts) / quantum + 0.5) * quantum, volts)
+        return max(-self.battery, min(self.battery, level))
+
+    def _pulse(self, side: int, volts: float, fresh: bool) -> float | None:
+        """All or nothing for a tick: a first-order density, as brickOS makes it. None: the motor floats."""
+        if fresh:
+            self._sum[side] += abs(volts) / self.battery
+            self._on[side] = self._sum[side] >= 1 - 1e-9
+            if self._on[side]:
+                self._sum[side] -= 1
+        if volts == 0:
+            return 0.0
+        if self._on[side]:
+            return math.copysign(self.battery, volts)
+        return 0.0 if self._brakes else None

@@ -1,0 +1,165 @@
+"""From what happened to what was logged: sensors that err, noise, converters; and how much of an effect is seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import cast
+
+import numpy as np
+from scipy.signal import lfilter
+
+from hidden.manoeuvre import Manoeuvre
+from hidden.recipe import GRAVITY, Engine, Floats, Recipe, Track, Vehicle
+
+NOISE_SD = {
+    "accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05,
+}  # fmt: skip
+"""White noise of each sensor, SI, at noise 1."""
+
+RANGE = {
+    "accel_surge": 2 * GRAVITY, "accel_sway": 2 * GRAVITY, "yaw_rate": 10.47,
+    "wheel_speed_left": 51.2, "wheel_speed_right": 51.2,
+}  # fmt: skip
+"""Each sensor reads from minus this to plus this, SI."""
+
+BITS = 10
+
+SEEDED = frozenset({"planar"})
+"""Engines whose physics has a random texture of its own."""
+
+SENSOR_EFFECTS = frozenset(
+    {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
+     "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic"}
+)  # fmt: skip
+"""What acts here and not in an engine."""
+
+
+def resolution(signal: str) -> float:
+    """One count of `signal`'s converter, SI."""
+    return 2 * RANGE[signal] / float(2**BITS)
+
+
+def engine(name: str) -> Engine:
+    """The engine of that name; loads only what it needs."""
+    if name == "mujoco":
+        from hidden import mujoco_engine
+
+        return mujoco_engine.simulate
+    if name == "planar":
+        from hidden import planar_engine
+
+        return cast(Engine, planar_engine.simulate)
+    raise ValueError(f"no engine {name!r}")
+
+
+def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
+    """What ideal converters would log without noise: per run, signal -> (n,), every `recipe.sample_s`.
+
+    Accelerometers give the mean over the sample before, as an integrating converter does; the rest is instantaneous.
+    """
+    signals, age = [], 0.0
+    for track in tracks:
+        signals.append(_sense(track, recipe, age))
+        age += float(track.time[-1])
+    return signals
+
+
+def _sense(track: Track, recipe: Recipe, age: float) -> dict[str, Floats]:
+    hidden, fine = recipe.hidden, track.oversample_s
+    hold = round(recipe.sample_s / fine)
+    surge, sway, rate = track.accel_surge, track.accel_sway, track.yaw_rate
+    arm = hidden.get("imu_lever_arm")
+    if arm:
+        turn = rate - 0.5 * fine * track.yaw_accel  # in the middle of what the accelerations are means of
+        surge = surge - turn**2 * arm["x"] - track.yaw_accel * arm["y"]
+        sway = sway - turn**2 * arm["y"] + track.yaw_accel * arm["x"]
+    angle = hidden.get("accel_misalignment", {}).get("angle", 0.0)
+    surge, sway = (
+        math.cos(angle) * surge + math.sin(angle) * sway,
+        math.cos(angle) * sway - math.sin(angle) * surge,
+    )
+    lag = hidden.get("imu_lag", {}).get("time_constant", 0.0)
+    if lag > 0:
+        surge, sway, rate = (_lagged(values, lag, fine) for values in (surge, sway, rate))
+    bias = hidden.get("accel_bias", {})
+    surge, sway = surge + bias.get("surge", 0.0), sway + bias.get("sway", 0.0)
+    rate = rate * (1 + hidden.get("gyro_scale", {}).get("error", 0.0))
+    rate = rate + hidden.get("odd_gyro_cubic", {}).get("cubic", 0.0) * rate**3
+    rate = rate + hidden.get("gyro_bias", {}).get("bias", 0.0)
+    rate = rate + hidden.get("gyro_drift", {}).get("rate", 0.0) * (age + track.time)
+    limit = hidden.get("gyro_saturation", {}).get("limit", math.inf)
+    rate = np.clip(rate, -limit, limit)
+    scale = 1 + hidden.get("encoder_scale", {}).get("error", 0.0)
+    out = {"accel_surge": _mean_before(surge, hold), "accel_sway": _mean_before(sway, hold), "yaw_rate": rate}
+    if recipe.sensors == "imu+encoders":
+        out["wheel_speed_left"] = track.wheel_speed_left * scale
+        out["wheel_speed_right"] = track.wheel_speed_right * scale
+    delay = hidden.get("sensor_delay", {}).get("delay", 0.0)
+    if delay > 0:
+        out = {name: np.interp(track.time - delay, track.time, values) for name, values in out.items()}
+    return {name: values[::hold].copy() for name, values in out.items()}
+
+
+def _lagged(values: Floats, lag: float, step: float) -> Floats:
+    """First-order low-pass, settled on the first value; exact for values that hold over a step."""
+    kept = math.exp(-step / lag)
+    first = values[0]
+    return np.asarray(lfilter([1 - kept], [1, -kept], values - first) + first, dtype=float)
+
+
+def _mean_before(values: Floats, count: int) -> Floats:
+    """Mean of each value and the count - 1 before it; the first ones as they are."""
+    sums = np.cumsum(np.concatenate([[0.0], values]))
+    out = values.copy()
+    out[count:] = (sums[count + 1 :] - sums[1:-count]) / count
+    return out
+
+
+def log(signals: Sequence[Mapping[str, Floats]], recipe: Recipe) -> list[dict[str, Floats]]:
+    """Adds noise, range and, if asked for, converters. Noise depends on the recipe's seed, the run and the signal."""
+    out = []
+    for number, run in enumerate(signals):
+        logged = {}
+        for index, (name, values) in enumerate(run.items()):
+            random = np.random.default_rng([recipe.seed, number, index])
+            noisy = values + random.normal(0.0, NOISE_SD[name] * recipe.noise, len(values))
+            if recipe.quantised:
+                noisy = resolution(name) * np.round(noisy / resolution(name))
+            logged[name] = np.clip(noisy, -RANGE[name], RANGE[name])
+        out.append(logged)
+    return out
+
+
+def tracks(recipe: Recipe) -> list[Track]:
+    """What truly happens in a recipe's runs. The last answers are kept: recipes often differ in their sensors only."""
+    physics = tuple(
+        (name, tuple(sorted(values.items()))) for name, values in recipe.hidden.items() if name not in SENSOR_EFFECTS
+    )
+    seed = recipe.seed if recipe.engine in SEEDED else 0
+    return _driven(recipe.engine, recipe.vehicle, physics, recipe.runs, seed, recipe.sample_s)
+
+
+@lru_cache(maxsize=4)
+def _driven(
+    name: str,
+    vehicle: Vehicle,
+    physics: tuple[tuple[str, tuple[tuple[str, float], ...]], ...],
+    runs: tuple[Manoeuvre, ...],
+    seed: int,
+    sample_s: float,
+) -> list[Track]:
+    return engine(name)(vehicle, {effect: dict(values) for effect, values in physics}, runs, seed, sample_s)
+
+
+def visibility(recipe: Recipe) -> dict[str, float]:
+    """How far what is hidden moves each signal: rms over all runs, in sd of the recipe's noise; nothing is refitted."""
+    bare = replace(recipe, hidden={})
+    with_it, without = sense(tracks(recipe), recipe), sense(tracks(bare), bare)
+    out = {}
+    for name in with_it[0]:
+        square = np.concatenate([(a[name] - b[name]) ** 2 for a, b in zip(with_it, without, strict=True)])
+        out[name] = float(np.sqrt(square.mean())) / (NOISE_SD[name] * recipe.noise)
+    return out

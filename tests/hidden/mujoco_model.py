@@ -1,0 +1,227 @@
+"""The vehicle as a MuJoCo model: bodies, joints, contacts. Lengths in m from the middle of the axle, y to the left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from hidden.recipe import GRAVITY, Hidden, Vehicle
+
+DT = 0.001
+GRIP = 4.0  # friction of wheel on floor: a vehicle that may not slip
+FIRM = 300.0  # friction along the firm direction, over that along the one that slips
+BEND = 1.5
+"""How far a step turns a wheel's side slip back: 1 stops it, 2 mirrors it. Speeds that turn with the vehicle lose
+energy for 1 (a drag of m u r^2 DT / 2 in curves) and none for 2, which never settles. At 1.5 a third of it is left."""
+# A ball that drags: light and with little friction under a larger load, because a cone of contact forces lifts what
+# slides over it, by grip^2 times speed times mass.
+CASTER_MASS = 5e-5
+CASTER_GRIP = 0.3
+WHEEL_SHARE = 0.04  # of the vehicle's mass, each wheel
+
+EFFECTS = frozenset(
+    {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
+     "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip"}
+)  # fmt: skip
+"""What is a body, a joint or a contact."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A tyre that slips along, or across, while the other direction stays firm."""
+
+    across: bool
+    creep: float  # m/(N s), of one tyre
+    limit: float  # N, of one tyre
+
+
+@dataclass
+class Names:
+    """Where in MuJoCo's arrays things stand. Pairs are (left, right)."""
+
+    wheel_dof: tuple[int, int] = (6, 7)
+    motor_dof: tuple[int, int] = (6, 7)
+    wheel_angle: tuple[int, int] = (7, 8)
+    motor_angle: tuple[int, int] = (7, 8)
+    slides: tuple[int, ...] = ()
+    loads: dict[int, float] = field(default_factory=dict)  # dof -> constant force, N
+    coulomb: float = 0.0  # N m, constant dry friction of each wheel
+    mass: float = 0.0  # kg, with payload
+    slip: Slip | None = None
+
+
+def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
+    """The compiled model of `vehicle` with those of the hidden effects that are bodies, joints and contacts."""
+
+    def p(effect: str, parameter: str) -> float:
+        return hidden.get(effect, {}).get(parameter, 0.0)
+
+    radius, track, mass = vehicle.wheel_radius, vehicle.half_track, vehicle.mass
+    payload = p("payload_mass", "mass")
+    names = Names(mass=mass + payload, coulomb=p("coulomb_friction", "torque"))
+    ahead, right = p("com_forward_offset", "forward"), p("com_lateral_offset", "right")
+
+    wheel_mass = WHEEL_SHARE * mass
+    spin = min(0.5 * wheel_mass * radius**2, 0.5 * vehicle.wheel_inertia)
+    across = 0.6 * spin
+    casters = _casters(hidden, radius)
+    chassis = mass - 2 * wheel_mass - CASTER_MASS * len(casters)
+    # the chassis's own centre, so that the whole has its centre and inertia where the vehicle's values say
+    centre_x, centre_y = mass * ahead / chassis, -mass * right / chassis
+    others = 2 * (across + wheel_mass * (track**2 + ahead**2 + right**2))
+    others += chassis * ((centre_x - ahead) ** 2 + (centre_y + right) ** 2)
+    turning = vehicle.yaw_inertia - others
+    if turning <= 0:
+        raise ValueError("the wheels alone have more yaw inertia than the vehicle")
+    low = -0.4 * radius
+    backlash = hidden.get("gear_backlash")
+    rotor = (backlash or {}).get("rotor_share", 0.0) * vehicle.wheel_inertia
+    armature = vehicle.wheel_inertia - spin - rotor
+    if armature < 0:
+        raise ValueError("rotor_share leaves the wheel less than its rim")
+    mismatch = 0.5 * p("wheel_radius_mismatch", "mismatch")
+    radii = (radius * (1 + mismatch), radius * (1 - mismatch))
+    reach = 1.2 * track
+    skid = 0.3 * radius
+
+    bodies = []
+    for side, (name, y) in enumerate((("left", track), ("right", -track))):
+        damping = vehicle.wheel_damping(names.mass, radii[side])
+        bodies.append(f"""
+      <body pos="0 {y:.12g} {radii[side] - radius:.12g}">
+        <joint name="{name}" axis="0 1 0" armature="{armature:.12g}" damping="{damping:.12g}"
+               frictionloss="{names.coulomb:.12g}"/>
+        <inertial pos="0 0 0" mass="{wheel_mass:.12g}" diaginertia="{across:.12g} {spin:.12g} {across:.12g}"/>
+        <geom name="{name}" type="sphere" size="{radii[side]:.12g}"/>
+      </body>""")
+    if payload > 0:
+        x, y = p("payload_mass", "forward"), -p("payload_mass", "right")
+        tiny = 1e-9
+        bodies.append(f"""
+      <body pos="{x:.12g} {y:.12g} {low:.12g}">
+        <inertial pos="0 0 0" mass="{payload:.12g}" diaginertia="{tiny} {tiny} {tiny}"/>
+      </body>""")
+    tendon = ""
+    if backlash:
+        for name, y in (("left", track), ("right", -track)):
+            bodies.append(f"""
+      <body pos="0 {y:.12g} 0">
+        <joint name="rotor_{name}" axis="0 1 0" armature="{rotor:.12g}"/>
+        <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-10 1e-10 1e-10"/>
+      </body>""")
+        tendon = _play(0.5 * backlash["gap"])
+        names.motor_dof, names.motor_angle = (8, 9), (9, 10)
+    pairs = ""
+    first = 8 + (2 if backlash else 0)
+    for index, (x, force) in enumerate(casters):
+        name = f"caster{index}"
+        bodies.append(f"""
+      <body pos="{x:.12g} 0 {skid - radius:.12g}">
+        <joint name="{name}" type="slide" axis="0 0 1"/>
+        <inertial pos="0 0 0" mass="{CASTER_MASS}" diaginertia="1e-9 1e-9 1e-9"/>
+        <geom name="{name}" type="sphere" size="{skid:.12g}"/>
+      </body>""")
+        names.loads[first + index] = CASTER_MASS * GRAVITY - force / CASTER_GRIP
+        names.slides = (*names.slides, first + 1 + index)
+        pairs += (
+            f'<pair name="{name}" geom1="floor" geom2="{name}" condim="3" friction="{CASTER_GRIP} {CASTER_GRIP} 0 0 0"'
+        )
+        pairs += ' solreffriction="0.004 1"/>'
+    slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
+    down = math.sqrt(1 - slope_x**2 - slope_y**2)
+    grip = f'solreffriction="-0.0001 {-BEND / DT:.12g}"'  # the stiffness is not used, but 0 would mean another format
+    names.slip = _slip(hidden, names.mass)
+    xml = f"""
+<mujoco>
+  <option timestep="{DT}" integrator="implicitfast" cone="elliptic" impratio="100" tolerance="1e-12"
+          gravity="{GRAVITY * slope_x:.12g} {-GRAVITY * slope_y:.12g} {-GRAVITY * down:.12g}"/>
+  <default>
+    <geom contype="0" conaffinity="0"/>
+    <joint solreffriction="0.002 1" solimpfriction="0.999 0.999 0.001"/>
+    <pair solref="0.004 1" solimp="0.99 0.999 0.001"/>
+  </default>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/>
+    <body name="chassis" pos="0 0 {radius:.12g}">
+      <freejoint/>
+      <inertial pos="{centre_x:.12g} {centre_y:.12g} {low:.12g}" mass="{chassis:.12g}"
+                diaginertia="{0.6 * turning:.12g} {0.7 * turning:.12g} {turning:.12g}"/>
+      <geom name="front" type="sphere" size="{skid:.12g}" pos="{reach:.12g} 0 {skid - radius:.12g}"/>
+      <geom name="rear" type="sphere" size="{skid:.12g}" pos="{-reach:.12g} 0 {skid - radius:.12g}"/>{"".join(bodies)}
+    </body>
+  </worldbody>
+  <contact>
+    <pair name="left" geom1="floor" geom2="left" condim="3" friction="{GRIP} {GRIP} 0 0 0" {grip}/>
+    <pair name="right" geom1="floor" geom2="right" condim="3" friction="{GRIP} {GRIP} 0 0 0" {grip}/>
+    <pair geom1="floor" geom2="front" condim="1" solref="0.012 1" solimp="0.98 0.98 0.001"/>
+    <pair geom1="floor" geom2="rear" condim="1" solref="0.012 1" solimp="0.98 0.98 0.001"/>
+    {pairs}
+  </contact>
+  {tendon}
+</mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    moment = p("yaw_scrub", "moment")
+    if moment > 0:
+        model.dof_frictionloss[5] = moment
+        model.dof_solref[5] = (0.002, 1)
+        model.dof_solimp[5, :2] = 0.999
+    return model, names
+
+
+def _play(half_gap: float) -> str:
+    """Tendons that let each rotor turn ahead of its wheel, or behind, by so many rad."""
+    limits = f'limited="true" range="{-half_gap:.12g} {half_gap:.12g}" solreflimit="0.002 1"'
+    fixed = [
+        f"""<fixed {limits} solimplimit="0.99 0.999 0.001">
+      <joint joint="rotor_{name}" coef="1"/><joint joint="{name}" coef="-1"/></fixed>"""
+        for name in ("left", "right")
+    ]
+    return f"<tendon>{''.join(fixed)}</tendon>"
+
+
+def _casters(hidden: Hidden, radius: float) -> list[tuple[float, float]]:
+    """(m ahead, N of friction) of each ball that drags: of a caster, and the isotropic half of a carpet's nap."""
+    out = []
+    if "caster_drag" in hidden:
+        out.append((hidden["caster_drag"]["forward"], hidden["caster_drag"]["force"]))
+    if "carpet_nap" in hidden:
+        nap = hidden["carpet_nap"]
+        out.append((0.0, 0.5 * math.hypot(nap["force_x"], nap["force_y"])))
+    return out
+
+
+def _slip(hidden: Hidden, mass: float) -> Slip | None:
+    if "wheel_slip" in hidden and "side_slip" in hidden:
+        raise ValueError("a contact has one soft direction: wheel_slip or side_slip, not both")
+    half = 0.5 * mass * GRAVITY
+    if "wheel_slip" in hidden:
+        return Slip(False, hidden["wheel_slip"]["creep"], hidden["wheel_slip"]["friction"] * half)
+    if "side_slip" in hidden:
+        return Slip(True, 2 * hidden["side_slip"]["creep"], hidden["side_slip"]["friction"] * half)
+    return None
+
+
+def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
+    """Gives the wheels' contacts their soft direction, as tangent 1, from the loads that `data` stands with.
+
+    A contact creeps at R / B times its force, with B its damping and R = R_normal / impratio in tangent 1.
+    """
+    if any(model.pair(i).name.startswith("caster") for i in range(model.npair)):
+        raise ValueError("impratio belongs to the whole model: no ball that drags beside a tyre that slips")
+    loads, resistance = [], 0.0
+    force = np.zeros(6)
+    for i in range(data.ncon):
+        contact = data.contact[i]
+        if contact.dim == 3:
+            mujoco.mj_contactForce(model, data, i, force)
+            loads.append(float(force[0]))
+            resistance = float(data.efc_R[contact.efc_address])
+    load = sum(loads) / len(loads)
+    damping = BEND / DT / model.pair_solimp[0, 1]
+    model.opt.impratio = resistance / (slip.creep * damping)
+    friction = slip.limit / load
+    for name in ("left", "right"):
+        model.pair(name).friction[:2] = friction, FIRM * friction

@@ -1,0 +1,200 @@
+"""Engine "planar": `planar_plant` driven through a sequence of runs, with the texture of a real record on top.
+
+Texture is vibration on the accelerations and roughness under the wheels: small, seeded, and in nobody's model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt
+
+from hidden.manoeuvre import Manoeuvre
+from hidden.planar_effects import install
+from hidden.planar_plant import HEADING, SURGE, SWAY, WHEEL, YAW, Plant
+from hidden.recipe import GRAVITY, OVERSAMPLE_S, Floats, Hidden, Track, Vehicle
+
+VIBRATION_BAND_HZ = (30.0, 80.0)
+VIBRATION = 0.03  # rms m/s^2 per m/s of rim speed
+YAW_VIBRATION = 0.15  # rms rad/s^2 per m/s of rim speed
+ROUGHNESS = 4e-4  # rms slope under each wheel
+ROUGH_WAVES_M = (0.04, 0.4)
+ROUGH_CELL_M = 0.001
+ROUGH_CELLS = 8192
+ROUGH_ROLLS = 0.3  # rad/s: a slower wheel rests in a hollow
+
+STEPS_PER_SAMPLE = 2
+CARRY_ERROR = 1e-5  # of the largest charge or heat, from one run to the next
+
+
+class Roughness:
+    """Small slopes of the ground under each wheel, by the distance it has rolled; a load of the plant."""
+
+    def __init__(self, plant: Plant, seeds: Sequence[np.random.SeedSequence], scale: float) -> None:
+        length = ROUGH_CELLS * ROUGH_CELL_M
+        place = 2 * np.pi * np.arange(ROUGH_CELLS) / ROUGH_CELLS
+        waves = np.unique(np.round(length / np.geomspace(*ROUGH_WAVES_M, 8)))  # whole waves, so that the table closes
+        phase = np.stack([np.random.default_rng(seed).uniform(0, 2 * np.pi, (2, len(waves))) for seed in seeds], axis=1)
+        slopes = np.zeros((2, plant.runs, ROUGH_CELLS))
+        for k, wave in enumerate(waves):
+            slopes += np.sin(wave * place + phase[:, :, k, np.newaxis])
+        self.force = (scale * ROUGHNESS * np.sqrt(2 / len(waves)) * 0.5 * plant.mass * GRAVITY * slopes).ravel()
+        self.base = ROUGH_CELLS * np.arange(2 * plant.runs).reshape(2, plant.runs)
+        self.cells = plant.radius / ROUGH_CELL_M
+
+    def __call__(self, plant: Plant) -> None:
+        cell = (self.cells * plant.angle).astype(np.int64) % ROUGH_CELLS
+        speed = np.abs(plant.wheel)
+        push = self.force[self.base + cell] * (speed / (speed + ROUGH_ROLLS))
+        plant.force[0] += push[0] + push[1]
+        plant.force[2] += plant.vehicle.half_track * (push[0] - push[1])
+
+
+def simulate(
+    vehicle: Vehicle,
+    hidden: Hidden,
+    runs: Sequence[Manoeuvre],
+    seed: int,
+    sample_s: float = 0.003,
+    *,
+    texture: float = 1.0,
+) -> list[Track]:
+    """See `recipe.Engine`. `texture` scales vibration and roughness; sensor effects in `hidden` change nothing here.
+
+    Raises:
+        ValueError: an effect that this plant does not know.
+        KeyError: an effect without one of its parameters.
+    """
+    count = len(runs)
+    samples = np.array([round(float(run.held(sample_s)[0][-1]) / OVERSAMPLE_S) for run in runs])
+    seeds = [one.spawn(2) for one in np.random.SeedSequence(seed).spawn(count)]
+
+    def drive(charge: Floats, heat: Floats) -> tuple[Plant, Floats]:
+        plant = Plant(vehicle, count, OVERSAMPLE_S / STEPS_PER_SAMPLE)
+        plant.age[:] = (np.cumsum(samples) - samples) * OVERSAMPLE_S
+        install(plant, hidden)
+        if texture > 0:
+            plant.loads.append(Roughness(plant, [ground for ground, _ in seeds], texture))
+        plant.assemble(charge, heat)
+        return plant, _record(plant, runs, sample_s, samples)
+
+    plant, record = _in_sequence(drive, count, carries=bool({"battery_discharge", "motor_heating"} & set(hidden)))
+    return [
+        _track(plant, record[: samples[k] + 1, :, k], run, sample_s, texture, np.random.default_rng(seeds[k][1]))
+        for k, run in enumerate(runs)
+    ]
+
+
+def _in_sequence(
+    drive: Callable[[Floats, Floats], tuple[Plant, Floats]], count: int, *, carries: bool
+) -> tuple[Plant, Floats]:
+    """Drives all runs at once until each begins with the charge and heat that the one before it left.
+
+    A run's end depends on its start nearly linearly, so the secant of two passes predicts the next.
+    """
+    start = np.zeros((3, count))
+    before: tuple[Floats, Floats] | None = None
+    for _ in range(count + 1):
+        plant, record = drive(start[0], start[1:])
+        end = np.vstack([plant.charge[np.newaxis], plant.heat])
+        ahead = np.zeros_like(start)
+        slope = np.ones_like(start)
+        if before is not None:
+            moved = start - before[0]
+            np.divide(end - before[1], moved, out=slope, where=np.abs(moved) > 1e-12)
+        for k in range(count - 1):
+            ahead[:, k + 1] = end[:, k] + slope[:, k] * (ahead[:, k] - start[:, k])
+        enough = CARRY_ERROR * np.abs(ahead).max(axis=1, keepdims=True)
+        if not carries or np.all(np.abs(ahead - start) <= enough):
+            break
+        before, start = (start, end), ahead
+    return plant, record
+
+
+def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: NDArray[np.int64]) -> Floats:
+    """Drives the runs: (samples, 11, runs) of the first ten rows of the state and the supply, every OVERSAMPLE_S."""
+    longest = int(samples.max())
+    command = _commands(plant, runs, sample_s, longest * STEPS_PER_SAMPLE)
+    record = np.empty((longest + 1, 11, plant.runs))
+    for step in range(longest * STEPS_PER_SAMPLE + 1):
+        sample, within = divmod(step, STEPS_PER_SAMPLE)
+        if within == 0:
+            record[sample, :10], record[sample, 10] = plant.state[:10], plant.supply
+            running = samples > sample
+        if sample < longest:
+            plant.advance_by(command[step], running)
+    return record
+
+
+def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
+    """(steps, 2, runs) V that arrive: means over each step, so a delay need not be a multiple of it."""
+    out = np.zeros((steps, 2, plant.runs))
+    edges = np.maximum(np.arange(steps + 1) * plant.step - plant.command_delay, plant.late_start)
+    for k, run in enumerate(runs):
+        time, *sides = run.held(sample_s)
+        time = np.append(time, max(time[-1], edges[-1]) + sample_s)
+        for side, held in enumerate(sides):
+            area = np.concatenate([[0.0], np.cumsum(held * np.diff(time))])
+            out[:, side, k] = np.diff(np.interp(edges, time, area)) / plant.step
+    return out
+
+
+def _track(
+    plant: Plant, record: Floats, run: Manoeuvre, sample_s: float, texture: float, rng: np.random.Generator
+) -> Track:
+    """One run's record (n, 11) as a track."""
+    time = np.arange(len(record), dtype=np.float64) * OVERSAMPLE_S
+    given_at, left, right = run.held(sample_s)
+    held = np.searchsorted(given_at, time + 1e-9, side="right") - 1
+    u, v, r, heading = record[:, SURGE], record[:, SWAY], record[:, YAW], record[:, HEADING]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    rim = plant.vehicle.wheel_radius * 0.5 * np.abs(record[:, WHEEL]).sum(axis=1)
+    shake = texture * rim[:, np.newaxis] * _vibration(len(time), rng) * (VIBRATION, VIBRATION, YAW_VIBRATION)
+    fall_x, fall_y = GRAVITY * plant.downhill[0], GRAVITY * plant.downhill[1]
+    return Track(
+        time=time,
+        command_left=left[held],
+        command_right=right[held],
+        surge=u,
+        sway=v,
+        yaw_rate=r,
+        yaw_angle=heading,
+        accel_surge=_rate(u) - _mean(v * r + fall_x * cosine + fall_y * sine) + shake[:, 0],
+        accel_sway=_rate(v) + _mean(u * r + fall_x * sine - fall_y * cosine) + shake[:, 1],
+        yaw_accel=_rate(r) + shake[:, 2],
+        wheel_speed_left=record[:, 2],
+        wheel_speed_right=record[:, 3],
+        current_left=record[:, 0],
+        current_right=record[:, 1],
+        battery=record[:, 10],
+        x=_integral(u * cosine - v * sine),
+        y=_integral(u * sine + v * cosine),
+    )
+
+
+def _rate(speed: Floats) -> Floats:
+    """Mean derivative over the interval before each sample; 0 at the first."""
+    return np.diff(speed, prepend=speed[0]) / OVERSAMPLE_S
+
+
+def _mean(value: Floats) -> Floats:
+    """Mean over the interval before each sample."""
+    before = np.concatenate([value[:1], value[:-1]])
+    return 0.5 * (before + value)
+
+
+def _integral(speed: Floats) -> Floats:
+    step = _mean(speed) * OVERSAMPLE_S
+    step[0] = 0.0
+    return np.cumsum(step)
+
+
+def _vibration(count: int, rng: np.random.Generator) -> Floats:
+    """(count, 3) of rms 1 in VIBRATION_BAND_HZ, settled from the start."""
+    filters = butter(2, VIBRATION_BAND_HZ, btype="bandpass", fs=1 / OVERSAMPLE_S, output="sos")
+    settling = 500
+    noise: Floats = np.asarray(sosfilt(filters, rng.standard_normal((settling + count, 3)), axis=0))[settling:]
+    noise /= np.sqrt(np.mean(noise**2, axis=0))
+    return noise

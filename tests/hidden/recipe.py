@@ -1,0 +1,141 @@
+"""What a hidden data set is made of: the vehicle, what is hidden, what is measured; and what an engine gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hidden.manoeuvre import Manoeuvre, twelve
+
+Floats = NDArray[np.float64]
+
+Hidden = Mapping[str, Mapping[str, float]]
+"""Effect -> its true parameters, SI, in the paper's frame (x forward, y right, yaw clockwise from above).
+
+Names, parameters and signs are those of ``brickpilot effects``. What no library names starts with ``odd_``.
+"""
+
+GRAVITY = 9.81
+OVERSAMPLE_S = 0.001
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """True values, by the names of a data set's ``[nominal]`` table.
+
+    ``rolling_friction`` is sigma of the paper's eq. 13 in eq. 14: a torque m g sigma r_w^2 w at each wheel, with the
+    whole weight at either, so that the losses of a wheel are linear in its speed (`wheel_damping`).
+    """
+
+    mass: float = 0.6  # kg, all of it
+    yaw_inertia: float = 0.002  # kg m^2, all of it, about the centre of mass
+    half_track: float = 0.07  # m
+    wheel_radius: float = 0.028  # m
+    wheel_inertia: float = 5e-4  # kg m^2 per side, rotor included, at the wheel
+    resistance: float = 22.0  # ohm
+    inductance: float = 0.01  # H
+    torque_constant: float = 0.25  # N m/A at the wheel
+    emf_constant: float = 0.25  # V s/rad at the wheel
+    viscous_friction: float = 1e-4  # N m s/rad per side
+    rolling_friction: float = 0.015  # s/m
+    battery_voltage: float = 9.0  # V; a command of this many volts is full duty
+
+    def wheel_damping(self, mass: float | None = None, radius: float | None = None) -> float:
+        """N m s/rad: viscous and rolling losses of a wheel of `radius` m under `mass` kg; both default to the own."""
+        load = (self.mass if mass is None else mass) * GRAVITY
+        return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
+
+
+BENCH = Vehicle()
+RCX = Vehicle(
+    mass=0.9, yaw_inertia=0.006, wheel_radius=0.0408, wheel_inertia=1e-4, torque_constant=0.195, emf_constant=0.245,
+    viscous_friction=1.8e-5,
+)  # fmt: skip
+HEAVY = Vehicle(
+    mass=1.8, yaw_inertia=0.014, half_track=0.09, wheel_radius=0.035, wheel_inertia=1.2e-3, resistance=9.0,
+    inductance=0.004, torque_constant=0.3, emf_constant=0.31, viscous_friction=4e-4, rolling_friction=0.012,
+)  # fmt: skip
+VEHICLES = {"bench": BENCH, "rcx": RCX, "heavy": HEAVY}
+
+
+def specimen(vehicle: Vehicle, random: np.random.Generator, spread: float = 0.08) -> Vehicle:
+    """Another one of its kind: every value off by up to +-`spread`, uniformly; the battery's voltage as it is."""
+    values = {f.name: getattr(vehicle, f.name) for f in fields(vehicle)}
+    off = {name: float(value * (1 + random.uniform(-spread, spread))) for name, value in values.items()}
+    return Vehicle(**{**off, "battery_voltage": vehicle.battery_voltage})
+
+
+@dataclass(frozen=True)
+class Track:
+    """What truly happened in one run: arrays (n,) at every `OVERSAMPLE_S` from 0 on; SI, the paper's frame.
+
+    Speeds and accelerations are those of the middle of the axle. ``accel_surge`` and ``accel_sway`` are the specific
+    force there (what an ideal accelerometer shows), a mean over the millisecond before; ``yaw_accel`` likewise.
+    """
+
+    time: Floats
+    command_left: Floats  # V, what was commanded, held from one sample to the next
+    command_right: Floats
+    surge: Floats
+    sway: Floats
+    yaw_rate: Floats
+    yaw_angle: Floats
+    accel_surge: Floats
+    accel_sway: Floats
+    yaw_accel: Floats
+    wheel_speed_left: Floats
+    wheel_speed_right: Floats
+    current_left: Floats
+    current_right: Floats
+    battery: Floats  # V at the drive
+    x: Floats
+    y: Floats
+    oversample_s: float = OVERSAMPLE_S
+
+    def __post_init__(self) -> None:
+        lengths = {len(value) for f in fields(self) if isinstance(value := getattr(self, f.name), np.ndarray)}
+        if len(lengths) != 1:
+            raise ValueError(f"a track's signals have different lengths: {sorted(lengths)}")
+
+
+class Engine(Protocol):
+    """Drives the runs one after the other, without a gap: each starts at rest at the origin, heading 0, wheel angles 0,
+    no current; heat, charge and the time since power-on carry over. The same arguments give the same numbers."""
+
+    def __call__(
+        self, vehicle: Vehicle, hidden: Hidden, runs: Sequence[Manoeuvre], seed: int, sample_s: float = 0.003
+    ) -> list[Track]: ...
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One data set.
+
+    Attributes:
+        name: of its folder.
+        engine: which physics: "mujoco" or "planar".
+        hidden: what the nominal model lacks.
+        noise: factor on the sensors' usual noise.
+        nominal_error: relative sd of each nominal value about the true one.
+        frame: of the written signals.
+        quantised: 10 bits over each sensor's range.
+        noise_sd_stated: whether dataset.toml says how large the noise is.
+    """
+
+    name: str
+    hidden: Hidden = field(default_factory=dict)
+    vehicle: Vehicle = BENCH
+    engine: Literal["mujoco", "planar"] = "mujoco"
+    sensors: Literal["imu", "imu+encoders"] = "imu+encoders"
+    noise: float = 1.0
+    nominal_error: float = 0.02
+    frame: Literal["FLU", "FRD"] = "FRD"
+    runs: tuple[Manoeuvre, ...] = field(default_factory=twelve)
+    seed: int = 0
+    quantised: bool = True
+    noise_sd_stated: bool = True
+    sample_s: float = 0.003

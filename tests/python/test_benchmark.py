@@ -1,0 +1,483 @@
+"""The blind test's own rules, its campaign that can be taken up again, its peer, and one small run of the whole."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot import dataset, plant
+from brickpilot.discover import (
+    benchmark,
+    benchmark_sets,
+    benchmark_sindy,
+    benchmark_table,
+    benchmark_text,
+    benchmark_tune,
+)
+from brickpilot.discover.benchmark_score import (
+    Share,
+    composed,
+    credit,
+    decided,
+    found,
+    intervals_hold,
+    kind,
+    parameter_errors,
+    right,
+    visible,
+    wrong,
+)
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.replay import Replay
+from command import brickpilot
+from synthetic import robot, write
+
+CHECKOUT = Path(__file__).parents[2]
+ENCODERS, IMU = "imu+encoders", "imu"
+
+
+def effect(name, *others, **parameters):
+    """One effect of a verdict; a parameter is its value, or (value, low, high)."""
+    values = {
+        key: {"value": one[0], "ci95": list(one[1:])} if isinstance(one, tuple) else {"value": one, "ci95": None}
+        for key, one in parameters.items()
+    }
+    equivalents = [{"name": other, "worse_by": 1.0} for other in others]
+    return {"name": name, "confidence": 1.0, "parameters": values, "equivalents": equivalents}
+
+
+def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
+    """A record as the benchmark keeps it; `hidden`: names, or effect -> parameters."""
+    truth = hidden if isinstance(hidden, dict) else {name: {} for name in hidden}
+    return {
+        "name": "a-x1-enc",
+        "engine": "mujoco",
+        "seed": 1,
+        "suite": None,
+        "seed_offset": 0,
+        "version": "0",
+        "error": None,
+        "hidden": truth,
+        "sensors": sensors,
+        "noise": 1.0,
+        "nominal_error": 0.02,
+        "size": 1.0,
+        "visibility": {"yaw_rate": moved, "accel_surge": 0.1},
+        "verdict": verdict,
+        "effects": list(effects),
+        "term": None,
+        "elapsed_s": 5.0,
+        "held_out": {"before": 5.0, "after": 1.0, "removed": 1.0, "floor": "stated"},
+        "asked": None,
+        "follow": None,
+        "peer": None,
+    } | more
+
+
+def claim(results, what):
+    return next(one for one in benchmark_table.claims(results) if one.what.startswith(what))
+
+
+def test_interval_of_a_share_is_wilsons() -> None:
+    low, high = Share(5, 10).interval
+    assert (low, high) == (pytest.approx(0.2366, abs=1e-4), pytest.approx(0.7634, abs=1e-4))
+    assert Share(0, 150).interval[1] == pytest.approx(0.02497, abs=1e-4)
+    assert Share(0, 0).value is None
+    assert Share(0, 0).interval is None
+
+
+@pytest.mark.parametrize(
+    ("sensors", "verdict", "effects", "expected"),
+    [
+        (ENCODERS, "named", [effect("a")], 1.0),
+        (ENCODERS, "named", [effect("a"), effect("b")], 1.0),
+        (ENCODERS, "named", [effect("b"), effect("a")], 0.0),
+        (ENCODERS, "named", [effect("b")], 0.0),
+        (ENCODERS, "ambiguous", [effect("b", "a", "c")], 0.5),
+        (ENCODERS, "ambiguous", [effect("a", "b", "c", "d")], 0.0),
+        (ENCODERS, "ambiguous", [effect("b", "c")], 0.0),
+        (ENCODERS, "ambiguous", [effect("b", "a + c", "d")], 0.0),
+        (IMU, "ambiguous", [effect("b", "a", "c", "d")], 1.0),
+        (IMU, "ambiguous", [effect("b", "a", "c", "d", "e")], 0.0),
+        (ENCODERS, "unknown", [effect("a")], 0.0),
+        (ENCODERS, "none", [], 0.0),
+    ],
+)
+def test_credit_of_a_single_effect(sensors, verdict, effects, expected) -> None:
+    assert credit(result(["a"], verdict, *effects, sensors=sensors)) == expected
+
+
+def test_a_set_that_ended_in_an_error_is_neither_right_nor_found() -> None:
+    broken = result(["a"], "named", effect("a"), error="ValueError: no")
+    assert credit(broken) == 0.0
+    assert not right(broken)
+    assert claim([broken], "sets that ended in an error").value == 1.0
+    unmade = result([], "error", error="InputError: not made") | {"hidden": None, "visibility": {}}
+    assert kind(unmade) == "unmade"
+    assert claim([unmade], "nothing hidden, nominal values 2 %").of == 0
+
+
+def test_kinds_and_visibility_come_from_the_truth() -> None:
+    kinds = {"none": [], "single": ["a"], "pairs": ["a", "b"], "triples": ["a", "b", "c"], "odd": ["odd_x"]}
+    assert {name: kind(result(hidden, "none")) for name, hidden in kinds.items()} == {name: name for name in kinds}
+    assert visible(result(["a"], "none", moved=5.0))
+    assert not visible(result(["a"], "none", moved=4.9))
+
+
+def test_of_two_effects_an_ambiguous_verdict_stands_for_what_its_explanations_share() -> None:
+    both = result(["a", "b"], "named", effect("b"), effect("a"))
+    one_sure = result(["a", "b"], "ambiguous", effect("a", "a + c"), effect("b"))
+    none_sure = result(["a", "b"], "ambiguous", effect("c", "d"))
+    false_one = result(["a", "b"], "named", effect("a"), effect("c"))
+    assert found(both) == {"a", "b"}
+    assert found(one_sure) == {"a"}
+    assert found(none_sure) == set()
+    results = [both, one_sure, none_sure, false_one]
+    assert claim(results, "pairs: both found").value == 0.25
+    assert claim(results, "pairs: at least one found and no false one").value == 0.5
+    assert claim(results, "pairs: both, ambiguous").value == pytest.approx(1.5 / 4)
+
+
+def test_false_positives_count_every_verdict_but_none_and_need_a_hundred_sets() -> None:
+    clean = [result([], "none")] * 98
+    few = claim(clean, "nothing hidden, nominal values 2 %")
+    assert (few.value, few.holds) == (0.0, None)
+    enough = claim([*clean, result([], "unknown"), result([], "ambiguous", effect("a", "b"))], few.what)
+    assert (enough.value, enough.holds) == (0.02, True)
+    assert claim([*clean, *[result([], "named", effect("a"))] * 3], few.what).holds is False
+    assert claim([result([], "named", effect("a"), nominal_error=0.05)], few.what).of == 0
+
+
+def test_off_library_asks_for_a_term_that_removes_the_gap_and_for_no_name() -> None:
+    term = {"equation": "u", "removed_held_out": 0.9}
+    most = {"before": 5.0, "after": 1.5, "removed": 0.8, "floor": "stated"}
+    good = result(["odd_x"], "unknown", term=term, held_out=most)
+    weak = result(["odd_x"], "unknown", term=term, held_out=most | {"removed": 0.79})
+    misnamed = result(["odd_x"], "named", effect("a"), held_out=most)
+    beside = result(["odd_x"], "unknown", effect("a"), term=term, held_out=most)
+    unsure = result(["odd_x"], "ambiguous", effect("a", "b"), held_out=most)
+    assert [composed(one) for one in (good, weak, misnamed, unsure)] == [True, False, False, False]
+    assert [wrong(one) for one in (good, misnamed, beside, unsure)] == [False, True, True, False]
+    assert right(good)
+    assert not right(misnamed)
+
+
+def test_parameter_errors_are_relative_and_angles_wrap() -> None:
+    hidden = {"a": {"torque": 2.0, "phase": 3.1, "drag": 0.0}}
+    named = result(hidden, "named", effect("a", torque=2.2, phase=-3.1, drag=0.5, other=1.0))
+    assert parameter_errors([named], main=True) == [pytest.approx(0.1)]
+    assert parameter_errors([named], main=False) == [pytest.approx(0.1), pytest.approx((2 * math.pi - 6.2) / math.pi)]
+    assert parameter_errors([result(hidden, "named", effect("b", torque=1.0))], main=False) == []
+
+
+def test_intervals_are_checked_where_the_name_is_right() -> None:
+    hidden = {"a": {"torque": 2.0, "phase": 3.1, "drag": 0.0}}
+    values = {"torque": (2.2, 2.1, 2.3), "phase": (-3.1, -3.3, -2.9), "drag": (0.1, -0.1, 0.3)}
+    held = intervals_hold([result(hidden, "named", effect("a", **values)), result(hidden, "named", effect("b"))])
+    assert (held.hits, held.of) == (2, 3)
+
+
+def test_the_suggested_experiment_decides_where_the_truth_alone_is_named_after_it() -> None:
+    def after(verdict, *effects):
+        return {"verdict": verdict, "effects": list(effects), "term": None}
+
+    unsure = effect("a", "b")
+    settled = result(["a"], "ambiguous", unsure, follow=after("named", effect("a")))
+    misled = result(["a"], "ambiguous", unsure, follow=after("named", effect("b")))
+    nothing = result(["a"], "ambiguous", unsure)
+    assert decided(settled)
+    assert not decided(misled)
+    results = [settled, misled, nothing, result(["a"], "named", effect("a"))]
+    assert claim(results, "ambiguous, single").value == 0.5
+    assert claim(results, "ambiguous: none suggested").value == pytest.approx(1 / 3)
+    assert claim(results, "any set: ambiguous").value == 0.75
+
+
+def test_power_by_effect_and_by_visibility() -> None:
+    small = result(["a"], "none", size=0.25, moved=1.5)
+    large = result(["a"], "named", effect("a"), size=1.0, moved=6.0)
+    other = result(["a"], "named", effect("b"), size=1.0, moved=7.0)
+    cells = {(row["effect"], row["size"]): row for row in benchmark_table.power([small, large, other])}
+    assert cells["a", 0.25]["detected"] == 0.0
+    assert (cells["a", 1.0]["detected"], cells["a", 1.0]["right"], cells["a", 1.0]["sets"]) == (1.0, 0.5, 2)
+    curve = benchmark_table.curve([small, large, other])
+    assert [(row["from"], row["to"], row["detected"], row["right"]) for row in curve] == [
+        (1.0, 2.0, 0.0, 0.0),
+        (5.0, 10.0, 1.0, 0.5),
+    ]
+
+
+def test_the_table_says_what_holds() -> None:
+    results = [result(["a"], "named", effect("a"), elapsed_s=20.0)]
+    table = benchmark_table.table(results)
+    holds = {one["what"]: one["holds"] for one in table["claims"]["all"]}
+    assert holds["single, clearly visible, wheel speeds measured: right name"] is True
+    assert holds["time to answer, worst"] is False
+    text = "\n".join(benchmark_text.lines(table))
+    assert "[+] single, clearly visible, wheel speeds measured: right name" in text
+    assert "[-] time to answer, worst" in text
+    assert json.loads(json.dumps(table)) == json.loads(json.dumps(table, allow_nan=False))
+
+
+def peer(name, gain, method="FROLS"):
+    path = {"names": [name], "gains": [gain]}
+    return {f"{w:g}": {"STLSQ": path, "FROLS": path} for w in benchmark_sindy.WINDOWS_S}
+
+
+def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> None:
+    high = 1e6
+    seen = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("coulomb_friction", high))
+    misnamed = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("yaw_scrub", high))
+    beyond = result(["gear_backlash"], "named", effect("gear_backlash"), peer=peer("yaw_scrub", high))
+    clean = result([], "none", peer=peer("yaw_scrub", 1e-6))
+    rows = {row["what"]: row for row in benchmark_table.side_by_side([seen, misnamed, beyond, clean])}
+    single = rows["single, clearly visible, wheel speeds measured: right name"]
+    assert single["of"] == 2
+    assert (single["by"]["brickpilot"]["value"], single["by"]["PySINDy FROLS"]["value"]) == (1.0, 0.5)
+    false = rows["nothing hidden: an effect all the same"]["by"]
+    assert false["PySINDy STLSQ"]["value"] == 0.0
+    assert false[f"PySINDy {benchmark_sindy.BIC_ALONE}"]["value"] == 1.0
+
+
+def test_a_terms_gate_ends_the_peers_path() -> None:
+    setting = benchmark_sindy.Setting(0.24, {ENCODERS: 10.0})
+    path = {"names": ["a", "b", "a", "c"], "gains": [50.0, 20.0, 12.0, 9.9]}
+    given = result(["a"], "none", peer={"0.24": {"FROLS": path}})
+    assert [one["name"] for one in benchmark_sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a", "b"]
+
+
+def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:
+    clean = [result([], "none", peer=peer("yaw_scrub", 10.0 + i)) for i in range(100)]
+    single = [result(["yaw_scrub"], "none", peer=peer("yaw_scrub", gain)) for gain in (50.0, 107.5, 300.0, 400.0)]
+    for one in benchmark_tune.tune([*clean, *single]):
+        assert one.setting.gate[ENCODERS] == pytest.approx(107.0, rel=2e-3)
+        assert one.false.value == 0.02
+        assert one.right.value == 0.75
+    with pytest.raises(InputError, match="clean sets"):
+        benchmark_tune.tune(single)
+
+
+def test_results_are_appended_whole_and_a_torn_line_is_dropped(tmp_path) -> None:
+    path = tmp_path / "out" / benchmark.RESULTS
+    benchmark.append(path, result(["a"], "none", name="one"))
+    with path.open("a") as file:
+        file.write('{"name": "two", "eng')
+    assert [one["name"] for one in benchmark.load(path)] == ["one"]
+    benchmark.append(path, result(["a"], "none", name="three"))
+    benchmark.append(path, result(["a"], "named", name="one"))
+    assert [(one["name"], one["verdict"]) for one in benchmark.load(path)] == [("one", "named"), ("three", "none")]
+    path.write_text("[]\n" + path.read_text())
+    with pytest.raises(InputError, match=rf"{benchmark.RESULTS}:1: is not a line"):
+        benchmark.load(path)
+
+
+class Recorded(benchmark_sets.Maker):
+    """Makes empty folders and remembers which."""
+
+    def __init__(self, broken=()) -> None:
+        self.made, self.broken = [], broken
+
+    def make(self, tasks, out, jobs) -> None:
+        for task in tasks:
+            if task.name in self.broken:
+                raise SimulationError("diverged")
+            (out / task.name).mkdir(parents=True)
+        self.made.append([task.name for task in tasks])
+
+
+def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkeypatch) -> None:
+    tasks = [benchmark_sets.Task(f"s{i}", "mujoco", i, "single", 0) for i in range(10)]
+    tasks += [benchmark_sets.Task("s0", "planar", 0, "single", 0)]
+    judged = []
+
+    def judge(task, folder, *_):
+        if len(judged) == 3:
+            raise KeyboardInterrupt
+        assert folder.is_dir()
+        judged.append(task)
+        error = "ValueError: no" if task.name == "s1" else None
+        return result([], "none", name=task.name, engine=task.engine, seed=task.seed, error=error)
+
+    monkeypatch.setattr(benchmark, "judge", judge)
+    told = []
+    options = {"jobs": 1, "peer": None, "progress": lambda *one: told.append(one)}
+    with pytest.raises(KeyboardInterrupt):
+        benchmark.run(tasks, tmp_path, maker=Recorded(), **options)
+    assert [task.name for task in judged] == ["s0", "s1", "s2"]
+    judged.clear()
+    judged.extend([None] * 4)
+    maker = Recorded()
+    results = benchmark.run(tasks, tmp_path, maker=maker, **options)
+    assert [(task.name, task.engine) for task in judged[4:]] == [
+        ("s1", "mujoco"), *((f"s{i}", "mujoco") for i in range(3, 10)), ("s0", "planar"),
+    ]  # fmt: skip
+    assert maker.made == [["s1", *(f"s{i}" for i in range(3, 10))], ["s0"]]
+    assert len(results) == 11
+    assert told[-1] == (10, 11, "s0")
+    assert benchmark.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == benchmark.load(
+        tmp_path / benchmark.RESULTS
+    )
+
+
+def test_a_batch_of_which_nothing_is_made_ends_the_campaign_and_a_single_set_does_not(tmp_path) -> None:
+    tasks = [benchmark_sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
+    options = {"jobs": 1, "peer": None, "progress": lambda *_: None}
+    with pytest.raises(SimulationError, match="diverged"):
+        benchmark.run(tasks[1:], tmp_path, maker=Recorded(broken=["broken"]), **options)
+    results = benchmark.run(tasks, tmp_path, maker=Recorded(broken=["broken"]), **options)
+    assert [(one["name"], one["verdict"]) for one in results] == [("whole", "error"), ("broken", "error")]
+    assert "is missing: the set was not made" in results[1]["error"]
+
+
+def refused(*arguments, cwd) -> str:
+    done = brickpilot("benchmark", *arguments, cwd=cwd)
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    return done.stderr
+
+
+def test_bad_use_is_told_in_one_line(tmp_path) -> None:
+    assert "run it inside a checkout" in refused("discover", "--suite", "ci", cwd=tmp_path)
+    assert "no results here" in refused("discover", "--table", cwd=tmp_path)
+    assert "holds no data set" in refused("discover", "--data", ".", cwd=tmp_path)
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one.truth.json").write_text("{}")
+    assert "one.truth.json: is not the truth" in refused("discover", "--data", ".", cwd=tmp_path)
+    assert "no results here" in refused("tune-peer", "none.jsonl", cwd=tmp_path)
+
+
+def test_what_is_not_installed_is_told(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(benchmark_sets, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match="needs the package mujoco"):
+        benchmark_sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
+    monkeypatch.setattr(benchmark_sindy, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match="PySINDy is not installed"):
+        benchmark.run([], tmp_path, maker=None, jobs=1, peer="sindy", progress=lambda *_: None)
+
+
+def hidden_robot(folder, effects):
+    """Eight runs of the packaged robot with `effects` in it; the nominal values are the true ones, less the effects."""
+    truth = dataclasses.replace(robot(), effects=effects)
+    noise = {"accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05,
+             "wheel_speed_right": 0.05}  # fmt: skip
+    volts = ((4, 4), (-6, -6), (2, 2), (4, -4), (-3, 3), (6, 3), (2.5, 6), (-3, -6))
+    manoeuvres = {f"run_{i}": (float(left), float(right)) for i, (left, right) in enumerate(volts)}
+    nominal = "\n".join(f"{name} = {value:.9g}" for name, value in truth.parameters.items() if name in NOMINAL)
+    write(folder, truth, noise, nominal, manoeuvres=manoeuvres, roles=["fit", "held_out"] * 4)
+    return dataset.read(folder), dataclasses.replace(robot(), effects={}), noise
+
+
+NOMINAL = ("mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia", "resistance", "torque_constant",
+           "emf_constant", "viscous_friction", "rolling_friction", "battery_voltage", "inductance")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("coulomb_friction", {"torque": 0.006}),
+        ("motor_asymmetry", {"difference": 0.08}),
+        ("gyro_bias", {"bias": 0.1}),
+        ("yaw_scrub", {"moment": 0.01}),
+        ("accel_misalignment", {"angle": 0.2}),
+    ],
+)
+def test_the_peer_names_what_its_library_holds(tmp_path, name, parameters) -> None:
+    pytest.importorskip("pysindy")
+    data, nominal, noise = hidden_robot(tmp_path / "data", {name: parameters})
+    simulated = Replay(data).simulate([nominal])[0]
+    roles = {run.name: str(run.role) for run in data.runs}
+    found_ = benchmark_sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
+    assert found_["FROLS"]["names"][0] == name
+    assert found_["FROLS"]["gains"][0] > 50
+    assert name in found_["STLSQ"]["names"]
+
+
+def test_the_peer_finds_nothing_where_nothing_is_hidden(tmp_path) -> None:
+    pytest.importorskip("pysindy")
+    data, nominal, noise = hidden_robot(tmp_path / "data", {})
+    simulated = Replay(data).simulate([nominal])[0]
+    roles = {run.name: str(run.role) for run in data.runs}
+    found_ = benchmark_sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
+    assert found_["FROLS"]["gains"][0] < 5
+
+
+def test_the_library_names_effects_that_there_are() -> None:
+    known = {one.name for one in plant.effects()}
+    assert known >= benchmark_sindy.NOT_IN_LIBRARY
+    assert not benchmark_sindy.nameable(["coulomb_friction", "cogging"])
+    assert benchmark_sindy.nameable(["coulomb_friction"])
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory) -> Path:
+    """One set of suite ci, made by the checkout's maker."""
+    pytest.importorskip("mujoco")
+    parent = tmp_path_factory.mktemp("small")
+    maker = benchmark_sets.Maker.find(CHECKOUT)
+    tasks = benchmark_sets.planned(maker, "ci", "mujoco", 0, ["ci-coulomb_friction-enc", "ci-gyro_bias-*"], None)
+    maker.make(tasks, parent, 1)
+    return parent
+
+
+def test_the_suggested_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
+    maker = benchmark_sets.Maker.find(CHECKOUT)
+    steps = [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [2.0, 3.0]]
+    asked = {"name": "a turn, then on", "duration_s": 3.0, "voltage_left": steps, "voltage_right": [[0.0, 0.0]]}
+    made = maker.follow(small / "ci-coulomb_friction-enc", asked, tmp_path)
+    before, after = dataset.read(small / "ci-coulomb_friction-enc"), dataset.read(made)
+    assert [run.name for run in after.runs] == [*(run.name for run in before.runs), "next_experiment"]
+    for one, other in zip(before.runs, after.runs, strict=False):
+        np.testing.assert_array_equal(one.outputs["yaw_rate"], other.outputs["yaw_rate"])
+    added = after.runs[-1]
+    assert added.role == "fit"
+    assert added.time[-1] == pytest.approx(3.0)
+    np.testing.assert_array_equal(added.inputs["voltage_left"][added.time >= 0.5], 3.0)
+    assert added.outputs["wheel_speed_left"][added.time > 1.5].mean() > 1.0
+    assert abs(added.outputs["wheel_speed_left"][added.time < 0.5].mean()) < 0.1
+
+
+def test_wheel_speeds_are_measured_where_the_verdict_asks_for_them(small, tmp_path) -> None:
+    maker = benchmark_sets.Maker.find(CHECKOUT)
+    asked = {"name": None, "signal": "wheel_speed_left"}
+    made = maker.follow(small / "ci-gyro_bias-imu", asked, tmp_path)
+    before, after = dataset.read(small / "ci-gyro_bias-imu"), dataset.read(made)
+    assert set(after.runs[0].outputs) - set(before.runs[0].outputs) == {"wheel_speed_left", "wheel_speed_right"}
+    pairs = zip(before.runs, after.runs, strict=True)
+    same = [np.mean(one.outputs["yaw_rate"] == other.outputs["yaw_rate"]) for one, other in pairs]
+    assert min(same) > 0.99
+    assert maker.follow(small / "ci-coulomb_friction-enc", asked, tmp_path) is None
+    assert maker.follow(small / "ci-gyro_bias-imu", asked | {"signal": "current_left"}, tmp_path) is None
+
+
+def test_a_small_run_of_the_whole(small, tmp_path) -> None:
+    arguments = ["benchmark", "discover", "--data", str(small), "--only", "*coulomb*", "--out", str(tmp_path / "out")]
+    done = brickpilot(*arguments, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = json.loads(done.stdout)
+    assert (table["sets"], table["engines"], table["errors"]) == (1, ["mujoco"], {})
+    kept = benchmark.load(tmp_path / "out" / benchmark.RESULTS)[0]
+    assert kept["hidden"] == {"coulomb_friction": {"torque": 0.005}}
+    assert credit(kept) == 1.0
+    assert parameter_errors([kept], main=True)[0] < 0.1
+    assert kept["held_out"]["after"] == pytest.approx(1.0, abs=0.1)
+    assert kept["held_out"]["before"] > 3.0
+    again = brickpilot(*arguments, cwd=tmp_path)
+    assert "right name" in again.stdout
+    assert len((tmp_path / "out" / benchmark.RESULTS).read_text().splitlines()) == 1
+    shown = brickpilot("benchmark", "discover", "--out", str(tmp_path / "out"), "--table", cwd=tmp_path)
+    assert shown.stdout == again.stdout
+
+
+def test_sets_are_made_and_thrown_away(tmp_path) -> None:
+    pytest.importorskip("mujoco")
+    folder = tmp_path / "out"
+    options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
+    done = brickpilot("benchmark", "discover", *options, cwd=CHECKOUT)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in folder.iterdir()] == [benchmark.RESULTS]
+    kept = benchmark.load(folder / benchmark.RESULTS)[0]
+    assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)

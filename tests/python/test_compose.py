@@ -1,0 +1,438 @@
+"""Composed terms: found in data that other equations made, written as equations, as model files and as C."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import brickpilot
+import numpy as np
+import pytest
+import reference_ode
+from brickpilot import model as model_file
+from brickpilot import plant
+from brickpilot.dataset import Nominal
+from brickpilot.discover import composed_source
+from brickpilot.discover.compose import Composed, compose
+from brickpilot.discover.composed_fit import FINE, fit
+from brickpilot.discover.composed_periods import Segment
+from brickpilot.discover.composed_screen import with_terms
+from brickpilot.discover.composed_terms import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
+from brickpilot.model import Model
+from brickpilot.parameters import Free, value_of, with_values
+from brickpilot.plant import OpenLoopRun, State
+from scipy.optimize import least_squares
+from synthetic import motor, robot
+
+ROOT = Path(__file__).resolve().parents[2]
+BASIS = {one.name: one for one in basis()}
+
+SIGNALS = {"accel_surge": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.15, "wheel_speed_right": 0.15}
+MOTOR_SIGNALS = {"velocity": 0.01}
+COURSES = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
+BIN = 3  # samples
+RUNS = {
+    "straight": [(0.2, 5.0, 5.0), (1.4, 8.0, 8.0), (2.6, 0.0, 0.0)],
+    "back": [(0.2, -4.0, -4.0), (1.4, -8.0, -8.0)],
+    "spin": [(0.2, 4.0, -4.0), (1.4, -7.0, 7.0), (2.8, 3.0, -5.0)],
+    "curve": [(0.2, 7.0, 4.0), (1.4, 3.0, 8.0), (2.8, -6.0, -3.0)],
+}
+FREE = ("mass", "yaw_inertia", "resistance", "viscous_friction")
+MOTOR_FREE = ("mass", "viscous_friction")
+
+
+def drive(stages: Sequence[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    time = np.arange(0.0, 4.0, 0.01)
+    volts = np.zeros((len(time), 2))
+    for start, left, right in stages:
+        volts[time >= start] = (left, right)
+    return time, volts
+
+
+def binned(values: np.ndarray) -> np.ndarray:
+    count = len(values) // BIN
+    return values[: count * BIN].reshape(count, BIN).mean(axis=1)
+
+
+class Data:
+    """Noisy runs as a `composed_screen.Problem`, with some nominal parameters calibrated to them."""
+
+    def __init__(self, measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> None:
+        noise = np.random.default_rng(5)
+        infos = {info.name: info for info in plant.parameters()}
+        motor = nominal.vehicle == "motor"
+        self.base = nominal
+        self._signals = MOTOR_SIGNALS if motor else SIGNALS
+        known = {name: nominal.parameters[name] for name in (MOTOR_FREE if motor else FREE)}
+        self.free = [Free(name, infos[name], Nominal(value, 0.05 * value)) for name, value in known.items()]
+        self._runs, values = [], []
+        for number, stages in enumerate(RUNS.values()):
+            time, volts = drive(stages)
+            volts = volts[:, :1] if motor else volts
+            self._runs.append(OpenLoopRun(time, volts, State(age=4.0 * number), motor_step=0.002, body_step=0.01))
+            outputs = measured(time, volts)
+            noisy = {s: outputs[s] + noise.normal(0.0, sd, len(time)) for s, sd in self._signals.items()}
+            values.append(self._scaled(noisy))
+        self._measured = np.concatenate(values)
+        self._calibrate()
+
+    def residual(self, models: Sequence[Model]) -> np.ndarray:
+        found = plant.simulate(
+            [(model, run) for model in models for run in self._runs], threads=2, signals=self._signals
+        )
+        rows = [self._scaled(one.outputs) for one in found]
+        count = len(self._runs)
+        return np.array(
+            [self._measured - np.concatenate(rows[k * count : (k + 1) * count]) for k in range(len(models))]
+        )
+
+    def _scaled(self, outputs: Mapping[str, np.ndarray]) -> np.ndarray:
+        return np.concatenate([binned(outputs[s]) * BIN**0.5 / sd for s, sd in self._signals.items()])
+
+    def _at(self, point: np.ndarray) -> Model:
+        return with_values(self.base, {f.name: f.to_value(x) for f, x in zip(self.free, point, strict=True)})
+
+    def _calibrate(self) -> None:
+        def prior(point: np.ndarray) -> np.ndarray:
+            known = [(f.to_value(x) - f.known.value) / f.known.sd for f, x in zip(self.free, point, strict=True)]
+            return np.array(known)
+
+        def slopes(point: np.ndarray) -> np.ndarray:
+            moved = self.residual([self._at(point), *(self._at(point + s) for s in np.eye(len(point)) * 1e-5)])
+            known = np.array([prior(point + s) - prior(point) for s in np.eye(len(point)) * 1e-5]).T
+            return np.vstack([(moved[1:] - moved[0]).T, known]) / 1e-5
+
+        start = np.array([f.to_coordinate(value_of(self.base, f.name)) for f in self.free])
+        found = least_squares(
+            lambda p: np.concatenate([self.residual([self._at(p)])[0], prior(p)]), start, jac=slopes, max_nfev=20
+        )
+        self.sensitivities = -slopes(found.x)[: len(self._measured)]
+        self.base = self._at(found.x)
+        self.segments, first = [], 0
+        for name, run, one in zip(RUNS, self._runs, self._simulated(), strict=True):
+            for signal in self._signals:
+                place = slice(first, first + len(run.time) // BIN)
+                at = {key: binned(one[key]) for key in COURSES if key in one}
+                self.segments.append(Segment(name, signal, place, binned(run.time), run.initial.age, at))
+                first = place.stop
+
+    def _simulated(self) -> list[Mapping[str, np.ndarray]]:
+        return [one.outputs for one in plant.simulate([(self.base, run) for run in self._runs])]
+
+
+def by_plant(truth: Model | None = None, nominal: Model | None = None, **effects: Mapping[str, float]) -> Data:
+    """Data of the plant with effects switched on, at its finest; the mass and the resistance are believed wrongly."""
+    truth = dataclasses.replace(truth or robot(mass=0.92, resistance=22.5), effects=effects)
+
+    def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:
+        return plant.simulate([(truth, OpenLoopRun(time, volts))])[0].outputs
+
+    return Data(measured, nominal or robot())
+
+
+def by_reference(mass: float = 0.92) -> Data:
+    """Data of the text-book equations, whose air drag the caller chooses."""
+    values = {**robot(mass=mass, inductance=1e-3).parameters, "drag_area": 0.0}
+
+    def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:
+        solved = reference_ode.solve(reference_ode.coupled(values), time, volts)
+        change = np.diff(solved["surge"], prepend=0.0) / 0.01
+        return {**solved, "accel_surge": change}
+
+    return Data(measured, robot(inductance=1e-3))
+
+
+def coefficient(found: Composed | None, name: str) -> float:
+    assert found is not None
+    assert [term.basis.name for term in found.terms] == [name], found.equation.text
+    return found.terms[0].coefficient
+
+
+def test_a_cubic_drag_of_other_equations_is_found_and_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference_ode, "_air", lambda _, speed: 1.2 * speed**3)
+    data = by_reference()
+    found = compose(data)
+    assert coefficient(found, "surge_loss_u2") == pytest.approx(1.2, rel=0.05)
+    assert found.rms_before > 3
+    assert found.rms_after < 1.1
+    assert "u³" in found.equation.text
+    assert found.places == ("surge",)
+    assert data.residual([found.model])[0].std() == pytest.approx(found.rms_after, rel=1e-2)
+
+
+def test_a_square_drag_is_told_from_a_cubic_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference_ode, "_air", lambda _, speed: 0.9 * speed * abs(speed))
+    assert coefficient(compose(by_reference()), "surge_loss_abs_u") == pytest.approx(0.9, rel=0.05)
+
+
+def test_a_harmonic_of_the_wheel_is_found_with_its_order() -> None:
+    found = compose(by_plant(cogging={"torque": 0.004, "order": 2.5, "phase": 0.6}))
+    assert found is not None
+    assert {term.basis.name for term in found.terms} == {"wheel_push_sin_angle", "wheel_push_cos_angle"}
+    amplitude = np.hypot(*(term.coefficient for term in found.terms))
+    assert amplitude == pytest.approx(0.004, rel=0.05)
+    assert found.settings["order"] == pytest.approx(2.5, rel=1e-3)
+    assert found.settings_sd["order"] < 0.01
+    assert "θ" in found.equation.text
+
+
+def test_a_linear_axis_is_composed_for_too() -> None:
+    axis = {"force_per_volt": 35.0, "wheel_inertia": 0.0, "viscous_friction": 150.0}
+    data = by_plant(motor(**axis, mass=96.0), motor(**axis, mass=94.0), quadratic_drag={"drag": 90.0})
+    assert coefficient(compose(data), "surge_loss_abs_u") == pytest.approx(90.0, rel=0.05)
+
+
+def test_wrong_nominal_values_alone_are_no_term() -> None:
+    assert compose(by_plant()) is None
+
+
+def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
+    found = compose(by_plant(composed_term={"drive_add_sin_time": 0.15, "frequency": 1.3}))
+    assert found is not None
+    rivals = [{term.basis.name for term in rival.terms} for rival in found.rivals]
+    names = [{term.basis.name for term in found.terms}, *rivals]
+    assert {"drive_add_sin_time", "drive_add_cos_time"} in names
+    assert {"surge_push_sin_time", "surge_push_cos_time"} in names
+
+
+def test_a_fit_starts_anywhere_near_and_ends_at_the_truth() -> None:
+    from brickpilot.discover.composed_screen import Atom
+
+    data = by_plant(composed_term={"surge_push_sprung": 0.08, "frequency": 2.0, "damping": 0.1})
+    start = with_terms(data.base, {"surge_push_sprung": 0.05, "frequency": 2.15, "damping": 0.15})
+    atom = Atom((BASIS["surge_push_sprung"],), (("frequency", 2.15), ("damping", 0.15)))
+    found = fit(data, (atom,), start, FINE)
+    assert found is not None
+    table = found.model.effects[EFFECT]
+    assert table["surge_push_sprung"] == pytest.approx(0.08, rel=0.05)
+    assert table["frequency"] == pytest.approx(2.0, rel=0.01)
+    assert abs(table["surge_push_sprung"] - 0.08) < 4 * found.sds["surge_push_sprung"]
+
+
+def test_the_basis_is_the_plants_table() -> None:
+    coefficients = {info.name for info in parameters() if "[" in info.meaning}
+    assert set(BASIS) == coefficients
+    assert {one.place for one in basis()} == {
+        *("drive", "wheel", "surge", "yaw", "gyro", "accel_surge", "accel_sway"),
+    }
+    assert all(one.sided == ("_diff_" in one.name) for one in basis())
+    assert BASIS["surge_push_sprung"].tuned == ("frequency", "damping")
+    assert BASIS["wheel_dry_diff_sin_angle"].tuned == ("order",)
+    assert BASIS["gyro_add_t2"].tuned == ("clock",)
+
+
+def test_every_term_can_be_written() -> None:
+    for one in basis():
+        written = equation([Term(one, 0.25)], settings_of([one], {}))
+        assert "0.25" in written.text, one.name
+        assert ElementTree.fromstring(written.mathml).tag == "math", one.name
+        assert written.legend.endswith("SI units."), one.name
+
+
+def test_an_equation_reads_as_on_paper() -> None:
+    chosen = [
+        Term(BASIS["surge_loss_u2"], 1.25),
+        Term(BASIS["surge_push_sin_time"], -0.5),
+        Term(BASIS["surge_push_tether"], 0.3),
+        Term(BASIS["wheel_dry_diff_constant"], 0.01),
+    ]
+    written = equation(chosen, {"frequency": 1.5, "clock": 1.0})
+    assert written.text == (
+        "ΔX = \u22121.25 u³ \u2212 0.5 sin(2 π · 1.5 t) \u2212 0.3 (x cos(ψ) + y sin(ψ)); ΔT = \u22120.01 s sgn(w)"
+    )
+    assert "power-on" in written.legend
+    assert "s is 1 at the left" in written.legend
+
+
+def test_a_model_file_holds_only_the_terms_that_are_there(tmp_path: Path) -> None:
+    table = {"surge_loss_u2": 1.5, "surge_push_sin_time": 0.1, "frequency": 2.0}
+    before = with_terms(robot(), table)
+    model_file.save(before, tmp_path / "model.toml")
+    text = (tmp_path / "model.toml").read_text(encoding="utf-8")
+    assert text[text.index(f"[effects.{EFFECT}]") :].count("value =") == len(table)
+    after = model_file.load(tmp_path / "model.toml")
+    assert {name: value for name, value in after.effects[EFFECT].items() if name in table} == table
+    assert [term.basis.name for term in terms_of(after.effects[EFFECT])] == ["surge_loss_u2", "surge_push_sin_time"]
+    run = OpenLoopRun(*drive(RUNS["curve"]))
+    one, other = plant.simulate([(before, run), (after, run)])
+    assert all(np.array_equal(one.outputs[name], other.outputs[name], equal_nan=True) for name in one.outputs)
+
+
+def terms(**coefficients: float) -> list[Term]:
+    return [Term(BASIS[name], value) for name, value in coefficients.items()]
+
+
+# Every way to act and every symbol, a file for each place, and one for a motor.
+COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
+    "at_the_drive": (
+        "diff_drive",
+        {
+            "drive_gain_v": 0.01,
+            "drive_gain_diff_w": -0.002,
+            "drive_gain_t": 0.02,
+            "drive_add_root_v": -0.2,
+            "drive_add_other": 0.05,
+            "drive_add_diff_sin_time": 0.3,
+        },
+        {"frequency": 1.7, "clock": 1.0},
+    ),
+    "at_the_wheel": (
+        "diff_drive",
+        {
+            "wheel_loss_abs_w": 1e-5,
+            "wheel_loss_diff_t": 1e-4,
+            "wheel_dry_constant": 0.003,
+            "wheel_dry_diff_i": 0.01,
+            "wheel_dry_v": 1e-4,
+            "wheel_gain_i": -0.3,
+            "wheel_push_sin_angle": 0.002,
+            "wheel_push_diff_cos_angle": 0.001,
+            "wheel_push_spring": 1e-5,
+        },
+        {"order": 3.0, "clock": 0.5},
+    ),
+    "at_the_body": (
+        "diff_drive",
+        {
+            "surge_dry_patch": 0.1,
+            "surge_loss_u2": 1.0,
+            "surge_push_tether": 0.2,
+            "surge_push_sprung": 0.1,
+            "surge_push_cos_x": 0.05,
+            "yaw_dry_u": 0.01,
+            "yaw_loss_r2": 1e-4,
+            "yaw_push_sprung": 2e-4,
+            "yaw_push_t": 1e-3,
+        },
+        {"patch_x": 0.3, "patch_half_width": 0.1, "frequency": 2.0, "damping": 0.2, "wavelength": 0.3, "clock": 0.0},
+    ),
+    "at_the_sensors": (
+        "diff_drive",
+        {
+            "gyro_add_a": 0.02,
+            "gyro_add_t2": 0.01,
+            "gyro_add_current_sum": 0.1,
+            "accel_surge_add_a3": 0.01,
+            "accel_sway_add_sin_time": 0.1,
+        },
+        {"frequency": 1.1, "clock": 1.0},
+    ),
+    "of_a_motor": (
+        "motor",
+        {
+            "drive_gain_v2": 0.001,
+            "drive_add_other": 0.1,
+            "wheel_loss_w": 1e-6,
+            "wheel_push_cos_angle": 0.002,
+            "surge_loss_abs_u": -0.1,
+            "surge_push_patch": 0.05,
+        },
+        {"order": 2.0, "patch_x": 0.2, "patch_half_width": 0.1},
+    ),
+}
+
+
+def source(name: str) -> str:
+    vehicle, coefficients, settings = COMPOSED[name]
+    return composed_source.render(terms(**coefficients), settings, name=name, vehicle=vehicle)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "name", "vehicle"),
+    [
+        ({}, "empty", "diff_drive"),
+        ({"surge_loss_u2": 1.0}, "No Name", "diff_drive"),
+        ({"yaw_push_u2": 1.0}, "turning", "motor"),
+        ({"wheel_dry_diff_v": 1.0}, "sided", "motor"),
+        ({"surge_push_patch": 1.0}, "strip", "diff_drive"),
+    ],
+)
+def test_what_makes_no_effect_is_refused(chosen: dict[str, float], name: str, vehicle: str) -> None:
+    with pytest.raises(ValueError, match=r"no effect can be made|does not act on a motor|no value for patch"):
+        composed_source.render(terms(**chosen), {}, name=name, vehicle=vehicle)
+
+
+def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-fsyntax-only"]
+    include = [f"-I{ROOT / 'sim_host'}", f"-I{ROOT / 'sim_host/include'}"]
+    alike = [[one] for one in basis() if not one.sided] + [[one for one in basis() if one.sided]]
+    for number, chosen in enumerate(alike):
+        values = [Term(one, 0.5) for one in chosen]
+        text = composed_source.render(values, settings_of(chosen, {}), name="alone", vehicle="diff_drive")
+        (tmp_path / f"alone_{number}.c").write_text(text, encoding="utf-8")
+    compiled = subprocess.run(
+        ["cc", *flags, *include, *map(str, sorted(tmp_path.glob("*.c")))], capture_output=True, text=True
+    )
+    assert compiled.returncode == 0, compiled.stderr
+
+
+COMPARE = """
+import sys, json, dataclasses
+import numpy as np
+from brickpilot import plant
+from brickpilot.model import rcx
+from brickpilot.plant import OpenLoopRun, State
+
+def run(model, vehicle):
+    time = np.arange(0.0, 3.0, 0.01)
+    volts = np.where((time % 1.4 < 0.7)[:, None], [7.0, 3.0], [-5.0, 6.0])
+    volts[(time > 2.0) & (time < 2.2)] = (np.nan, 4.0)
+    start = State(age=12.0, surge=0.2, heading=0.3) if vehicle == "diff_drive" else State(age=12.0)
+    run = OpenLoopRun(time, volts[:, : 2 if vehicle == "diff_drive" else 1], start)
+    return plant.simulate([(model, run)])[0].outputs
+
+worst = {}
+for name, (vehicle, coefficients, settings) in json.loads(sys.argv[1]).items():
+    base = dataclasses.replace(rcx(), vehicle=vehicle)
+    named, general, plain = (
+        run(dataclasses.replace(base, effects=effects), vehicle)
+        for effects in ({name: {}}, {"composed_term": {**coefficients, **settings}}, {})
+    )
+    shares = [np.nanmax(np.abs(named[s] - general[s])) / max(np.nanmax(np.abs(general[s])), 1e-9) for s in general]
+    moved = max(np.nanmax(np.abs(plain[s] - general[s])) for s in general)
+    worst[name] = [float(max(shares)), float(moved)]
+print(json.dumps(worst))
+"""
+
+
+def test_the_c_files_build_into_the_simulator_and_give_the_same_numbers(tmp_path: Path) -> None:
+    import json
+
+    for folder in ("firmware", "hal", "sim_host"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.svg", "build"))
+    shutil.copy(ROOT / "CMakeLists.txt", tmp_path)
+    effects = tmp_path / "sim_host/effects"
+    header, table = (effects / "effect.h").read_text(), (effects / "effects.c").read_text()
+    for name in COMPOSED:
+        (effects / f"{name}.c").write_text(source(name), encoding="utf-8")
+        header = header.replace("\n#endif", f"extern const effect_t effect_{name};\n\n#endif")
+        table = table.replace("    &effect_supply_saturation,", f"    &effect_{name},\n    &effect_supply_saturation,")
+    (effects / "effect.h").write_text(header)
+    (effects / "effects.c").write_text(table)
+    build = tmp_path / "build"
+    options = ["-DBRICKPILOT_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]
+    subprocess.run(["cmake", "-S", tmp_path, "-B", build, *options], check=True, capture_output=True)
+    made = subprocess.run(
+        ["cmake", "--build", build, "--target", "brickpilot_sim", "-j", "2"], capture_output=True, text=True
+    )
+    assert made.returncode == 0, made.stdout + made.stderr
+
+    package = tmp_path / "package" / "brickpilot"
+    shutil.copytree(Path(brickpilot.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(next(build.rglob("libbrickpilot_sim.so")), package)
+    shutil.copy(ROOT / "sim_host/include/brickpilot_sim.h", package)
+    compared = subprocess.run(
+        [sys.executable, "-c", COMPARE, json.dumps(COMPOSED)],
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin"},
+    )
+    assert compared.returncode == 0, compared.stderr
+    for name, (difference, moved) in json.loads(compared.stdout).items():
+        assert difference < 1e-12, name
+        assert moved > 1e-3, name

@@ -1,0 +1,289 @@
+"""`brickpilot discover` as scripts see it: keys, files, exit status, one line for a mistake, nothing left by Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bad_datasets import BAD
+from brickpilot import compensation, model, plant
+from command import PROGRAM, brickpilot
+from synthetic import motor, write
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hidden import folder as hidden_folder
+from hidden import manoeuvre
+from hidden.recipe import RCX, Recipe
+
+TORQUE = 0.006
+"""N m: the dry friction that is hidden."""
+
+_NUMBER = (int, float)
+KEYS: dict[str, type | tuple[type, ...]] = {
+    "verdict": str,
+    "effects": list,
+    "where": list,
+    "gap": dict,
+    "nominal": dict,
+    "data_faults": list,
+    "next_experiment": (dict, type(None)),
+    "elapsed_s": float,
+    "seed": int,
+    "version": str,
+}
+
+
+@dataclass(frozen=True)
+class Done:
+    """A finished `discover`: the data set, the folder it wrote, and what it printed."""
+
+    data: Path
+    out: Path
+    stdout: str
+    stderr: str
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads((self.out / "verdict.json").read_text())
+        return found
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The packaged robot with dry friction at its wheels, by the planar engine."""
+    runs = [
+        manoeuvre.steps(name, 4.0, (0.3, left, right), (3.0, 0.0, 0.0))
+        for name, left, right in (
+            ("ahead", 6.0, 6.0),
+            ("slowly", 2.5, 2.5),
+            ("back", -5.0, -5.0),
+            ("spin", 3.3, -3.3),
+            ("spin_back", -2.4, 2.4),
+            ("curve", 7.0, 3.0),
+            ("curve_left", 2.0, 6.0),
+        )
+    ]
+    hidden = {"coulomb_friction": {"torque": TORQUE}}
+    recipe = Recipe("dry-wheels", hidden, RCX, engine="planar", runs=tuple(runs), seed=4)
+    return hidden_folder.write(recipe, tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture(scope="module")
+def done(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Done:
+    here = tmp_path_factory.mktemp("discovered")
+    ended = brickpilot("discover", str(data), "--out", "out", "--json", "--seed", "3", cwd=here)
+    assert ended.returncode == 0, ended.stderr
+    return Done(data, here / "out", ended.stdout, ended.stderr)
+
+
+def is_finite(value: object) -> bool:
+    return isinstance(value, _NUMBER) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def test_json_is_one_object_and_nothing_else(done: Done) -> None:
+    assert done.stderr == ""
+    assert done.stdout.count("\n") == 1
+    assert json.loads(done.stdout) == done.verdict
+
+
+def test_the_object_has_every_key_with_its_type(done: Done) -> None:
+    found = done.verdict
+    for key, kind in KEYS.items():
+        assert isinstance(found[key], kind), key
+    assert (found["verdict"], found["seed"]) == ("named", 3)
+    assert found["elapsed_s"] > 0
+    known = {effect.name: effect for effect in plant.effects()}
+    for effect in found["effects"]:
+        assert effect["acts_on"] == known[effect["name"]].acts_on
+        assert 0 <= effect["confidence"] <= 1
+        assert isinstance(effect["equivalents"], list)
+        units = {one.name: one.unit for one in known[effect["name"]].parameters}
+        for name, parameter in effect["parameters"].items():
+            assert parameter["unit"] == units[name]
+            low, high = parameter["ci95"]
+            assert is_finite(low) and is_finite(high)  # noqa: PT018
+            assert low < parameter["value"] < high
+            assert low > 0 or high < 0
+    runs = {path.stem for path in done.data.glob("*.csv")}
+    for place in found["where"]:
+        assert place["run"] in runs
+        assert place["from_s"] < place["to_s"]
+        assert 0 < place["share_of_gap"] <= 1
+        assert isinstance(place["signal"], str)
+        assert isinstance(place["when"], str)
+    assert sum(place["share_of_gap"] for place in found["where"]) <= 1 + 1e-9
+    assert found["gap"]["unit"] == "residual rms / noise sd"
+    gaps = [found["gap"]["fit"], found["gap"]["held_out"], *found["gap"]["by_signal"].values()]
+    assert len(gaps) == 2 + 5
+    for gap in gaps:
+        assert is_finite(gap["before"]) and is_finite(gap["after"])  # noqa: PT018
+    for change in found["nominal"].values():
+        assert is_finite(change["before"]) and is_finite(change["after"])  # noqa: PT018
+
+
+def test_what_was_hidden_is_found_and_the_gap_goes_down_to_the_noise(done: Done) -> None:
+    found = done.verdict
+    ((effect),) = found["effects"]
+    assert effect["name"] == "coulomb_friction"
+    assert effect["parameters"]["torque"]["value"] == pytest.approx(TORQUE, rel=0.05)
+    for role in ("fit", "held_out"):
+        assert found["gap"][role]["before"] > 3
+        assert found["gap"][role]["after"] <= 1.1
+
+
+def test_the_files_are_those_that_are_documented(done: Done) -> None:
+    assert {path.name for path in done.out.iterdir()} == {
+        "report.html", "verdict.json", "model.toml", "compensation.toml"
+    }  # fmt: skip
+    assert done.out.stat().st_mode & 0o777 == 0o755
+    page = (done.out / "report.html").read_text(encoding="utf-8")
+    assert "coulomb_friction" in page
+    assert "brickpilot discover" in page
+    assert model.load(done.out / "model.toml").effects["coulomb_friction"]["torque"] == pytest.approx(TORQUE, rel=0.05)
+
+
+def test_compare_with_the_written_model_shows_the_smaller_gap(done: Done, tmp_path: Path) -> None:
+    def errors(*options: str) -> dict[str, dict[str, float]]:
+        ended = brickpilot("compare", str(done.data), "--json", "--out", "compared", *options, cwd=tmp_path)
+        assert ended.returncode == 0, ended.stderr
+        runs = json.loads(ended.stdout)["runs"]
+        return {run["name"]: {name: one["rms_error"] for name, one in run["signals"].items()} for run in runs}
+
+    nominal, augmented = errors(), errors("--model", str(done.out / "model.toml"))
+    roles = done.verdict["roles"]
+    held_out = [name for name, role in roles.items() if role == "held_out"]
+    assert held_out
+    for name in held_out:
+        for wheel in ("wheel_speed_left", "wheel_speed_right"):
+            assert augmented[name][wheel] < 0.5 * nominal[name][wheel]
+
+
+def test_a_second_run_from_the_written_model_finds_nothing_more(done: Done, tmp_path: Path) -> None:
+    ended = brickpilot(
+        "discover", str(done.data), "--model", str(done.out / "model.toml"), "--out", "again", "--json", cwd=tmp_path
+    )
+    assert ended.returncode == 0, ended.stderr
+    found = json.loads(ended.stdout)
+    assert (found["verdict"], found["effects"]) == ("none", [])
+    assert found["gap"]["held_out"]["after"] <= 1.1
+    kept = model.load(tmp_path / "again" / "model.toml").effects
+    assert kept.keys() == {"coulomb_friction"}
+    assert kept["coulomb_friction"]["torque"] == pytest.approx(TORQUE, rel=0.05)
+
+
+def test_the_compensation_flies_the_robot_that_was_found_as_the_firmware_s_own(done: Done, tmp_path: Path) -> None:
+    told = done.out / "compensation.toml"
+    assert "coulomb_friction" in compensation.load(told).undone
+
+    def flown(*options: str) -> dict[str, Any]:
+        robot = ("--model", str(done.out / "model.toml"), "--sensors", "imu", "--seed", "1")
+        ended = brickpilot("run", *robot, *options, "--json", "--out", "flown", cwd=tmp_path)
+        assert ended.returncode == 0, ended.stderr
+        figures: dict[str, Any] = json.loads(ended.stdout)
+        return figures
+
+    without, compensated = flown(), flown("--compensation", str(told))
+    assert compensated["waypoints_reached"] == 8
+    for measure in ("position_estimate_error_m", "cross_track_rms_m"):
+        assert compensated[measure] < 0.5 * without[measure], measure
+
+
+def test_progress_goes_to_stderr_and_the_verdict_to_stdout(data: Path, tmp_path: Path) -> None:
+    """One job, and without --out: the other half of the options."""
+    ended = brickpilot("discover", str(data), "--jobs", "1", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    stages = ended.stderr.splitlines()
+    assert len(stages) >= 4
+    assert all(len(stage) < 100 and "\r" not in stage for stage in stages)
+    assert "looking for effect 1" in stages
+    assert "coulomb_friction.torque" in ended.stdout
+    assert "looking for" not in ended.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    assert f"report: {Path('runs') / 'discover-dry-wheels' / 'report.html'}" in ended.stdout.splitlines()
+
+
+def refused(*arguments: str, cwd: Path) -> str:
+    """The one line with which `brickpilot discover ARGUMENTS` is refused; nothing else is printed or written."""
+    before = sorted(cwd.rglob("*"))
+    ended = brickpilot("discover", *arguments, cwd=cwd, timeout=60)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.count("\n") == 1
+    assert "Traceback" not in ended.stderr
+    assert sorted(cwd.rglob("*")) == before
+    return ended.stderr
+
+
+@pytest.mark.parametrize("bad", BAD[::12], ids=lambda bad: bad.name)
+def test_a_bad_data_set_is_refused_where_it_is_bad(bad: Any, tmp_path: Path) -> None:
+    folder = bad.write(tmp_path / "bad")
+    said = refused(str(folder), cwd=tmp_path)
+    assert bad.file in said
+    assert bad.says in said
+
+
+def test_bad_options_are_refused(data: Path, done: Done, tmp_path: Path) -> None:
+    assert "nowhere" in refused("nowhere", cwd=tmp_path)
+    assert "missing.toml" in refused(str(data), "--model", "missing.toml", cwd=tmp_path)
+    assert "--jobs" in refused(str(data), "--jobs", "0", cwd=tmp_path)
+    assert "--jobs" in refused(str(data), "--jobs", "many", cwd=tmp_path)
+    assert "--seed" in refused(str(data), "--seed", "-1", cwd=tmp_path)
+    (tmp_path / "broken.toml").write_text('name = "half\n')
+    assert "broken.toml:1" in refused(str(data), "--model", "broken.toml", cwd=tmp_path)
+    model.save(motor(), tmp_path / "motor.toml")
+    said = refused(str(data), "--model", "motor.toml", cwd=tmp_path)
+    assert "motor.toml" in said
+    assert "vehicle" in said
+
+
+def test_a_folder_with_anything_else_in_it_is_left_alone(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("all of it\n")
+    said = refused(str(data), "--out", "out", cwd=tmp_path)
+    assert "thesis.txt" in said
+    assert (tmp_path / "out" / "thesis.txt").read_text() == "all of it\n"
+
+
+def test_its_own_folder_is_replaced(done: Done, tmp_path: Path) -> None:
+    """By a verdict without an effect, so that what the first one wrote beside must go."""
+    shutil.copytree(done.out, tmp_path / "out")
+    driven = {"go": (4.0, 0.0), "on": (7.0, 0.0)}
+    still = write(tmp_path / "still", motor(), {"speed": 0.05}, "battery_voltage = 9.0", manoeuvres=driven)
+    ended = brickpilot("discover", str(still), "--out", "out", "--json", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    assert json.loads(ended.stdout)["verdict"] == "none"
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "verdict.json", "model.toml"}
+
+
+def test_where_every_run_is_held_out_there_is_nothing_to_fit(tmp_path: Path) -> None:
+    driven = {"go": (4.0, 0.0)}
+    folder = write(tmp_path / "data", motor(), {"speed": 0.05}, "", manoeuvres=driven, roles=["held_out"])
+    assert "held out" in refused(str(folder), cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "stage", ["reading what was measured", "looking for effect 1", "judging at the measured samples"]
+)
+def test_ctrl_c_leaves_nothing_behind(stage: str, data: Path, tmp_path: Path) -> None:
+    work = subprocess.Popen(
+        [str(PROGRAM), "discover", str(data), "--out", "out"],
+        cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert work.stderr is not None
+    for line in work.stderr:
+        if line.strip() == stage:
+            break
+    work.send_signal(signal.SIGINT)
+    said, complained = work.communicate(timeout=60)
+    assert (work.returncode, said) == (130, "")
+    assert complained.splitlines()[-1] == "brickpilot: interrupted"
+    assert "Traceback" not in complained
+    assert list(tmp_path.iterdir()) == []

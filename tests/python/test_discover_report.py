@@ -1,0 +1,351 @@
+"""The page that discovery writes: what it says is what was found."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from brickpilot import dataset, plant
+from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
+from brickpilot.discover.report import page
+from brickpilot.discover.report_plots import Curve, superimposed
+from brickpilot.discover.report_text import quantity, unit_on, verdict, words
+from brickpilot.replay import Replay
+from findings import (
+    COMMAND,
+    DASH,
+    FRICTION,
+    MINUS,
+    NOISE,
+    RAMP,
+    RANKING,
+    ROLES,
+    TERM,
+    TRUTH,
+    VERDICTS,
+    Page,
+    all_verdicts,
+)
+from synthetic import motor, robot, write
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    return all_verdicts(tmp_path_factory.mktemp("report") / "set")
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_the_page_is_sound_and_stands_alone(found, kind):
+    html = page(found[kind], COMMAND)
+    read = Page(html)
+    ids = [attributes["id"] for _, attributes in read.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert {link["href"].removeprefix("#") for link in read.all("a")} <= set(ids)
+    assert not {"script", "link", "img", "iframe", "object", "embed"} & {tag for tag, _ in read.elements}
+    loads = ("src", "srcset", "href", "xlink:href", "action", "data", "poster")
+    assert all((attributes.get(name) or "#")[0] == "#" for _, attributes in read.elements for name in loads)
+    assert not re.search(r"url\(|@import", html)
+    assert read.all("html")[0]["lang"] == "en"
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_figures_and_tables_say_what_they_are(found, kind):
+    read = Page(page(found[kind], COMMAND))
+    for svg in read.all("svg"):
+        assert svg.get("aria-hidden") == "true" or (svg["role"] == "img" and len(svg["aria-label"]) > 20)
+    assert all(cell.get("scope") in ("col", "row") for cell in read.all("th"))
+    assert len(read.all("caption")) == len(read.all("table")) > 4
+    assert all(region["aria-label"] and region["tabindex"] == "0" for region in read.all("div") if "tabindex" in region)
+    assert len(read.all("summary")) == len(read.all("details"))
+    named = {section["aria-labelledby"] for section in read.all("section")}
+    assert named <= {heading.get("id") for heading in read.all("h2")}
+
+
+def test_named_is_said_with_its_size_and_the_proof(found):
+    told = dataclasses.replace(found["named"], gap={"fit": Gap(26.1, 1.02), "held_out": Gap(24.8, 1.03)})
+    assert verdict(told).replace("\N{NO-BREAK SPACE}", " ") == (
+        "The simulator lacks dry friction at the wheels (coulomb_friction), 6.1 mN m (5.8 to 6.4); with it the error "
+        "on runs it has not seen falls from 24.8 to 1.03 times the noise."
+    )
+
+
+def test_values_that_were_not_stated_are_shown_as_fitted(found):
+    basis = {"mass": "fitted to bench-7: data", "half_track": "fitted to bench-7: not narrowed by the data"}
+    basis |= {"wheel_radius": "fitted to bench-7: prior alone", "resistance": "fitted to bench-7: data and prior"}
+    told = dataclasses.replace(found["named"], augmented=dataclasses.replace(TRUTH, basis=basis))
+    read = Page(page(told, COMMAND))
+    assert read.row("mass") == ["mass", "not stated", "0.900 kg", "", "", "give it"]
+    assert read.row("half track") == ["half track", "not stated", "70.0 mm", "", "", "do not narrow it"]
+    assert read.row("wheel radius")[-1] == "say nothing of it"
+    assert read.row("resistance")[-1] == "contradict it"
+
+
+def test_two_effects_are_both_said(found):
+    bias = Effect("gyro_bias", "sensor", "r + bias", 0.9, {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))})
+    said = verdict(dataclasses.replace(found["named"], effects=(FRICTION, bias))).replace("\N{NO-BREAK SPACE}", " ")
+    assert said.startswith("The simulator lacks two effects: dry friction at the wheels (coulomb_friction), 6.1 mN m")
+    assert "and an offset of the gyro (gyro_bias), 21.3 mrad/s (20.1 to 22.5); with them the error" in said
+
+
+def test_ambiguous_names_every_rival_and_what_to_drive(found):
+    said = verdict(found["ambiguous"])
+    assert "three explanations alike: dry friction at the wheels (coulomb_friction), a dead band" in said
+    assert "(rolling_sqrt) with an offset of the gyro (gyro_bias)." in said
+    assert said.endswith("Drive a slow ramp.")
+
+
+def test_unknown_gives_the_equation_and_its_share(found):
+    said = verdict(found["unknown"]).replace("\N{NO-BREAK SPACE}", " ")
+    assert "no effect of the library explains" in said
+    assert f"ΔT = {MINUS}0.006 sgn(w), takes away 92 % of the gap on runs it has not seen" in said
+
+
+def test_none_says_how_near_the_simulator_is_and_does_not_boast_where_it_is_not(found):
+    near = dataclasses.replace(found["none"], gap={"fit": Gap(1.0, 1.0), "held_out": Gap(1.02, 1.02)})
+    assert "Nothing is missing that these data could show" in verdict(near)
+    assert "1.02 times the noise" in verdict(near)
+    far = dataclasses.replace(near, gap={"fit": Gap(3.0, 3.0), "held_out": Gap(3.1, 3.1)})
+    assert verdict(far).startswith("No effect is named")
+
+
+def test_without_held_out_runs_the_page_says_that_nothing_is_proved(found):
+    told = dataclasses.replace(
+        found["named"],
+        roles=dict.fromkeys(ROLES, "fit"),
+        gap={"fit": Gap(26.1, 1.02), "held_out": Gap(None, None)},
+    )
+    assert verdict(told).endswith("falls from 26.1 to 1.02 times the noise, and no run was held out to prove it.")
+    read = Page(page(told, COMMAND))
+    assert read.row("runs held out") == ["runs held out", DASH, DASH]
+    assert 'role = "held_out"' in read.sections["proof"]
+
+
+def test_the_numbers_are_those_of_the_finding(found):
+    told = found["named"]
+    read = Page(page(told, COMMAND))
+    assert read.row("torque")[:5] == ["torque", "6.1", "5.8", "6.4", "mN m"]
+    assert "99 %" in read.sections["verdict"]
+    for role, label in (("fit", "runs fitted"), ("held_out", "runs held out")):
+        assert [float(cell) for cell in read.row(label)[1:]] == pytest.approx(
+            [told.gap[role].before, told.gap[role].after], rel=0.005
+        )
+    assert read.row("resistance")[1:5] == ["22 ± 1.1 Ω", "27.3 Ω", "+24.1", "+4.8"]
+    assert "22.0 Ω stated, 27.3 Ω fitted, 4.8 of its standard deviations away" in read.text
+    assert read.row("wheel radius")[1:5] == ["40.8 ± 0.3 mm", "40.6 mm", f"{MINUS}0.5", f"{MINUS}0.7"]
+    assert read.row("viscous friction")[1:3] == ["0 N m s/rad", "18.0 µN m s/rad"]
+    assert read.row("spin", "yaw rate") == ["spin", "yaw rate", "0.20", "1.31", "turning", "44 %"]
+    assert read.row("1") == ["1", "coulomb_friction", "torque 6.10 mN m", "1.02", "over 99 %", RANKING[0].why]
+    assert read.row("2")[2:] == ["voltage 0.430 V", "2.90", "75 %", "Fits worse by 812 units."]
+    assert len([row for row in read.rows if row[-1].startswith("Not ")]) == 12
+    assert read.row("battery_sag")[2:] == ["resistance", "0.410 Ω"]
+    assert len([row for row in read.rows if row[2:3] == ["frozen"]]) == 23
+    assert read.row("curve", "yaw rate", "frozen", "0.100") == ["curve", "yaw rate", "frozen", "0.100", "0.130"]
+    assert "14 of 20 lags outside" in read.sections["left"]
+    assert "seed 7" in read.sections["reproduce"]
+    assert COMMAND in read.sections["reproduce"]
+
+
+def test_the_map_holds_each_runs_error_in_each_signal(found):
+    told = found["named"]
+    read = Page(page(told, COMMAND))
+    for run in told.dataset.runs:
+        cells = read.row(run.name, "held out" if ROLES[run.name] == "held_out" else "fitted")[2:]
+        for signal, cell in zip(NOISE, cells, strict=True):
+            expected = []
+            for which in ("nominal", "augmented"):
+                error = run.outputs[signal] - told.simulated[which][run.name][signal]
+                error = error - error[0] if signal == "wheel_travel_right" else error
+                expected.append(np.sqrt(np.mean(error**2)) / NOISE[signal])
+            assert [float(one) for one in cell.split(" → ")] == pytest.approx(expected, rel=0.005, abs=0.006)
+
+
+def test_every_run_and_signal_is_drawn_once(found):
+    for told in found.values():
+        read = Page(page(told, COMMAND))
+        drawn = [
+            svg["aria-label"] for svg in read.all("svg") if "measured and simulated, and" in svg.get("aria-label", "")
+        ]
+        assert len(drawn) == len(set(drawn)) == len(ROLES) * len(NOISE)
+
+
+def test_a_position_is_drawn_by_the_velocity_that_it_is_judged_by(found, tmp_path):
+    truth = motor(force_per_volt=30.0, mass=90.0, wheel_inertia=0.0, viscous_friction=200.0)
+    axis = dataset.read(write(tmp_path / "set", truth, {"position": 0.0}, "force_per_volt = 30.0"))
+    simulated = dict(zip(("nominal", "augmented"), Replay(axis).simulate([truth, truth]), strict=True))
+    told = dataclasses.replace(
+        found["named"],
+        dataset=axis,
+        simulated=simulated,
+        noise_sd={"velocity": 0.03},  # of up to 0.9 m/s: a derivative rounds the corners off
+        where=(),
+        roles=dict.fromkeys(ROLES, "fit"),
+        gap={"fit": Gap(None, None), "held_out": Gap(None, None)},
+        by_signal={"velocity": Gap(None, None)},
+    )
+    read = Page(page(told, COMMAND))
+    assert all(float(read.row(name, "fitted")[2].split(" → ")[1]) < 1.0 for name in ROLES)
+    assert "how far the error falls could not be measured" in read.sections["verdict"]
+
+
+def test_what_was_gone_by_the_gap_stands_open_and_so_does_a_held_out_run(found):
+    html = page(found["named"], COMMAND)
+    shown = html[html.index('id="before-after"') : html.index("<details")]
+    assert re.findall(r'aria-label="(\w+), (fitted|held out): ([\w ]+) measured', shown) == [
+        ("spin", "held out", "yaw rate"),
+        ("curve", "fitted", "yaw rate"),
+    ]
+
+
+def test_the_experiment_is_drawn_with_its_voltages(found):
+    read = Page(page(found["ambiguous"], COMMAND))
+    points = [row for row in map(read._clean, read.rows) if row[0] in ("left", "right") and len(row) == 3]
+    assert points == [
+        *(["left", f"{t:g}", f"{v:g}"] for t, v in RAMP.voltage_left),
+        *(["right", f"{t:g}", f"{v:g}"] for t, v in RAMP.voltage_right),
+    ]
+    assert "14.2 times the noise, rms, in yaw rate" in read.sections["next"]
+    assert read.row("a dead band of the drive around zero volts (actuator_deadband)")[1:] == ["voltage 0.430 V", "3.2"]
+
+
+def test_without_a_manoeuvre_the_advice_stands_alone(found):
+    asked = Experiment("Measure current_left as well.", ("gyro_bias", "gyro_drift"), 0.1, "current_left", None)
+    read = Page(page(dataclasses.replace(found["ambiguous"], next_experiment=asked), COMMAND))
+    assert "Measure current_left as well." in read.sections["next"]
+    assert "what to drive with" not in read.sections["next"]
+
+
+def test_the_term_comes_with_its_equation_and_source(found):
+    html = page(found["unknown"], COMMAND)
+    assert TERM.html in html
+    assert TERM.source in Page(html).text
+
+
+def test_text_of_the_data_cannot_become_markup(found):
+    html = page(found["none"], COMMAND)
+    assert "<script" not in html
+    assert "A note with <script>alert(1)</script> in it." in Page(html).text
+
+
+def test_the_model_on_the_page_is_the_one_that_was_found(found):
+    text = Page(page(found["named"], COMMAND)).sections["reproduce"]
+    assert "[effects.coulomb_friction]" in text
+    assert "torque = {value = 0.006," in text
+
+
+def test_every_effect_of_the_library_has_words():
+    assert [one.name for one in plant.effects() if words(one.name) == one.name.replace("_", " ")] == []
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "ci95", "shown"),
+    [
+        (0.0061, "N m", (0.0058, 0.0064), "6.1 mN m (5.8 to 6.4)"),
+        (0.0061, "N m", (0.00595, 0.00625), "6.10 mN m (5.95 to 6.25)"),
+        (95.109, "kg", (94.6, 95.7), "95.1 kg (94.6 to 95.7)"),
+        (203.5, "N s/m", (180.0, 240.0), "200 N s/m (180 to 240)"),
+        (-3.165, "N", None, f"{MINUS}3.17 N"),
+        (0.0021, "kg m^2", None, "2.10 g m²"),
+        (22.04, "ohm", None, "22.0 Ω"),
+        (0.018, "m^2", None, "0.0180 m²"),
+        (0.015, "s/m", None, "0.0150 s/m"),
+        (0.1, "1", (0.08, 0.12), "0.10 (0.08 to 0.12)"),
+        (12.5, "s", None, "12.5 s"),
+        (0.0, "V", None, "0 V"),
+        (0.2, "rad", (0.1, np.inf), "0.200 rad (0.100 to without limit)"),
+    ],
+)
+def test_values_are_shown_in_handy_units_with_the_digits_they_deserve(value, unit, ci95, shown):
+    assert str(quantity(value, unit, ci95)).replace("\N{NO-BREAK SPACE}", " ") == shown
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "unit"),
+    [
+        ("coulomb_friction", "torque", "N"),
+        ("direction_asymmetry", "drag", "N s/m"),
+        ("stiction_stribeck", "stribeck_speed", "m/s"),
+        ("rolling_sqrt", "torque", "N"),
+        ("gear_backlash", "gap", "m"),
+        ("gear_backlash", "rotor_share", "1"),
+        ("torque_ripple", "order", "rad/m"),
+        ("torque_ripple", "phase", "rad"),
+        ("battery_sag", "resistance", "ohm"),
+    ],
+)
+def test_an_axis_that_is_driven_by_force_has_its_parameters_in_metres(effect, parameter, unit):
+    info = next(one for one in plant.effects() if one.name == effect)
+    info = next(one for one in info.parameters if one.name == parameter)
+    assert unit_on(motor(force_per_volt=35.0), info) == unit
+    assert unit_on(robot(), info) == info.unit
+
+
+def path(svg: str, style: str) -> list[list[tuple[float, float]]]:
+    """Points of the curves of a style, one list a stroke."""
+    drawn = "".join(re.findall(rf'class="curve {style}" d="([^"]*)"', svg))
+    strokes = [stroke for stroke in drawn.split("M") if stroke]
+    return [[tuple(map(float, point.split())) for point in stroke.replace("h0", "").split("L")] for stroke in strokes]
+
+
+def draw(measured, **options):
+    time = np.linspace(0.0, 10.0, len(measured))
+    curves = [Curve("measured", time, measured)]
+    return superimposed("rad/s", curves, curves, 0.1, title="a curve", points=300, **options)
+
+
+def test_no_peak_is_lost_by_thinning():
+    measured = np.zeros(3300)
+    measured[1234] = 5.0
+    (stroke,) = path(draw(measured), "measured")[:1]
+    x, y = np.array(stroke).T
+    assert len(x) < 400
+    assert y.max() - y.min() == pytest.approx(150.0 / 1.12, abs=0.2)
+    left, right = x.min(), x.max()
+    assert x[np.argmin(y)] == pytest.approx(left + (right - left) * 1234 / 3299, abs=0.1)
+
+
+def test_a_gap_in_the_data_is_a_gap_in_the_curve():
+    measured = np.sin(np.arange(200.0))
+    measured[50:80] = np.nan
+    assert [len(stroke) for stroke in path(draw(measured), "measured")[:2]] == [50, 120]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("measured", [np.zeros(20), np.full(20, 3.0), np.r_[np.full(19, np.nan), 1.0]])
+def test_curves_without_a_spread_are_drawn_within_the_chart(measured):
+    for stroke in path(draw(measured, stretch=(2.0, 3.0)), "measured"):
+        assert all(0 < x < 800 and 0 < y < 310 for x, y in stroke)
+
+
+def test_twelve_long_runs_stay_below_three_megabytes(found):
+    told = found["named"]
+    base = told.dataset.runs[0]
+    random, time = np.random.default_rng(0), np.arange(3300) * 0.003
+    signals = ("accel_surge", "accel_sway", "yaw_rate", "wheel_speed_left", "wheel_speed_right")
+    runs = tuple(
+        dataclasses.replace(base, name=f"run_{k}", time=time, outputs={s: random.normal(size=3300) for s in signals})
+        for k in range(12)
+    )
+    silent = {run.name: dict.fromkeys(signals, np.zeros(3300)) for run in runs}
+    long = dataclasses.replace(
+        told,
+        dataset=dataclasses.replace(told.dataset, runs=runs),
+        roles={run.name: "fit" for run in runs},
+        simulated={"nominal": silent, "augmented": silent},
+        noise_sd=dict.fromkeys(signals, 1.0),
+        where=(),
+        faults=(),
+    )
+    html = page(long, COMMAND)
+    assert html.count("measured and simulated, and") == 60
+    assert len(html.encode()) < 3e6
+
+
+def test_a_clock_that_counts_from_1970_leaves_room_for_its_ticks():
+    time = 1.7e9 + np.linspace(0.0, 10.0, 50)
+    curves = [Curve("measured", time, np.sin(time))]
+    svg = superimposed("V", curves, curves, 0.1, (1.7e9 + 2.0, 1.7e9 + 4.0), title="a curve", points=300)
+    assert "counted from 1700000000 s" in svg
+    ticks = re.findall(r'text-anchor="middle">([\d.]+)<', svg)
+    assert [float(tick) for tick in ticks] == [0, 2, 4, 6, 8, 10]

@@ -1,0 +1,113 @@
+"""One run as the audit sees it, and what belongs to what in it: sums to their rates, channels to their drives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RATES = {"angle": "speed", "position": "velocity"} | {
+    f"wheel_{of}_{side}": f"wheel_{rate}_{side}"
+    for of, rate in (("angle", "speed"), ("travel", "velocity"))
+    for side in ("left", "right")
+}
+"""A sum of motion -> its rate, measured by the same sensor."""
+
+SUMS = frozenset(RATES) | {"yaw_angle"}
+
+LEAST_FROZEN = 20
+"""Samples of one value: fewer are never called frozen."""
+
+_REVERSES = 0.3
+_DITHERS = 0.02  # share of repeats of a channel that never stands
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """One run as far as it is audited; `outputs` are blanked as faults are found. `resolution`: by signal, SI."""
+
+    time: Vector
+    inputs: Mapping[str, Vector]
+    outputs: dict[str, Vector]
+    resolution: Mapping[str, float]
+
+    @cached_property
+    def drives(self) -> Mapping[str, Vector]:
+        """See `drives`."""
+        return drives(self.inputs)
+
+    @cached_property
+    def interval(self) -> float:
+        """s between samples, the median."""
+        return float(np.median(np.diff(self.time)))
+
+
+class Habits:
+    """What the channels do in all runs together; each is looked at once, when it is first asked for."""
+
+    def __init__(self, courses: Sequence[Course]) -> None:
+        self.courses = courses
+        self._noise: dict[str, bool] = {}
+        self._usual_drive: dict[str, float | None] = {}
+
+    def is_noise(self, name: str) -> bool:
+        """Whether a signal goes to and fro as noise does (two of three samples) rather than one way as motion does."""
+        if name not in self._noise:
+            changes = np.concatenate([np.diff(one.outputs[name]) for one in self.courses])
+            self._noise[name] = bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
+        return self._noise[name]
+
+    def usual_drive(self, name: str) -> float | None:
+        """Mean size of what drives a channel that, but for long stretches, changes with every sample; else None."""
+        if name not in self._usual_drive:
+            self._usual_drive[name] = self._drive_while_moving(name)
+        return self._usual_drive[name]
+
+    def _drive_while_moving(self, name: str) -> float | None:
+        repeats = samples = 0
+        level = 0.0
+        for one in self.courses:
+            same = np.diff(one.outputs[name]) == 0.0
+            outside = np.isfinite(one.outputs[name])
+            for first, last in stretches(same, LEAST_FROZEN - 1):
+                same[first:last] = False
+                outside[first : last + 1] = False
+            repeats += int(np.count_nonzero(same))
+            samples += int(np.count_nonzero(outside))
+            level += float(np.sum(np.abs(one.drives[driven_by(name)][outside])))
+        return level / samples if samples >= LEAST_FROZEN and repeats <= _DITHERS * samples else None
+
+
+def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
+    """Start and stop (exclusive) of each stretch of `least` true values or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    long = np.diff(edges)[::2] >= least
+    return list(zip(edges[::2][long].tolist(), edges[1::2][long].tolist(), strict=True))
+
+
+def drives(inputs: Mapping[str, Vector]) -> dict[str, Vector]:
+    """What drives "left", "right", "shaft" and, left less right, "yaw", in the inputs' unit; 0 where a motor floats."""
+    known = {name: np.nan_to_num(values) for name, values in inputs.items()}
+    for kind in ("voltage", "duty"):
+        if kind in known:
+            return {"shaft": known[kind]}
+        if f"{kind}_left" in known:
+            left, right = known[f"{kind}_left"], known[f"{kind}_right"]
+            return {"left": left, "right": right, "yaw": left - right}
+    mean, difference = known["duty_mean"], known["duty_diff"]
+    return {"left": mean + difference / 2, "right": mean - difference / 2, "yaw": difference}
+
+
+def driven_by(name: str) -> str:
+    """Which of the `drives` moves what a channel measures; "" where it is not one of them alone."""
+    if name.endswith(("_left", "_right")):
+        return name.rsplit("_", 1)[1]
+    if name.startswith("yaw_"):
+        return "yaw"
+    return "shaft" if name in {"speed", "angle", "position", "velocity", "current", "force"} else ""

@@ -1,0 +1,212 @@
+"""A composed term as a C effect file of its own, to be built into the simulator like any other effect."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from brickpilot.discover.composed_terms import Term, parameters
+from brickpilot.plant import ParameterInfo
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
+
+# Where each hook finds what its expressions speak of, in an order in which it can be declared.
+_STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
+_NOW = " + clock * kept->start_age"
+_VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
+_SPEED = "vehicle->state.wheel_speed[k]"
+_DRIVE = {"V": _VOLTS, "other": "isnan(command[1 - k]) ? 0 : command[1 - k]", "w": _SPEED, "t": _STEPS + _NOW}
+_LOSS = {"w": "speed + 0.5 * (speed - kept->speed[k])", "t": _STEPS + _NOW}
+_WHEEL = {
+    "V": _VOLTS,
+    "i": "vehicle->state.current[k]",
+    "w": _SPEED,
+    "theta": f"vehicle->state.wheel_angle[k] + 0.5 * vehicle->step * {_SPEED}",
+    "t": _STEPS + _NOW,
+}
+_BODY = {
+    "half": "0.5 * vehicle->step",
+    "u": "vehicle->middle.surge",
+    "r": "vehicle->middle.yaw_rate",
+    "psi": "vehicle->middle.heading",
+    "x": "vehicle->state.x + half * (vehicle->state.surge * cos(psi) - vehicle->state.sway * sin(psi))",
+    "y": "vehicle->state.y + half * (vehicle->state.surge * sin(psi) + vehicle->state.sway * cos(psi))",
+    "t": f"{_AGE} + half{_NOW}",
+    "patch": "window((x - patch_x) / patch_half_width)",
+    "half_track": "vehicle->parameter[PARAMETER_HALF_TRACK]",
+    "sprung_surge": "sprung_push(kept->surge, frequency, damping, vehicle->surge_rate, kept->step)",
+    "sprung_yaw": "sprung_push(kept->yaw, frequency, damping, vehicle->yaw_accel, kept->step)",
+}
+_MOTOR = {"r": "0", "psi": "0", "x": "lever(vehicle) * vehicle->state.wheel_angle[0] + half * u", "y": "0"}
+_SENSOR = {
+    "u": "vehicle->state.surge",
+    "r": "vehicle->state.yaw_rate",
+    "a": "vehicle->output[OUTPUT_ACCEL_SURGE]",
+    "b": "vehicle->output[OUTPUT_ACCEL_SWAY]",
+    "i_left": "vehicle->state.current[0]",
+    "i_right": "vehicle->state.current[1]",
+    "t": _AGE + _NOW,
+}
+_HOOKS = {
+    "drive": (("drive_gain", "drive_add"), _DRIVE),
+    "motor": (("wheel_loss",), _LOSS),
+    "wheel": (("wheel_dry", "wheel_gain", "wheel_push"), _WHEEL),
+    "body": (("surge_dry", "surge_loss", "surge_push", "yaw_dry", "yaw_loss", "yaw_push"), _BODY),
+    "sensor": (("gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
+}
+_ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body"}
+_OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
+
+
+@dataclass(frozen=True)
+class _Hook:
+    """`locals`: symbol -> C. `sums`: "surge_loss" -> the sum of its terms in C. `keeps`: whether it uses the memory."""
+
+    locals: Mapping[str, str]
+    sums: Mapping[str, str]
+    keeps: bool
+
+
+def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
+    """The text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
+
+    Args:
+        settings: the other parameters of composed_term that shape the terms, by name.
+        name: of the effect and the file; a C identifier in lower case.
+        vehicle: "diff_drive" or "motor": the only kind it acts on.
+
+    Raises:
+        ValueError: no terms, a name that is none, a missing setting, or a term that does not act on this vehicle.
+    """
+    if not terms or not _NAME.fullmatch(name):
+        raise ValueError(f"no effect can be made of {len(terms)} terms and the name {name!r}")
+    missing = {setting for term in terms for setting in term.basis.tuned} - settings.keys()
+    if missing:
+        raise ValueError(f"no value for {', '.join(sorted(missing))}")
+    motor = vehicle == "motor"
+    if motor and any(term.basis.sided or term.basis.place not in _OF_A_MOTOR for term in terms):
+        raise ValueError("a term that does not act on a motor")
+    hooks = {site: _hook(site, terms, settings, motor=motor) for site in _HOOKS}
+    used = {symbol for hook in hooks.values() for symbol in hook.locals}
+    words = _words(code for hook in hooks.values() for code in (*hook.sums.values(), *hook.locals.values()))
+    if "sprung_push" in words:
+        words.add("PI")
+    memory = _memory(hooks, used)
+    sites = [site for site, hook in hooks.items() if hook.sums or (site == "wheel" and _WHEEL_KEEPS & memory.keys())]
+    if memory.keys() & {"start_age", "speed[2]"}:
+        sites.insert(0, "start")
+    content = {
+        "name": name,
+        "laws": _laws(terms),
+        "words": words,
+        "memory": memory,
+        "count": 1 if motor else 2,
+        "motor": motor,
+        "motor_hook": hooks.pop("motor"),
+        "sites": sites,
+        "parameters": _rows(terms, settings),
+        "acts_on": _ACTS_ON.get(terms[0].basis.place, "sensor"),
+    }
+    return _environment().get_template("composed_effect.c.j2").render(content | hooks)
+
+
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("brickpilot"),
+        autoescape=False,  # it writes C
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, motor: bool) -> _Hook:
+    kinds, sources = _HOOKS[site]
+    sources = {name: f"value[{name.upper()}]" for name in settings} | sources
+    if motor and site == "body":
+        sources |= _MOTOR
+    sums = {kind: text for kind in kinds if (text := _sum(terms, kind))}
+    needed = _words(sums.values()) | ({"half_track"} if "yaw_loss" in sums else set())
+    while more := _words(sources[word] for word in needed if word in sources) - needed:
+        needed |= more
+    found = {symbol: code for symbol, code in sources.items() if symbol in needed}
+    keeps = (
+        "kept" in needed or "wheel_loss" in sums or "gyro_add" in sums or bool({"surge_dry", "yaw_dry"} & sums.keys())
+    )
+    return _Hook(found, sums, keeps)
+
+
+def _sum(terms: Sequence[Term], kind: str) -> str:
+    """The terms of one way to act; left and right apart where a term is sided."""
+    chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
+    place = kind.split("_")[0]
+
+    def added(sided: bool) -> str:
+        return " + ".join(
+            f"value[{one.name.upper()}] * {_bracketed(one.expression.replace('sprung', f'sprung_{place}'))}"
+            for one in chosen
+            if one.sided == sided
+        )
+
+    sides = f"(k == 0 ? 1 : -1) * ({added(True)})" if added(True) else ""
+    return " + ".join(part for part in (added(False), sides) if part)
+
+
+def _bracketed(expression: str) -> str:
+    return expression if expression.isidentifier() or expression.isdigit() else f"({expression})"
+
+
+def _words(texts: Iterable[str]) -> set[str]:
+    return {word for text in texts for word in _WORD.findall(text)}
+
+
+_WHEEL_KEEPS = frozenset({"time", "dry_surge", "dry_yaw"})
+
+
+def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
+    """Field of the memory -> comment, of those that are needed."""
+    body = hooks["body"].sums
+    fields: dict[str, tuple[bool, str]] = {
+        "start_age": ("t" in used, "s"),
+        "time": (any("t" in hooks[site].locals for site in ("drive", "motor", "wheel")), "s since the run's start"),
+        "speed[2]": (bool(hooks["motor"].sums), "rad/s, of the wheels a body step ago"),
+        "step": (bool({"sprung_surge", "sprung_yaw"} & used), "s, the last body step"),
+        "surge[2]": ("sprung_surge" in used, "m, m/s: of the sprung mass"),
+        "yaw[2]": ("sprung_yaw" in used, "rad, rad/s: of the sprung mass"),
+        "dry_surge": ("surge_dry" in body, "N"),
+        "dry_yaw": ("yaw_dry" in body, "N m"),
+        "error": ("gyro_add" in hooks["sensor"].sums, "rad/s"),
+        "angle": ("gyro_add" in hooks["sensor"].sums, "rad"),
+    }
+    return {field: comment for field, (needed, comment) in fields.items() if needed}
+
+
+def _laws(terms: Sequence[Term]) -> list[str]:
+    """The terms as they stand in composed_term's table, with their parameters' names."""
+    return [
+        f"{one.target} += {one.sign.replace('c *', f'{one.name} *')}{_bracketed(one.expression)}{one.factor}"
+        for one in (term.basis for term in terms)
+    ]
+
+
+def _rows(terms: Sequence[Term], settings: Mapping[str, float]) -> list[dict[str, Any]]:
+    shaping = [_row(info, settings[info.name], info.meaning) for info in parameters() if info.name in settings]
+    return [_row(term.basis.info, term.coefficient, "coefficient") for term in terms] + shaping
+
+
+def _row(info: ParameterInfo, value: float, meaning: str) -> dict[str, Any]:
+    return {
+        "name": info.name,
+        "unit": info.unit,
+        "meaning": meaning,
+        "minimum": repr(info.minimum),
+        "maximum": repr(info.maximum),
+        "value": repr(float(value)),
+        "odd": int(info.odd),
+    }

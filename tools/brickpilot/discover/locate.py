@@ -1,0 +1,151 @@
+"""Where simulation and measurement disagree: how much, in which runs, signals and moments, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.dataset import Dataset, Run
+from brickpilot.discover.band import BIN_S, Band, run_of
+from brickpilot.discover.finding import Gap, Place, Whiteness
+from brickpilot.replay import SUMMED, Outputs
+
+Array = NDArray[np.float64]
+
+_PLACES = 8  # that are told
+_TAIL = 0.05  # of the gap of a place, at either end, that its stretch leaves out
+_LAGS = 20
+_LEAST_SHARE = 0.02
+_MOST_IN = 0.6  # of a place's gap that a condition has to hold, to be worth telling
+_LIFT = 1.3  # times as much as its share of the time
+
+
+def gaps(
+    dataset: Dataset,
+    simulated: Mapping[str, Mapping[str, Outputs]],
+    roles: Mapping[str, str],
+    noise_sd: Mapping[str, float],
+) -> tuple[dict[str, Gap], dict[str, Gap]]:
+    """rms of measured minus simulated over noise sd, by role and by signal, before ("nominal") and after ("augmented").
+
+    Sample by sample and from the inputs alone; a signal that sums up is taken from its first sample. Signals count
+    alike, samples within a signal too.
+    """
+
+    def gap(run_names: Sequence[str], signals: Sequence[str]) -> Gap:
+        return Gap(
+            *(_rms(dataset, simulated[model], run_names, signals, noise_sd) for model in ("nominal", "augmented"))
+        )
+
+    names = [run.name for run in dataset.runs]
+    by_role = {role: gap([n for n in names if roles[n] == role], list(noise_sd)) for role in ("fit", "held_out")}
+    return by_role, {signal: gap(names, [signal]) for signal in noise_sd}
+
+
+def _rms(
+    dataset: Dataset,
+    simulated: Mapping[str, Outputs],
+    names: Sequence[str],
+    signals: Sequence[str],
+    noise_sd: Mapping[str, float],
+) -> float | None:
+    squares = []
+    for signal in signals:
+        parts = [
+            residual(run, signal, simulated[run.name][signal])
+            for run in dataset.runs
+            if run.name in names and signal in run.outputs and signal in simulated[run.name]
+        ]
+        left = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.empty(0)
+        if len(left):
+            squares.append(float(np.mean(left**2)) / noise_sd[signal] ** 2)
+    return float(np.sqrt(np.mean(squares))) if squares else None
+
+
+def residual(run: Run, signal: str, simulated: Array) -> Array:
+    """Measured minus simulated, (n,); NaN where nothing was measured. What sums up starts from 0."""
+    left = run.outputs[signal] - simulated
+    if signal in SUMMED:
+        known = np.flatnonzero(np.isfinite(left))
+        return left - left[known[0]] if len(known) else left
+    return left
+
+
+def places(
+    band: Band, dataset: Dataset, before: Array, after: Array, moving: Mapping[str, Outputs]
+) -> tuple[Place, ...]:
+    """The runs and signals that most of the gap came from, the largest first.
+
+    Args:
+        band: over all runs; `before`, `after`: (samples,) its losses with the nominal and the augmented model.
+        moving: run -> outputs of the augmented model, for what the vehicle was doing.
+    """
+    fall = before - after
+    total = float(fall[fall > 0].sum())
+    if total <= 0:
+        return ()
+    clock = {run.name: run for run in dataset.runs}
+    found = []
+    for block in band.blocks:
+        part = np.maximum(fall[block.place], 0.0)
+        share = float(part.sum()) / total
+        if share < _LEAST_SHARE:
+            continue
+        grown = np.cumsum(part) / part.sum()
+        first, last = int(np.searchsorted(grown, _TAIL)), int(np.searchsorted(grown, 1 - _TAIL))
+        run = clock[run_of(block.run)]
+        when = _condition(run, moving[run.name], block.middle, part)
+        found.append(
+            Place(
+                run.name,
+                block.signal,
+                round(float(block.middle[first]) - BIN_S / 2, 3),
+                round(float(block.middle[min(last, len(part) - 1)]) + BIN_S / 2, 3),
+                share,
+                when,
+            )
+        )
+    return tuple(sorted(found, key=lambda one: -one.share_of_gap)[:_PLACES])
+
+
+def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
+    """What the vehicle was doing while the gap was there: the narrowest plain condition that holds most of it."""
+    held = {name: np.interp(middle, run.time, np.nan_to_num(values)) for name, values in outputs.items()}
+    speed = next((held[name] for name in ("surge", "velocity", "speed") if name in held), np.zeros(len(middle)))
+    turn = held.get("yaw_rate", np.zeros(len(middle)))
+    fast, turning = 0.5 * float(np.abs(speed).max()), 0.2 * float(np.abs(turn).max())
+    change = np.abs(np.gradient(speed, middle)) if len(middle) > 2 else np.zeros(len(middle))
+    conditions = {
+        "speed > 0": speed > 0.1 * fast,
+        "speed < 0": speed < -0.1 * fast,
+        "near standstill": np.abs(speed) < 0.1 * fast,
+        "at high speed": np.abs(speed) > fast,
+        "turning right": turn > turning,
+        "turning left": turn < -turning,
+        "turning": np.abs(turn) > turning,
+        "while the speed changes": change > 0.2 * float(change.max()),
+    }
+    best, lift = "throughout", _LIFT
+    for text, mask in conditions.items():
+        inside, time = float(part[mask].sum() / part.sum()), float(mask.mean())
+        if inside >= _MOST_IN and time > 0 and inside / time > lift and float(np.ptp(speed) + np.ptp(turn)) > 0:
+            best, lift = text, inside / time
+    return best
+
+
+def whiteness(band: Band, left: Array) -> dict[str, Whiteness]:
+    """Autocorrelation of what is left, by signal, over the bins. `left`: (samples,), whitened."""
+    found = {}
+    for signal in band.signals:
+        parts = [left[block.place] for block in band.blocks if block.signal == signal]
+        parts = [part - part.mean() for part in parts if len(part) > 2 * _LAGS]
+        if not parts:
+            continue
+        power = sum(float(part @ part) for part in parts) or 1.0
+        rho = [sum(float(part[lag:] @ part[:-lag]) for part in parts) / power for lag in range(1, _LAGS + 1)]
+        bound = 1.96 / float(np.sqrt(sum(len(part) for part in parts)))
+        outside = sum(abs(value) > bound for value in rho)
+        found[signal] = Whiteness(BIN_S, tuple(rho), bound, outside <= _LAGS // 5)
+    return found

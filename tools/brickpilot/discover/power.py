@@ -1,0 +1,31 @@
+"""The smallest size of each effect that a data set would have shown: what "none" is worth."""
+
+from __future__ import annotations
+
+import math
+
+from brickpilot.discover.band import Band
+from brickpilot.discover.candidates import Seen, candidates, effect_info, signatures
+from brickpilot.discover.finding import Visible
+from brickpilot.discover.select import Fitted, needed
+
+
+def smallest(band: Band, best: Fitted, seen: Seen) -> dict[str, Visible]:
+    """effect -> the size at which it would have taken away enough to be named, beside what is in `best` already.
+
+    Extrapolated from the simulated size that is nearest; effects of which nothing shows at any size are left out.
+    """
+    here = band.with_plan(best.plan)
+    here.keep(best.point, len(best.point))
+    gate = needed(best.cost, band.trusted())
+    found: dict[str, tuple[float, Visible]] = {}
+    for candidate, values, strength in signatures(here, best.point, candidates(best.model), seen=seen):
+        name = candidate.free[0]
+        size = abs(values[name]) * math.sqrt(gate / max(strength, 1e-12))
+        away = abs(math.log(size / abs(values[name]))) if values[name] and size else math.inf
+        info = next(one for one in effect_info(candidate.effect).parameters if one.name == name)
+        if size > info.maximum or not math.isfinite(away):
+            continue
+        if candidate.effect not in found or away < found[candidate.effect][0]:
+            found[candidate.effect] = (away, Visible(name, size, info.unit))
+    return {name: visible for name, (_, visible) in sorted(found.items())}

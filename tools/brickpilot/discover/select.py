@@ -1,0 +1,355 @@
+"""Fits candidates, compares them, and decides which effects the data ask for.
+
+Forward: the best candidate is added while it takes away enough. All pairs of the best few compete with it, so that two
+effects at once are not read as one in between. Backward: what the others make needless goes again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.descent import descend
+from brickpilot.discover.band import Band
+from brickpilot.discover.candidates import (
+    PARAMETER_COST,
+    SHAPES,
+    Candidate,
+    Seen,
+    Trial,
+    candidates,
+    read_limits,
+    screen,
+)
+from brickpilot.errors import SimulationError
+from brickpilot.model import Model
+from brickpilot.parameters import Free, Plan
+
+Array = NDArray[np.float64]
+Tell = Callable[[str], None]
+_Item = TypeVar("_Item")
+
+_ROUGH, _POLISHED = 1e-3, 1e-4
+_DESCENTS, _GAINED = 6, 3e-4  # of one fit at the most, and share of the cost below which another one is not worth it
+_FOLLOWED = 10  # candidates of a screen that are fitted
+_POLISHED_COUNT = 5  # of those, that are fitted to the end
+_STRUCTURED = 1.2  # times the cost of noise: more has structure, which the wrong effect may have left
+_PAIRED = 5  # of those, of which all pairs are fitted
+_ROUNDS = 5
+_MOST = 4  # effects, before needless ones are removed
+_BENT_SD = 5.0  # that a nominal value was moved by, to hide something
+_BEYOND = 0.9  # of the largest reading: what limits a sensor is not less
+_CLOSE = 0.2  # of the best one's gain: those nearer to it than that are fitted to the end
+_HOPE = 0.3  # of what an effect has to take away: a screened candidate that promises less is not fitted
+_HELD = 0.25  # of the share it takes away from the fitted runs: what an effect has to take from the held-out ones
+_LEAST_GAIN = 60.0  # of cost, for an effect
+_LEAST_SHARE = 0.05  # of the cost that remains
+_SHARE_OF_ALL = 0.004  # of what the effects before it took away
+_SHARE_UNEXPLAINED = 0.2  # beside it, of what remains that is not noise
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One model fitted to the fit runs.
+
+    Attributes:
+        chosen: the candidates switched on beside what the base model holds.
+        cost: half of all squared residuals and priors, in scales.
+        charged: the cost with what its parameters have to be worth, which grows with what they leave unexplained.
+        losses: (samples,) the data's share of the cost.
+    """
+
+    chosen: tuple[Candidate, ...]
+    plan: Plan
+    point: Array
+    cost: float
+    charged: float
+    losses: Array
+
+    @property
+    def model(self) -> Model:
+        return self.plan.at(self.point)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(one.effect for one in self.chosen)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search: what it began with, every model tried, best first, and whether the best was taken."""
+
+    before: Fitted
+    tried: tuple[Fitted, ...]
+    taken: bool
+
+
+@dataclass(frozen=True)
+class Selection:
+    """`best`: what is kept. `nominal`: the base model refitted. `steps`: how it came to that."""
+
+    nominal: Fitted
+    best: Fitted
+    steps: tuple[Step, ...]
+
+
+def enough(before: float, after: float, trusted: float) -> bool:
+    """Whether a fall of charged cost is more than clean data of a richer machine ever show."""
+    return before - after > needed(after, trusted)
+
+
+def _believed(band: Band, nominal: Fitted, current: Fitted, found: Fitted) -> bool:
+    """Whether `found` goes beyond `current`: by more than an effect that is not quite as the library has it leaves."""
+    least = _SHARE_OF_ALL * (nominal.cost - current.cost)
+    return enough(current.charged, found.charged, band.trusted()) and current.charged - found.charged > least
+
+
+def needed(after: float, trusted: float) -> float:
+    """How much of the cost an effect has to take away that leaves `after`.
+
+    Where a model leaves much more than a model is trusted to, it is wrong in other ways too, and whatever moves takes
+    some of that away. `trusted`: the cost of a residual of one scale throughout.
+    """
+    unexplained = max(0.0, 1 - trusted / after) if after > 0 else 0.0
+    return max(_LEAST_GAIN, (_LEAST_SHARE + _SHARE_UNEXPLAINED * unexplained) * after)
+
+
+def select(
+    band: Band, nominal: Fitted, *, seen: Seen, jobs: int, tell: Tell, stretches: Band | None = None
+) -> Selection:
+    """Searches forward and backward from `nominal`. `band` may be coarse.
+
+    `stretches`: the same data cut into short runs (`band.windowed`), to look there for what repeats with wheel angle.
+    """
+    current, steps, noise = nominal, list[Step](), band.noise_cost()
+    while len(current.chosen) < _MOST and len(steps) < _ROUNDS:
+        tell(f"looking for effect {len(current.chosen) + 1}")
+        tried = _round(band, current, seen, jobs, stretches if current.cost > _STRUCTURED * noise else None)
+        taken = bool(tried) and _believed(band, nominal, current, tried[0])
+        if len(current.chosen) == 1 and (taken or current.cost > _STRUCTURED * noise):
+            tried = _best_first(tried + _pairs(band, nominal, steps[-1].tried, jobs))
+            taken = bool(tried) and _believed(band, nominal, current, tried[0])
+        if not taken and len(current.chosen) > 1 and current.cost > _STRUCTURED * noise:
+            tried = _best_first(tried + _exchanged(band, current, seen, jobs))
+            taken = bool(tried) and _believed(band, nominal, current, tried[0])
+        steps.append(Step(current, tuple(tried), taken))
+        if not taken:
+            break
+        current = tried[0]
+    tell("removing what is not needed")
+    return Selection(nominal, pruned(band, current, jobs), tuple(steps))
+
+
+def fit(band: Band, chosen: Sequence[Candidate], plan: Plan, point: Array, tolerance: float) -> Fitted | None:
+    """The end of a descent from `point`; None where the plant diverges there."""
+    problem = band.with_plan(plan, threads=1)
+    try:
+        end = descend(problem, point, tolerance)
+    except SimulationError:
+        return None
+    residual = problem.residual(end)
+    losses = residual[: len(problem.measured)] ** 2 / 2
+    cost = float(np.sum(residual**2)) / 2
+    each = PARAMETER_COST * max(1.0, cost / problem.trusted())
+    return Fitted(tuple(chosen), plan, end, cost, cost + each * sum(len(one.free) for one in chosen), losses)
+
+
+def polish(band: Band, fits: Sequence[Fitted], jobs: int) -> list[Fitted]:
+    """Fits each to the end, with sensitivities of its own; best first.
+
+    Those of the nominal parameters, which cost most, are taken anew where a descent ends, until nothing is gained.
+    """
+
+    def one(found: Fitted) -> Fitted | None:
+        for _ in range(_DESCENTS):
+            own = band.with_plan(found.plan, threads=1)
+            own.keep(found.point, len(found.point) - sum(len(candidate.free) for candidate in found.chosen))
+            better = fit(own, found.chosen, found.plan, found.point, _POLISHED)
+            if better is None:
+                return None
+            gain, found = found.cost - better.cost, better
+            if gain < _GAINED * better.cost:
+                break
+        return found
+
+    return _best_first(_each(one, fits, jobs))
+
+
+def _round(band: Band, current: Fitted, seen: Seen, jobs: int, stretches: Band | None) -> list[Fitted]:
+    """The best candidates beside `current`, fitted.
+
+    Where the fit had to bend nominal values far beyond what is known of them, candidates are tried from the stated ones
+    too: an effect must not hide in a nominal value.
+    """
+    points = [current.point]
+    if float(np.abs(band.with_plan(current.plan).prior_rows(current.point)[0]).max(initial=0.0)) > _BENT_SD:
+        points.append(_restated(current))
+    rough = [found for point in points for found in _from(band, current, point, seen, jobs)]
+    if stretches is not None:
+        rough += _repeating(band, stretches, current, seen, jobs)
+    best = min((one.charged for one in rough), default=0.0)
+    near = best + _CLOSE * max(current.cost - best, 0.0)
+    close = [one for one in _best_first(rough) if one.charged < near][:_POLISHED_COUNT]
+    return _best_first(polish(band, close, jobs) + [one for one in rough if one not in close])
+
+
+def _restated(current: Fitted) -> Array:
+    """`current`'s point with the nominal parameters as they were stated."""
+    start = current.plan.start()
+    stated = [one.known is not None for one in current.plan.free]
+    return np.where(stated, start, current.point)
+
+
+def _from(
+    band: Band,
+    current: Fitted,
+    point: Array,
+    seen: Seen,
+    jobs: int,
+    chosen: Sequence[Candidate] | None = None,
+) -> list[Fitted]:
+    """The most hopeful of `chosen`, or of all candidates, fitted beside `current` from `point`."""
+    here = band.with_plan(current.plan)
+    here.keep(point, len(point))
+    first: dict[tuple[str, tuple[str, ...]], Trial] = {}
+    for trial in screen(here, point, candidates(current.model) if chosen is None else chosen, seen=seen):
+        if _hopeful(trial, band.trusted()):
+            first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
+
+    def one(trial: Trial) -> Fitted | None:
+        plan = trial.candidate.starting(current.plan, trial.values)
+        start = np.concatenate([point, plan.start()[len(point) :]])
+        return fit(here, (*current.chosen, trial.candidate), plan, start, _ROUGH)
+
+    fits = _each(one, list(first.values())[:_FOLLOWED], jobs)
+    return [found for found in fits if _possible(found, seen)]
+
+
+def _possible(found: Fitted, seen: Seen) -> bool:
+    """Whether what is called a repetition is one, and nothing was read beyond what is called its limit."""
+    tables = found.model.effects
+    repeats = all(tables[one.effect]["order"] >= seen.least_order for one in found.chosen if "order" in one.free)
+    limits = [(tables[one.effect][name], of) for one in found.chosen for name, of in read_limits(one)]
+    return repeats and all(limit > _BEYOND * seen.largest.get(of, 0.0) for limit, of in limits)
+
+
+def _repeating(band: Band, stretches: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
+    """What repeats with the wheels' angle: found on stretches, where simulated angles are true, then on the runs."""
+    here = fit(stretches, current.chosen, current.plan, current.point, _ROUGH)
+    if here is None:
+        return []
+    chosen = [one for one in candidates(current.model) if "order" in one.free]
+    found = []
+    for one in polish(stretches, _from(stretches, here, here.point, seen, jobs, chosen), jobs):
+        whole = fit(band, one.chosen, one.plan, one.point, _ROUGH)
+        found += [] if whole is None else [whole]
+    return found
+
+
+def _hopeful(trial: Trial, trusted: float) -> bool:
+    """Whether a candidate may take away enough, for all that its signature at one size says."""
+    return trial.before - trial.after > _HOPE * needed(trial.after, trusted)
+
+
+def _pairs(band: Band, nominal: Fitted, singles: Sequence[Fitted], jobs: int) -> list[Fitted]:
+    """All pairs of the best few single candidates, each from where it stood alone."""
+    best: dict[str, Fitted] = {}
+    for single in singles:
+        if len(single.chosen) == len(nominal.chosen) + 1:
+            best.setdefault(single.names[-1], single)
+    few = list(best.values())[:_PAIRED]
+
+    def one(pair: tuple[Fitted, Fitted]) -> Fitted | None:
+        joined = _joined(nominal, pair)
+        own = band.with_plan(joined.plan, threads=1)
+        own.keep(joined.point, len(nominal.point))
+        return fit(own, joined.chosen, joined.plan, joined.point, _ROUGH)
+
+    rough = _best_first(_each(one, list(itertools.combinations(few, 2)), jobs))
+    return polish(band, rough[:2], jobs)
+
+
+def _exchanged(band: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
+    """`current` with each of its effects in turn replaced by what is best beside the others."""
+    found: list[Fitted] = []
+    for fewer in polish(band, [_without(current, name) for name in current.names], jobs):
+        found += _round(band, fewer, seen, jobs, None)[:2]
+    return found
+
+
+def _joined(nominal: Fitted, pair: tuple[Fitted, Fitted]) -> Fitted:
+    """Both candidates' effects, from the mean of the nominal values that each alone led to."""
+    count = len(nominal.point)
+    first, second = pair
+    model = dataclasses.replace(first.plan.model, effects={**first.plan.model.effects, **second.plan.model.effects})
+    free: tuple[Free, ...] = (*first.plan.free, *second.plan.free[count:])
+    point = np.concatenate(
+        [(first.point[:count] + second.point[:count]) / 2, first.point[count:], second.point[count:]]
+    )
+    return Fitted((*first.chosen, second.chosen[-1]), Plan(model, free, ()), point, np.inf, np.inf, np.empty(0))
+
+
+def pruned(band: Band, found: Fitted, jobs: int, unseen: Band | None = None) -> Fitted:
+    """`found` without the effects that the others make needless, fitted again; at least one is left.
+
+    Args:
+        unseen: the held-out runs: an effect that does not help there is needless, however well it fits.
+    """
+    while len(found.chosen) > 1:
+        shorter = polish(band, [_without(found, name) for name in found.names], jobs)
+        needless = [one for one in shorter if not worth(band, one, found, unseen)]
+        if not needless:
+            return found
+        found = needless[0]
+    return found
+
+
+def worth(band: Band, before: Fitted, after: Fitted, unseen: Band | None) -> bool:
+    """Whether `after` is believed beside the smaller model `before`: on fitted runs, and on those it has not seen."""
+    if not enough(before.charged, after.charged, band.trusted()):
+        return False
+    if unseen is None:
+        return True
+    fall = 1 - unseen.losses(after.model).sum() / max(float(unseen.losses(before.model).sum()), 1e-12)
+    expected = 1 - after.losses.sum() / max(float(before.losses.sum()), 1e-12)
+    return bool(fall > _HELD * expected)
+
+
+def _without(found: Fitted, name: str) -> Fitted:
+    kept = [index for index, one in enumerate(found.plan.free) if not one.name.startswith(f"{name}.")]
+    effects = {key: table for key, table in found.plan.model.effects.items() if key != name}
+    plan = Plan(
+        dataclasses.replace(found.plan.model, effects=effects), tuple(found.plan.free[index] for index in kept), ()
+    )
+    chosen = tuple(one for one in found.chosen if one.effect != name)
+    return Fitted(chosen, plan, found.point[kept], np.inf, np.inf, np.empty(0))
+
+
+def without_parameter(found: Fitted, candidate: Candidate, name: str) -> Fitted:
+    """`found` with one parameter of `candidate` held at zero; without the effect where no size of it is left."""
+    left = tuple(one for one in candidate.free if one != name)
+    if not any(one not in SHAPES for one in left):
+        return _without(found, candidate.effect)
+    smaller = dataclasses.replace(candidate, free=left, fixed={**candidate.fixed, name: 0.0})
+    kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{candidate.effect}.{name}"]
+    table = {**found.plan.model.effects[candidate.effect], name: 0.0}
+    model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, candidate.effect: table})
+    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    chosen = tuple(smaller if one is candidate else one for one in found.chosen)
+    return Fitted(chosen, plan, found.point[kept], np.inf, np.inf, np.empty(0))
+
+
+def _each(work: Callable[[_Item], Fitted | None], items: Sequence[_Item], jobs: int) -> list[Fitted]:
+    with ThreadPoolExecutor(jobs) as pool:
+        return [found for found in pool.map(work, items) if found is not None]
+
+
+def _best_first(fits: Sequence[Fitted]) -> list[Fitted]:
+    return sorted(fits, key=lambda one: one.charged)
