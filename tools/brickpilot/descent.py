@@ -153,6 +153,7 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         max_nfev=_EVALUATIONS,
         ftol=tolerance,
         xtol=tolerance,
-        tr_solver="lsmr",  # the other one takes the singular values of all samples in every step
+        # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
+        tr_solver="lsmr" if len(inside) > 1 else "exact",
     )
     return np.asarray(found.x)
