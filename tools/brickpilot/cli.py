@@ -257,7 +257,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     from brickpilot.discover import report, report_text, workflow
 
     data = dataset_module.read(Path(dataset))
-    given = model.load(Path(model_file)) if model_file else None
+    given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
     with run_folder.fresh_folder(folder, workflow.files(data)) as beside:

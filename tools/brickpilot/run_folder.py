@@ -31,6 +31,7 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         others = sorted({path.name for path in out.iterdir()} - set(files)) if out.is_dir() else []
         if others:
             raise InputError(f"holds other things, such as {others[0]}; name an empty or a new folder", file=out)
+        made = not out.parent.exists()
         out.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
@@ -43,6 +44,8 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         beside.rename(out)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
+        if made and not any(out.parent.iterdir()):
+            out.parent.rmdir()
         raise
 
 

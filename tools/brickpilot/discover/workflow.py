@@ -104,8 +104,8 @@ def discover(
     """
     began = time.perf_counter()
     count = Counter(progress, _STAGES)
+    data = _prepared(dataset, model, jobs)  # what is refused is refused before anything is told
     count("reading what was measured")
-    data = _prepared(dataset, model, jobs)
     count("calibrating the nominal model")
     nominal = _calibrated(data, seed)
     selection = select(data.coarse, nominal, seen=data.seen, jobs=jobs, tell=count, stretches=_stretches(data))
