@@ -70,7 +70,7 @@ def test_an_old_wpilib_log_gives_signed_voltages_metres_and_the_battery(tmp_path
     np.testing.assert_allclose(motor_inputs(straight, dataset), np.full((20, 2), 6.0))
     np.testing.assert_allclose(motor_inputs(spot, dataset), np.tile([-3.0, 3.0], (20, 1)))
     np.testing.assert_allclose(straight.outputs["wheel_travel_left"], TURN * (0.01 * np.arange(20) + 1))
-    np.testing.assert_allclose(spot.outputs["wheel_velocity_left"], -TURN)
+    np.testing.assert_allclose(spot.raw_outputs["wheel_velocity_left"], -TURN)
     np.testing.assert_array_equal(spot.outputs["battery_voltage"], 12.0)
     assert sum("voltage_left is turned over" in note for note in imported.notes) == 1
 
