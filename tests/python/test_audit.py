@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 import synthetic
 from brickpilot.dataset import Dataset, read
+from brickpilot.errors import InputError
 from brickpilot.importers.wpilib import import_wpilib
 from test_measured import DATA
 
@@ -240,6 +242,109 @@ def test_the_micromouse_keeps_its_collisions_and_loses_what_its_sensors_lost(mea
         gone = np.isnan(run.outputs["yaw_rate"])
         assert (np.abs(run.raw_outputs["yaw_rate"][gone]) > 34.6).all()
         assert not np.isnan(run.outputs["accel_surge"]).any()
+
+
+def exchange(first: int, other: int, cells: slice = slice(None)) -> Callable[[list[str]], list[str]]:
+    """Exchanges some cells of two rows, or all."""
+
+    def change(rows: list[str]) -> list[str]:
+        table = [row.split(",") for row in rows]
+        table[first][cells], table[other][cells] = table[other][cells], table[first][cells]
+        return [",".join(row) for row in table]
+
+    return change
+
+
+def exchange_cells(row: int, first: int, other: int) -> Callable[[list[str]], list[str]]:
+    def change(rows: list[str]) -> list[str]:
+        cells = rows[row].split(",")
+        cells[first], cells[other] = cells[other], cells[first]
+        return [*rows[:row], ",".join(cells), *rows[row + 1 :]]
+
+    return change
+
+
+@needs_data
+@pytest.mark.parametrize(
+    ("name", "run", "row", "cells", "signals"),
+    [
+        ("micromouse", "r0_6", 900, (1, 2), ["wheel_travel_left", "wheel_travel_right"]),
+        ("micromouse", "t0_2", 900, (1, 2), ["wheel_travel_left", "wheel_travel_right"]),
+        ("frc", "angular-data_fast-forward", 250, (2, 5), ["wheel_travel_left", "wheel_travel_right"]),
+        ("frc", "angular-data_fast-forward", 250, (3, 6), ["wheel_velocity_left", "wheel_velocity_right"]),
+    ],
+)
+def test_a_row_of_a_measured_set_with_two_cells_swapped_is_found(
+    name: str, run: str, row: int, cells: tuple[int, int], signals: list[str], measured: Path, tmp_path: Path
+) -> None:
+    dataset = planted.rewritten(measured / name, tmp_path / "s", exchange_cells(row, *cells), run)
+    assert planted.new_faults(dataset, read(measured / name)) == {(run, signal, "swapped") for signal in signals}
+
+
+@needs_data
+def test_two_rows_of_a_measured_set_swapped_are_refused_by_their_time_or_found(measured: Path, tmp_path: Path) -> None:
+    source = measured / "micromouse"
+    with pytest.raises(InputError, match=r"r0_6\.csv:402: time: does not increase"):
+        planted.rewritten(source, tmp_path / "whole", exchange(399, 419), "r0_6")
+    dataset = planted.rewritten(source, tmp_path / "s", exchange(399, 419, slice(1, None)), "r0_6")
+    wheels = ("wheel_travel_left", "wheel_travel_right")
+    assert planted.new_faults(dataset, read(source)) == {("r0_6", name, "dropout") for name in wheels}
+    run = next(run for run in dataset.runs if run.name == "r0_6")
+    assert all(np.flatnonzero(np.isnan(run.outputs[name])).tolist() == [399, 419] for name in wheels)
+
+
+@needs_data
+@pytest.mark.parametrize("share", [0.5, 0.8])
+@pytest.mark.parametrize(
+    ("name", "column", "run", "signal"),
+    [
+        ("micromouse", "yaw_rate_radps", "r0_6", "yaw_rate"),
+        ("lego_ev3_motor", "speed_degps", "duty_80", "speed"),
+        ("frc", "wheel_velocity_left", "linear-data_fast-forward", "wheel_velocity_left"),
+    ],
+)
+def test_a_range_clipped_in_a_measured_set_is_found(
+    name: str, column: str, run: str, signal: str, share: float, measured: Path, tmp_path: Path
+) -> None:
+    ends: list[float] = []
+
+    def clip(values: np.ndarray) -> np.ndarray:
+        ends[:] = share * np.nanmin(values), share * np.nanmax(values)
+        return np.clip(values, *ends)
+
+    dataset = planted.plant(measured / name, tmp_path / "s", [column], clip, run)
+    (found,) = planted.new_faults(dataset, read(measured / name))
+    assert found[:2] == (run, signal)
+    assert found[2] in {"clipped", "frozen"}  # half of what a motor runs at in all of a run: it never leaves it
+    outputs = next(one for one in dataset.runs if one.name == run)
+    raw = outputs.raw_outputs[signal]
+    assert np.isnan(outputs.outputs[signal][np.abs(raw) >= 0.9999 * np.abs(raw).max()]).mean() > 0.9
+
+
+@needs_data
+@pytest.mark.parametrize("part", [(0.0, 1.0), (0.4, 1.0), (0.4, 0.5)])
+@pytest.mark.parametrize(
+    ("name", "column", "run", "signal"),
+    [
+        ("micromouse", "yaw_rate_radps", "r0_8", "yaw_rate"),
+        ("frc", "yaw_angle", "angular-data_slow-forward", "yaw_angle"),
+        ("frc", "wheel_velocity_left", "linear-data_fast-forward", "wheel_velocity_left"),
+        ("linear_axis", "position_m", "trajectory", "position"),
+    ],
+)
+def test_a_channel_of_a_measured_set_that_freezes_is_found_for_as_long_as_it_does(
+    name: str, column: str, run: str, signal: str, part: tuple[float, float], measured: Path, tmp_path: Path
+) -> None:
+    def freeze(values: np.ndarray) -> np.ndarray:
+        start, stop = (int(share * len(values)) for share in part)
+        return np.concatenate([values[:start], np.full(stop - start, values[start]), values[stop:]])
+
+    dataset = planted.plant(measured / name, tmp_path / "s", [column], freeze, run)
+    assert planted.new_faults(dataset, read(measured / name)) == {(run, signal, "frozen")}
+    time = next(one.time for one in dataset.runs if one.name == run)
+    (found,) = (fault for fault in dataset.faults if (fault.run, fault.signal, fault.kind) == (run, signal, "frozen"))
+    length = part[1] - part[0]
+    assert found.to_s - found.from_s == pytest.approx(length * (time[-1] - time[0]), rel=0.05)
 
 
 def rewrite(file: Path, column: str, rows: slice, values: Callable[[Sequence[str]], list[str]]) -> None:

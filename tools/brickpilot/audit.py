@@ -17,7 +17,7 @@ from brickpilot import audit_stuck
 from brickpilot.audit_channels import Contradiction, contradictions
 from brickpilot.audit_clock import clock_faults
 from brickpilot.audit_course import Course, Habits, stretches
-from brickpilot.audit_fault import Fault, Kind, channel_note, rows_note
+from brickpilot.audit_fault import Fault, Kind, channel_note, range_note, rows_note
 from brickpilot.audit_jumps import blank, jumps
 from brickpilot.dataset_toml import Signal
 from brickpilot.signals import Frame
@@ -26,6 +26,8 @@ __all__ = ["Audited", "Fault", "Record", "audit"]
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+_TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,11 @@ def audit(
         for record in records
     ]
     faults, notes = _damaged_rows(records, courses, signals, frame)
-    for found, said in (_wrong_channels(records, courses, nominal or {}), _wrong_clocks(records, courses)):
+    for found, said in (
+        _wrong_channels(records, courses, nominal or {}),
+        _beyond_range(records, courses, signals),
+        _wrong_clocks(records, courses),
+    ):
         faults += found
         notes += said
     outputs = {record.name: dict(course.outputs) for record, course in zip(records, courses, strict=True)}
@@ -81,7 +87,7 @@ def _damaged_rows(
         damage.append({"swapped": swapped, "dropout": dropout})
     habits = Habits(courses)
     for record, course, masks in zip(records, courses, damage, strict=True):
-        masks["clipped"] = {name: audit_stuck.clipped(course, name, signals[name].range) for name in course.outputs}
+        masks["clipped"] = {name: _clipped(course, name, signals) for name in course.outputs}
         blank(course, masks["clipped"])
         masks["frozen"] = {name: audit_stuck.frozen(course, name, habits) for name in course.outputs}
         for name, stands in masks["frozen"].items():
@@ -97,6 +103,37 @@ def _damaged_rows(
     for course, masks in zip(courses, damage, strict=True):
         blank(course, masks["clipped"])
         blank(course, masks["frozen"])
+    return faults, notes
+
+
+def _clipped(course: Course, name: str, signals: Mapping[str, Signal]) -> Mask:
+    """None of a channel that leaves its range, which may be of another unit as a whole."""
+    stated = signals[name].range
+    if audit_stuck.leaves(course.outputs[name], stated):
+        return np.zeros(len(course.time), dtype=bool)
+    return audit_stuck.clipped(course, name, stated)
+
+
+def _beyond_range(
+    records: Sequence[Record], courses: Sequence[Course], signals: Mapping[str, Signal]
+) -> tuple[list[Fault], list[str]]:
+    """Channels that leave their stated range for no reason that was found, which are blanked in `courses`.
+
+    Where most runs leave it, the column is wrong in the others as well, in which less moves.
+    """
+    faults: list[Fault] = []
+    notes: list[str] = []
+    for name, signal in signals.items():
+        known = [k for k, one in enumerate(courses) if _known(one, name)]
+        wrong = [k for k in known if audit_stuck.leaves(courses[k].outputs[name], signal.range)]
+        if 2 * len(wrong) > len(known):
+            wrong = known
+        for k in wrong:
+            time = records[k].time
+            faults.append(Fault(records[k].name, name, "unit", float(time[0]), float(time[-1])))
+            courses[k].outputs[name][:] = np.nan
+        if wrong:
+            notes.append(range_note(name, [records[k].name for k in wrong], len(records)))
     return faults, notes
 
 
@@ -137,16 +174,20 @@ def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, .
 
 
 def _wrong_batteries(courses: Sequence[Course], nominal: float | None) -> list[Contradiction]:
-    """Runs whose battery is of another order than stated, or than in the other runs."""
+    """Runs whose battery is of another order than stated, than in the other runs, or than a battery can be."""
     name = "battery_voltage"
     levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(courses) if _known(one, name)}
     odd: dict[float, list[int]] = {}
     for number, level in levels.items():
         others = [other for k, other in levels.items() if k != number]
-        usual = nominal if nominal is not None else float(np.median(others)) if len(others) > 1 else level
-        factor = next((f for by in (1000.0, 100.0) for f in (by, 1 / by) if 0.5 < level / usual / f < 2.0), None)
-        if usual > 0.0 and (factor is not None or level < 0.0):
-            odd.setdefault(-1.0 if level < 0.0 or factor is None else factor, []).append(number)
+        usual = nominal if nominal is not None else float(np.median(others)) if len(others) > 1 else _TYPICAL_BATTERY
+        if nominal is None and usual > _HIGHEST_BATTERY:
+            usual = _TYPICAL_BATTERY
+        factor = next((f for by in (1000.0, 100.0) for f in (by, 1 / by) if 1 / 3 < abs(level) / usual / f < 3.0), None)
+        if level < 0.0:
+            factor = -1.0
+        if usual > 0.0 and factor is not None:
+            odd.setdefault(factor, []).append(number)
     return [Contradiction((name,), factor, tuple(runs), ()) for factor, runs in odd.items()]
 
 

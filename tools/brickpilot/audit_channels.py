@@ -43,6 +43,7 @@ _LAST_RESORT = 0.01  # what a drive, or one more channel, costs where all else i
 _WITH_DRIVE = 0.8  # correlation of a motion with its drive, for its gain to be one
 _GROSS = 9.0
 _GAINS_FIT = 1.3  # how far a gain over those of the other runs may be off a factor
+_GAINS_ALIKE = 2.0  # of most of the other runs
 _NOISE_FIT = 2.0
 _LIKELIER = 2.0  # logarithm: one mistake in a column is likelier than in one run of it
 _TURNS = 0.3  # rad/s
@@ -53,6 +54,7 @@ _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("pos
 _TYPICAL_INTERVAL_S = 0.005
 _IMPLAUSIBLE = 0.25  # the weight of what small machines typically show beside what the channels say
 _UNUSUAL = 0.3  # for a factor that the channel's own unit is seldom off by
+_LIKELIER_IN_ALL = 0.5  # one mistake in all runs than in some
 _AGAINST_DRIVE = 1.0  # what a channel that goes against its drive costs, however faint that is
 
 
@@ -204,24 +206,26 @@ def _believable(ratio: float, limits: tuple[float, float]) -> float:
 
 
 def _best(runs: _Runs) -> Contradiction | None:
-    """What puts most right and, in its runs, nothing wrong; one mistake in all runs before one in some."""
-    scored: list[tuple[int, bool, _Trial, tuple[int, ...]]] = []
+    """What puts most right and, in its runs, nothing wrong; of two, what leaves the runs less odd."""
+    scored: list[tuple[int, float, _Trial, tuple[int, ...]]] = []
     for trial in _trials(runs):
         gains = {number: _gain(runs, number, trial) for number in runs.windows}
         helped = tuple(number for number, gain in gains.items() if gain > 0)
         if not helped:
             continue
-        outputs = all(map(_is_output, trial.group))
-        spares = all(gain >= 0 for gain in gains.values()) and outputs
+        spares = all(gain >= 0 for gain in gains.values())
         scope = _as_noisy(runs, trial, helped) if spares else helped
-        score = sum(gains[number] for number in helped) - (0 if outputs else len(helped))
-        scored.append((score, spares, trial, scope))
+        score = sum(gains[number] for number in helped) - len(helped) * _is_one_drive(trial)
+        scored.append((score, -_cost(runs, trial, helped, spares=spares), trial, scope))
     if not scored:
         return None
-    most = max((score, spares) for score, spares, _, _ in scored)
-    tied = [(trial, scope) for score, spares, trial, scope in scored if (score, spares) == most]
-    trial, scope = min(tied, key=lambda one: _cost(runs, *one))
+    _, _, trial, scope = max(scored, key=lambda one: one[:2])
     return Contradiction(trial.group, trial.factor, scope, _against(runs, trial, scope))
+
+
+def _is_one_drive(trial: _Trial) -> bool:
+    """Whether it blames one drive alone, which the log's writer knew best."""
+    return len(trial.group) == 1 and not _is_output(trial.group[0])
 
 
 def _trials(runs: _Runs) -> list[_Trial]:
@@ -265,38 +269,46 @@ def _against(runs: _Runs, trial: _Trial, scope: Iterable[int]) -> Group:
     found: dict[str, None] = {}
     for number in scope:
         for relation, judgement in zip(runs.relations, runs.judged[number], strict=True):
-            if judgement.state == -1 and any(group == trial.group for group in (*relation.over, *relation.under)):
-                sides = (relation.over, relation.under)
-                other = sides[1] if any(group == trial.group for group in relation.over) else sides[0]
-                name = relation.drive if isinstance(relation, Driven) else ""
-                found |= dict.fromkeys((f"drive_{name}",) if name else other[0])
+            if judgement.state == -1 and trial.group in (*relation.over, *relation.under):
+                if trial.group in relation.under:
+                    found |= dict.fromkeys(relation.over[0])
+                elif isinstance(relation, Driven):
+                    found |= dict.fromkeys((f"drive_{relation.drive}",))
+                else:
+                    found |= dict.fromkeys(relation.under[0])
     return tuple(name for name in found if name not in trial.group)
 
 
-def _cost(runs: _Runs, trial: _Trial, scope: tuple[int, ...]) -> float:
-    """How odd the runs in `scope` are once put right: beside the other runs, or by themselves where there is none."""
-    cost = _LAST_RESORT * (len(trial.group) + 10 * sum(not _is_output(name) for name in trial.group))
+def _cost(runs: _Runs, trial: _Trial, helped: tuple[int, ...], *, spares: bool) -> float:
+    """How odd the runs in `helped` are once put right: by what their channels say, beside the other runs, and for a
+    small machine. Where the trial `spares` the other runs they may be wrong as well, and are put right too."""
+    factors = trial.factors()
+    others = [one.divided(factors) if spares else one for k, one in runs.windows.items() if k not in helped]
+    usual = {name: gain for name in runs.names if (gain := _usual_gain(others, name)) is not None}
+    interval = float(np.median([one.interval for one in others])) if others else _TYPICAL_INTERVAL_S
     unusual = any(not is_usual(name, trial.factor) for name in trial.group if _is_output(name) and name != "time")
-    others = [number for number in runs.windows if number not in scope]
-    usual = {name: gain for name in runs.names if (gain := _usual_gain(runs, name, others)) is not None}
-    for number in scope:
-        right = runs.windows[number].divided(trial.factors())
+    cost = _LAST_RESORT * (10.0 if _is_one_drive(trial) else sum(map(_is_output, trial.group)))
+    cost += _UNUSUAL * unusual - _LIKELIER_IN_ALL * spares
+    for number in helped:
+        right = runs.windows[number].divided(factors)
         judged = [one.judge(right, faint=True) for one in runs.relations if isinstance(one, Alike)]
-        cost += sum(min(abs(log(abs(one.ratio))), _WORST) for one in judged if np.isfinite(one.ratio))
+        odd = sum(_apart(one.ratio, 1.0) for one in judged if np.isfinite(one.ratio))
+        odd += _apart(right.interval, interval) + _IMPLAUSIBLE * _apart(right.interval, _TYPICAL_INTERVAL_S)
         for name in runs.names:
             own = _drive_gain(right, name)
-            cost += _AGAINST_DRIVE if own is not None and own < 0.0 else 0.0
-            if own is not None and name in usual:
-                cost += min(abs(log(abs(own) / usual[name])), _WORST)
-            elif not usual:
-                cost += _IMPLAUSIBLE * _oddness(right, name)
-        interval = float(np.median([runs.windows[k].interval for k in others])) if others else _TYPICAL_INTERVAL_S
-        cost += min(abs(log(right.interval / interval)), _WORST)
-    return cost / len(scope) + _UNUSUAL * unusual
+            odd += _IMPLAUSIBLE * _oddness(right, name)
+            odd += _AGAINST_DRIVE if own is not None and own < 0.0 else 0.0
+            odd += _apart(own, usual[name]) if own is not None and name in usual else 0.0
+        cost += odd / len(helped)
+    return cost
 
 
-def _usual_gain(runs: _Runs, name: str, others: Iterable[int]) -> float | None:
-    gains = [abs(gain) for number in others if (gain := _drive_gain(runs.windows[number], name)) is not None]
+def _apart(one: float, other: float) -> float:
+    return min(abs(log(abs(one) / abs(other))), _WORST)
+
+
+def _usual_gain(others: Iterable[Windows], name: str) -> float | None:
+    gains = [abs(gain) for one in others if (gain := _drive_gain(one, name)) is not None]
     return float(np.median(gains)) if gains else None
 
 
@@ -318,13 +330,14 @@ def _oddness(windows: Windows, name: str) -> float:
     if typical is None or name not in windows.moved:
         return 0.0
     largest = float(np.nanmax(np.abs(windows.moved[name] / windows.seconds), initial=0.0))
-    return min(abs(log(largest / typical)), _WORST) if largest > 0.0 else 0.0
+    return _apart(largest, typical) if largest > 0.0 else 0.0
 
 
 def _against_other_runs(runs: _Runs) -> list[Contradiction]:
     """Channels that nothing in their run is held against, but whose gain per drive is another unit's of other runs'.
 
-    A gain that is too small may be a wheel that sticks: then the channel's noise must be smaller by as much.
+    A gain that is too small may be a wheel that sticks, and one that other channels share may be the machine's: then
+    the channel's noise must have changed by as much.
     """
     found: list[Contradiction] = []
     for name in runs.names:
@@ -338,11 +351,16 @@ def _against_other_runs(runs: _Runs) -> list[Contradiction]:
         odd: dict[int, float] = {}
         for number, gain in gains.items():
             others = [k for k in gains if k != number]
-            if not others or _is_confirmed(runs, number, name):
+            if not others:
                 continue
-            ratio = gain / float(np.median([gains[k] for k in others]))
+            ratios = gain / np.array([gains[k] for k in others])
+            ratio = float(np.median(ratios))
             factor = next((one for one in _gross() if 1 / _GAINS_FIT < ratio / one < _GAINS_FIT), None)
-            if factor is not None and (factor > 1.0 or _is_as_quiet(runs, number, others, name, factor)):
+            # the median of two that differ is like neither
+            if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
+                continue
+            noisy = _is_as_noisy(runs, number, others, name, factor)
+            if noisy or (factor > 1.0 and not _is_confirmed(runs, number, name)):
                 odd[number] = factor
         if len(odd) == len(gains) == 2:  # the one against the other
             odd = dict([max(odd.items(), key=lambda one: _oddness(runs.windows[one[0]], name))])
@@ -363,7 +381,7 @@ def _is_confirmed(runs: _Runs, number: int, name: str) -> bool:
     )
 
 
-def _is_as_quiet(runs: _Runs, number: int, others: Iterable[int], name: str, factor: float) -> bool:
+def _is_as_noisy(runs: _Runs, number: int, others: Iterable[int], name: str, factor: float) -> bool:
     own = runs.roughness[number][name]
     usual = [rough for k in others if (rough := runs.roughness[k][name]) > 0.0]
     return bool(own > 0.0 and usual and 1 / _NOISE_FIT < own / (factor * float(np.median(usual))) < _NOISE_FIT)

@@ -30,6 +30,8 @@ _WINDOWS = 24
 _BOUNDED = 0.5  # sd of a ratio over what is left of the way, which is not independent from window to window
 _RATIO_OFF = 0.012
 _SURE = 5.0  # standard errors
+_DENIES = 3.0  # standard errors
+_WANDER = {"yaw_angle"}  # beside its rate: a bias that wanders looks like a clock
 _SENSOR = 0.002  # spread of a ratio that is always there
 _AGREE = 0.4  # of the deviation
 _DRIFTS = 0.02
@@ -211,14 +213,15 @@ def _off_ratios(ratios: Sequence[Mapping[str, _Ratio]], usual: Mapping[str, tupl
                 )
             )
             continue
-        judged = {name: one for name, one in each.items() if name in usual}
-        if all(name == "yaw_angle" for name in each):  # a bias that wanders would look the same
+        if each.keys() <= _WANDER:
             continue
-        offs = [_off(one, *usual[name]) for name, one in judged.items()]
+        judged = {name: _off(one, *usual[name]) for name, one in each.items() if name in usual}
+        sure = {name: one for name, one in judged.items() if abs(one[0]) > _SURE * one[1]}
         trends = [(one.trend, one.trend_sd) for one in each.values()]
-        if offs and _agree(offs, _RATIO_OFF):
-            ratio = float(np.mean([off for off, _ in offs])) + 1.0
-            said = f"is off, as {' and '.join(judged)} beside the rates say and not in the other runs"
+        off = float(np.mean([one for one, _ in sure.values()])) if sure else 0.0
+        if not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(judged, off):
+            ratio = off + 1.0
+            said = f"is off, as {' and '.join(sure)} beside the rates say and not in the other runs"
             found.append(ClockFault(number, 0, 1.0 / ratio, said))
         elif trends and _agree(trends, _DRIFTS):
             found.append(ClockFault(number, 0, None, f"drifts, as {' and '.join(each)} beside the rates say"))
@@ -227,6 +230,11 @@ def _off_ratios(ratios: Sequence[Mapping[str, _Ratio]], usual: Mapping[str, tupl
 
 def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
     return ratio.value / middle - 1.0, float(np.hypot(np.hypot(ratio.sd, spread), _SENSOR))
+
+
+def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
+    """Whether one that could tell says that it is not off by as much."""
+    return any(abs(off - by) > max(_AGREE * abs(by), _DENIES * sd) for off, sd in offs.values())
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:

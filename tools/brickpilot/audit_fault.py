@@ -66,18 +66,37 @@ def rows_note(found: Sequence[Fault], samples: int, of: int) -> str:
 def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of: int, against: Sequence[str]) -> str:
     """On channels that say `factor` times too much in `runs`, of the data set's `of` runs; `against`: who says so."""
     several = len(signals) > 1
-    witness = f"what {joined(against)} {'say' if len(against) > 1 else 'says'}" if against else "in the other runs"
+    says = "say" if several else "says"
+    if against:
+        witness = f"what {joined(against)} {'say' if len(against) > 1 else 'says'}"
+    elif len(runs) < of:
+        witness = f"what {'they' if several else 'it'} {says} in the other runs"
+    else:
+        witness = "what can be"
     if factor == -1.0:
         said = f"{'go' if several else 'goes'} against {witness}: the sign is reversed"
     else:
-        word = next(
-            (f" like {word}" for (unit, by), word in _TAKEN_FOR.items() if _is(signals[0], unit, by, factor)), ""
+        said = (
+            f"{'look' if several else 'looks'} like {_other_unit(signals[0], factor)}: {_times(factor)} times {witness}"
         )
-        looks = (
-            f"{'look' if several else 'looks'}{word}: " if word else f"{'have' if several else 'has'} another unit: "
-        )
-        said = f"{looks}{factor:.3g} times {witness}"
-    return f"{runs_named(runs, of)}: {joined(signals)} {said}; left out"
+    spoilt = "left out"
+    if any(SIGNALS[signal].kind != "output" for signal in signals):
+        spoilt = "nothing measured in it is used" if len(runs) == 1 else "nothing measured in them is used"
+    return f"{runs_named(runs, of)}: {joined(signals)} {said}; {spoilt}"
+
+
+def range_note(signal: str, runs: Sequence[str], of: int) -> str:
+    """On a channel that leaves its stated range in `runs`, of the data set's `of` runs."""
+    return f"{runs_named(runs, of)}: {signal} goes far beyond its stated range, as in another unit; left out"
+
+
+def _times(factor: float) -> str:
+    return f"{float(f'{factor:.3g}'):g}"
+
+
+def _other_unit(signal: str, factor: float) -> str:
+    listed = (word for (unit, by), word in _TAKEN_FOR.items() if _is(signal, unit, by, factor))
+    return next(listed, "another unit")
 
 
 def _is(signal: str, unit: str, by: float, factor: float) -> bool:

@@ -29,9 +29,11 @@ _BACK = 0.2  # of the jump: how near to each other the samples before and after 
 _BEYOND_REST = 5.0  # times the largest residual of what is sound
 _BEYOND_REST_AT_ZERO = 2.0
 _BEYOND_REST_IMPULSIVE = 20.0
+_BEYOND_ALL_IMPULSIVE = 50.0  # times what all other samples span: the teeth of a worn gear strike with 20
 _IMPULSIVE = ("accel_", "current", "force")  # a blow or a commutation may last a single sample
 _INPUT_STEP = 0.1  # of its largest value
 _MOSTLY = 0.5
+_CLOSE_BY = 5  # samples
 _ZEROED = 4.0  # scales: noise may reach it, but not at a value that it has nowhere else
 _SWAP_APART = 8.0
 _SWAP_HEALED = 0.2
@@ -90,8 +92,11 @@ def _dropout(course: Course, name: str, signal: Signal) -> Mask:
     for away, start, length in sorted(events):
         jolted = bool(stepped[start : start + length].any())
         stays_zero = bool(np.all(np.isin(level[start : start + length], (0.0, zero, -zero))))
-        beyond = _BEYOND_REST_IMPULSIVE if impulsive else _BEYOND_REST
-        if not jolted and away > (_BEYOND_REST_AT_ZERO if stays_zero else beyond) * rest:
+        beyond = (_BEYOND_REST_AT_ZERO if stays_zero else _BEYOND_REST) * rest
+        if impulsive and not stays_zero:
+            others = np.delete(level, slice(start, start + length))
+            beyond = max(_BEYOND_REST_IMPULSIVE * rest, _BEYOND_ALL_IMPULSIVE * float(np.ptp(others)))
+        if not jolted and away > beyond:
             found[known[start : start + length]] = True
         else:
             rest = max(rest, away)
@@ -102,7 +107,10 @@ def _dropout(course: Course, name: str, signal: Signal) -> Mask:
 
 
 def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> Mask:
-    """Zeros, a few in a row, in a signal that before and after goes one way, `beyond` off zero and off their line."""
+    """Zeros, a few in a row, in a signal that before and after goes one way, `beyond` off zero and off their line.
+
+    Not so where it comes near zero again close by: it swings, and the samples are few.
+    """
     found = np.zeros(len(level), dtype=bool)
     if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # it rests at zero
         return found
@@ -111,7 +119,9 @@ def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> 
             continue
         around = level[[start - 1, stop]]
         away = float(np.abs(np.interp(time[start:stop], time[[start - 1, stop]], around)).min())
-        found[start:stop] = away > max(beyond, float(np.ptp(around)))
+        near = np.r_[level[max(start - _CLOSE_BY, 0) : start], level[stop : stop + _CLOSE_BY]]
+        swings = bool(np.any(near * np.sign(around[0]) < _MOSTLY * away))
+        found[start:stop] = away > max(beyond, float(np.ptp(around))) and not swings
     return found
 
 

@@ -41,12 +41,15 @@ WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 _CLOCK = (1e3, 1e6)
 _CLOCK_FITS = (0.85, 1.15)
 _SAMPLED_FITS = (0.7, 1.4)
+_TIGHT = (0.87, 1.15)  # a ratio over its factor where one sensor measures both
 _LEAST_WINDOWS = 4
+_GROSS = 5.0  # no physics makes two measures of one motion so different
 _WITH, _AGAINST = 0.5, -0.8  # share of a motion that goes the way of its drive
 _ONSET = 0.5  # of the largest drive: what is moved by something else goes with its drive there
 _DRIVEN = 0.4  # of the other side's drive: less is no evidence
 _ALIKE, _AS_HARD = 0.95, 1.5  # of two sides: correlation of their drives, and ratio
 _APART = 0.5  # difference of two wheels over their mean: more than a mismatch of their radii
+_WIDE = 0.2  # m, radius of a turn well above how far off the centre a sensor sits
 _TURNED = 0.5  # of the mean drive, for the difference of left and right
 
 
@@ -106,7 +109,9 @@ class Alike:
     def _factors(self, ratio: float) -> tuple[float, ...]:
         if ratio < 0 and self.good[0] < -ratio < self.good[1]:
             return (-1.0,)
-        accelerations = any(name.startswith("accel_") for group in self.over for name in group)
+        if 1 / _GROSS < abs(ratio) < _GROSS:
+            return ()
+        accelerations = self.over[0][0].startswith("accel_")
         listed = [_GRAVITY if accelerations and one == 30 / pi else one for one in FACTORS if one > self.smallest]
         small = self.fits if self.fits_small is None else self.fits_small
         found = [one for one in listed if self.fits[0] < abs(ratio) / one < self.fits[1]]
@@ -202,9 +207,14 @@ def is_unit(factor: float) -> bool:
     return any(abs(size / one - 1.0) < 1e-9 for one in listed for size in (abs(factor), 1 / abs(factor)))
 
 
+def usual_factors(name: str) -> tuple[float, ...]:
+    """What the channel's own unit is often off by, above 1."""
+    return _TAKEN_FOR.get(SIGNALS[name].unit if name in SIGNALS else "", (1000.0,))
+
+
 def is_usual(name: str, factor: float) -> bool:
-    """Whether a factor is one that the channel's own unit is often off by."""
-    listed = (1.0, *_TAKEN_FOR.get(SIGNALS[name].unit if name in SIGNALS else "", (1000.0,)))
+    """Whether a factor is one that the channel's own unit is often off by, or its inverse."""
+    listed = (1.0, *usual_factors(name))
     return any(abs(size / one - 1.0) < 1e-9 for one in listed for size in (abs(factor), 1 / abs(factor)))
 
 
@@ -222,7 +232,9 @@ def _clocks() -> list[float]:
 
 
 def _rms(values: Vector, windows: Windows) -> float:
-    return float(np.sqrt(np.nanmean((values / windows.seconds) ** 2)))
+    """Per second; NaN where nothing is known."""
+    known = np.isfinite(values)
+    return float(np.sqrt(np.mean((values[known] / windows.seconds[known]) ** 2))) if known.any() else np.nan
 
 
 def _get(windows: Windows, name: str) -> Vector:
@@ -247,15 +259,23 @@ def _pair(over: str, under: str, scale: float = 1.0) -> Motions:
 
 def _sums_and_rates(present: set[str]) -> list[Relation]:
     found: list[Relation] = [
-        Alike(((sums,),), ((rate,), ("time",)), _pair(sums, rate), good=(0.5, 2.0), fits=(0.87, 1.15))
+        Alike(_one_or_both(sums), (*_one_or_both(rate), ("time",)), _pair(sums, rate), good=(0.5, 2.0), fits=_TIGHT)
         for sums, rate in RATES.items()
         if {sums, rate} <= present
     ]
     if {"yaw_angle", "yaw_rate"} <= present:
         motions = _pair("yaw_angle", "yaw_rate")
         groups = (("yaw_angle",),), (("yaw_rate",), ("time",))
-        found.append(Alike(*groups, motions, good=(0.5, 2.0), fits=(0.87, 1.15), floor=0.2))
+        found.append(Alike(*groups, motions, good=(0.5, 2.0), fits=_TIGHT, floor=0.2))
     return found
+
+
+def _one_or_both(name: str) -> tuple[Group, ...]:
+    """A channel alone; with that of the other wheel."""
+    for side, other in (("_left", "_right"), ("_right", "_left")):
+        if name.endswith(side):
+            return (name,), tuple(sorted((name, name.removesuffix(side) + other)))
+    return ((name,),)
 
 
 def _metres_and_radians(present: set[str], geometry: Geometry) -> list[Relation]:
@@ -278,30 +298,31 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
     wheels = _wheel_groups(kind, present)
     found: list[Relation] = []
 
-    def turning(yaw: str, per: float) -> Motions:
+    def turning(yaw: str, per: float | None) -> Motions:
         def both(windows: Windows) -> tuple[Vector, Vector]:
-            one, other = _get(windows, left), _get(windows, right)
+            turn, one, other = _get(windows, yaw), _get(windows, left), _get(windows, right)
             apart, together = one - other, one + other
             # driving straight, what turns the body are its wheels' radii, whatever their difference of speed
             known = np.isfinite(apart)
-            turns = known.any() and _rms(apart, windows) > _APART * _rms(together, windows) / 2
-            return _get(windows, yaw), per * apart if turns else np.full_like(apart, np.nan)
+            if not known.any() or _rms(apart, windows) <= _APART * _rms(together, windows) / 2:
+                return turn, np.full_like(apart, np.nan)
+            return turn, apart * (_rms(turn, windows) / _rms(apart, windows) if per is None else per)
 
         return both
 
     for yaw in ("yaw_rate", "yaw_angle"):
+        if yaw not in present:
+            continue
         per = geometry.turn(yaw, kind)
-        if yaw in present and per is not None:
-            # wheels that slip turn the body by less, down to a fifth of what they say; learnt, most slip is in `per`
-            learnt = (yaw, kind) in geometry.turned
-            good, fits, small = ((0.45, 2.2), (0.6, 1.67), None) if learnt else ((0.15, 1.6), (0.2, 1.25), (0.8, 1.25))
-            summed = kind in {"travel", "angle"}
-            over, under = _yaw_groups(yaw, present), wheels
-            if yaw == "yaw_rate" and summed:
-                over += (("time",),)
-            elif yaw == "yaw_angle" and not summed:
-                under += (("time",),)
-            found.append(Alike(over, under, turning(yaw, per), good, fits, floor=0.3, fits_small=small))
+        # wheels that slip turn the body by less, down to a fifth of what they say; learnt, most slip is in `per`
+        stated = per is not None and (yaw, kind) not in geometry.turned
+        good, fits, small = ((0.15, 1.6), (0.2, 1.25), (0.8, 1.25)) if stated else ((0.45, 2.2), (0.6, 1.67), None)
+        over, under = _yaw_groups(yaw, present), wheels
+        if yaw == "yaw_rate" and kind in {"travel", "angle"}:
+            over += (("time",),)
+        elif yaw == "yaw_angle" and kind in {"velocity", "speed"}:
+            under += (("time",),)
+        found.append(Alike(over, under, turning(yaw, per), good, fits, floor=0.3, fits_small=small))
     metres = geometry.metres(kind)
     if metres is None:
         return found
@@ -321,8 +342,10 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
 
     def swaying(yaw: str) -> Motions:
         def both(windows: Windows) -> tuple[Vector, Vector]:
-            ahead = metres * (_get(windows, left) + _get(windows, right)) / (2 * windows.seconds)
-            return _get(windows, "accel_sway"), ahead * _get(windows, yaw)
+            ahead, turn = metres * (_get(windows, left) + _get(windows, right)) / 2, _get(windows, yaw)
+            # turning on the spot, what a sensor off the centre feels is not the vehicle's
+            ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
+            return _get(windows, "accel_sway"), ahead * turn / windows.seconds
 
         return both
 
@@ -363,11 +386,14 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least:
+        if drive not in least or name.startswith(("current", "force")):  # a motor that runs ahead of its voltage brakes
             continue
+        over: tuple[Group, ...] = _one_or_both(name)
+        under: tuple[Group, ...] = ((f"drive_{drive}",),)
         if drive == "yaw":
-            found.append(Driven(_yaw_groups(name, present), (), name, drive, least[drive]))
-        else:
-            under = ((f"drive_{drive}",),) if drive == "shaft" else ((f"drive_{drive}",), ("drive_left", "drive_right"))
-            found.append(Driven(((name,),), under, name, drive, least[drive]))
+            over, under = _yaw_groups(name, present), ()
+        elif drive != "shaft":
+            under += (("drive_left", "drive_right"),)
+            over += (_wheel_groups("", present)[1],) if name.startswith("wheel_") else ()
+        found.append(Driven(tuple(dict.fromkeys(over)), under, name, drive, least[drive]))
     return found

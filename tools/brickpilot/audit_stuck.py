@@ -28,6 +28,8 @@ _MOVES = 0.1  # of its largest: no offset of a rate at rest
 _NEAR = 4.0  # of the usual change from sample to sample
 _FEW = 0.2  # of the samples at an extreme
 _STALE = 0.75  # share of repeats in a rate that then says nothing: it stands itself
+_FAR = 0.25  # of the range, beyond its ends
+_NOW_AND_THEN = 0.02
 _BATTERY = "battery_voltage"
 
 
@@ -49,6 +51,15 @@ def clipped(course: Course, name: str, stated: tuple[float, float] | None) -> Ma
                 for start, stop in stretches(beyond):
                     found[start:stop] |= stop - start > 1
     return found
+
+
+def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
+    """Whether a channel goes, not only now and then, far beyond the stated range: no sensor clips there."""
+    known = values[np.isfinite(values)]
+    if stated is None or not known.size:
+        return False
+    far = _FAR * (stated[1] - stated[0])
+    return bool(np.mean((known > stated[1] + far) | (known < stated[0] - far)) > _NOW_AND_THEN)
 
 
 def _plateau(values: Vector, resolution: float) -> Mask:

@@ -129,7 +129,9 @@ def read(folder: Path | str) -> Dataset:
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
         raise InputError("nothing is measured: all outputs of all runs are blank", file=path, field="signals")
-    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset)))
+    empty = not any(np.isfinite(values).any() for run in runs for values in run.outputs.values())
+    left = ["nothing is left of what was measured: every output of every run is damaged"] if empty else []
+    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *left))
 
 
 def motor_inputs(run: Run, dataset: Dataset) -> Vector:

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import holdout, parameters, plant
+from brickpilot import audit_model, holdout, parameters, plant
 from brickpilot import model as model_file
+from brickpilot.audit_fault import Fault
 from brickpilot.dataset import Dataset, Nominal, motor_inputs
 from brickpilot.descent import Counter, Progress, search
 from brickpilot.discover import harmonics, locate, power
@@ -46,8 +47,10 @@ Array = NDArray[np.float64]
 
 _STAGES = 9
 _STRETCH_S = 0.6  # in which a wheel turns once or twice
+_SEARCHED = 80  # stretches, at most, that a search looks at
 _WINDOW_S = 1.0  # of a motor
 _LEFT_PRIOR_SD = 3.0
+_MOSTLY, _CLEARLY = 0.7, 0.1  # of the cost above that of noise: what stretches must explain, and how much more so
 _ROUGH, _FINE = 1e-4, 1e-5
 
 
@@ -107,11 +110,12 @@ def discover(
     data = _prepared(dataset, model, jobs)  # what is refused is refused before anything is told
     count("reading what was measured")
     count("calibrating the nominal model")
-    nominal = _calibrated(data, seed)
-    selection = select(data.coarse, nominal, seen=data.seen, jobs=jobs, tell=count, stretches=_stretches(data))
-    count("judging at the measured samples")
-    data.fine.adopt_floors(data.coarse)
-    judged = judge(data.fine, selection, jobs, _unseen(data))
+    selection, judged = _looked(data, seed, count)
+    if not judged.adequate and (closer := _in_stretches(data)) is not None:
+        count("looking again, from the measured state every so often")
+        again = _looked(closer, seed, count)
+        if _removed(again[1]) > max(_MOSTLY, _removed(judged) + _CLEARLY):
+            data, (selection, judged) = closer, again
     term = None
     if not judged.adequate:
         count("composing a term for what is left")
@@ -121,7 +125,9 @@ def discover(
 
 
 def _prepared(dataset: Dataset, model: Model | None, jobs: int) -> _Data:
-    based = loosened(dataset if model is None else _starting_from(dataset, model))
+    based = dataset if model is None else _starting_from(dataset, model)
+    wrong = _contradictions(based)
+    dataset, based = audit_model.leave_out(dataset, wrong), loosened(audit_model.leave_out(based, wrong))
     inputs = {run.name: motor_inputs(run, based) for run in based.runs}
     roles = holdout.assign(based, inputs)
     if not roles.fit():
@@ -150,6 +156,13 @@ def _prepared(dataset: Dataset, model: Model | None, jobs: int) -> _Data:
     )
 
 
+def _contradictions(dataset: Dataset) -> tuple[Fault, ...]:
+    """Channels that no machine can have measured, for all that its stated values say: a fault, not an effect."""
+    stated = parameters.plan(dataset)
+    simulated = Replay(dataset).simulate([stated.at(stated.start())])[0]
+    return audit_model.contradictions(dataset, simulated)
+
+
 def _least_order(dataset: Dataset) -> float:
     """See `Seen`: of a drive that commands a force the order is in rad/m, over the way it goes."""
     way = [
@@ -167,6 +180,19 @@ def _played(judged: Dataset, roles: holdout.Roles, role: str) -> list[str]:
     return [run.name for run in judged.runs if roles.by_run[run_of(run.name)] == role]
 
 
+def _looked(data: _Data, seed: int, count: Counter) -> tuple[Selection, Judged]:
+    nominal = _calibrated(data, seed)
+    selection = select(data.coarse, nominal, seen=data.seen, jobs=data.jobs, tell=count)
+    count("judging at the measured samples")
+    data.fine.adopt_floors(data.coarse)
+    return selection, judge(data.fine, selection, data.jobs, _unseen(data))
+
+
+def _removed(judged: Judged) -> float:
+    """Share of the cost above that of noise that the best explanation takes away."""
+    return (judged.nominal.cost - judged.best.cost) / max(judged.nominal.cost - judged.noise, 1e-9)
+
+
 def _unseen(data: _Data) -> Band | None:
     """The held-out runs, weighed as the fitted ones are."""
     if not data.roles.held_out():
@@ -176,18 +202,23 @@ def _unseen(data: _Data) -> Band | None:
     return band
 
 
-def _stretches(data: _Data) -> Band | None:
-    """The fit runs in stretches, weighed as the whole runs are; None where they are judged so already."""
+def _in_stretches(data: _Data) -> _Data | None:
+    """The data cut into short stretches; None where they are judged so already, or no wheel was measured.
+
+    What hangs on a wheel's angle, or on which side of its play it is, drives two simulations apart for good that differ
+    a little: over whole runs no size of it fits. From the measured state, for a turn or two, it does.
+    """
     if data.judged is not data.dataset:
         return None
-    kept = [run for run in data.dataset.runs if data.roles.by_run[run.name] == "fit"]
-    fitted = dataclasses.replace(data.dataset, runs=tuple(kept))
-    cut = windowed(fitted, {run.name: motor_inputs(run, fitted) for run in kept}, _STRETCH_S)
+    ready = data.dataset
+    cut = windowed(ready, {run.name: motor_inputs(run, ready) for run in ready.runs}, _STRETCH_S)
     if cut is None:
         return None
-    band = Band(cut, data.plan, [run.name for run in cut.runs], coarse=True, threads=data.jobs)
-    band.adopt_floors(data.coarse)
-    return band
+    fitted = _played(cut, data.roles, "fit")
+    some = fitted[:: -(-len(fitted) // _SEARCHED)]
+    coarse = Band(cut, data.plan, some, coarse=True, threads=data.jobs)
+    fine = Band(cut, data.plan, fitted, threads=data.jobs)
+    return dataclasses.replace(data, judged=cut, coarse=coarse, fine=fine)
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
@@ -372,7 +403,7 @@ def _ranking(judged: Judged, selection: Selection) -> tuple[Rank, ...]:
     for step in selection.steps:
         for one in step.tried:
             by = one.charged - selection.best.charged
-            why = _WORSE.format(by) if by > 0 else "Takes away too little beside what was taken already."
+            why = _WORSE.format(max(by, 1.0)) if by > 0 else "Takes away too little beside what was taken already."
             found.append(_rank(one, judged, selection.nominal.cost, why))
     first: dict[tuple[str, ...], Rank] = {}
     for rank in found:
@@ -388,7 +419,8 @@ def _why(one: Fitted, judged: Judged) -> str:
         return "Taken: it explains the runs best."
     if one in judged.rivals:
         return "The data cannot tell it from the best one."
-    return _WORSE.format(one.charged - judged.best.charged)
+    by = one.charged - judged.best.charged
+    return _WORSE.format(max(by, 1.0)) if by > 0 else "Does better by no more than chance, and with more effects."
 
 
 def _rank(one: Fitted, judged: Judged, before: float, why: str) -> Rank:

@@ -1,0 +1,51 @@
+"""Faults planted in copies of measured sets: in columns, as a wrong unit or clock leaves them, or in rows."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from brickpilot.dataset import Dataset, read
+from numpy.typing import NDArray
+
+Column = NDArray[np.float64]
+
+
+def plant(
+    source: Path, folder: Path, columns: Sequence[str], change: Callable[[Column], Column], *runs: str
+) -> Dataset:
+    """A copy of a data set in which `change` was done to columns of these runs' files, or of all files."""
+    shutil.copytree(source, folder)
+    for file in sorted(folder.glob("*.csv")):
+        if not runs or file.stem in runs:
+            names = file.read_text(encoding="utf-8").splitlines()[0].split(",")
+            table = np.genfromtxt(file, delimiter=",", skip_header=1)
+            for name in columns:
+                at = names.index(name)
+                table[:, at] = change(table[:, at])
+            rows = "\n".join(",".join("" if cell != cell else repr(cell) for cell in row) for row in table.tolist())
+            file.chmod(0o644)
+            file.write_text(",".join(names) + "\n" + rows + "\n", encoding="utf-8")
+    return read(folder)
+
+
+def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str]], *runs: str) -> Dataset:
+    """A copy of a data set in which `change` was done to the rows, less the header, of these runs' files or all."""
+    shutil.copytree(source, folder)
+    for file in sorted(folder.glob("*.csv")):
+        if not runs or file.stem in runs:
+            header, *rows = file.read_text(encoding="utf-8").splitlines()
+            file.chmod(0o644)
+            file.write_text("\n".join([header, *change(rows)]) + "\n", encoding="utf-8")
+    return read(folder)
+
+
+def new_faults(dataset: Dataset, sound: Dataset) -> set[tuple[str, str, str]]:
+    """(run, signal, kind) of the faults that the sound set does not have."""
+    return _named(dataset) - _named(sound)
+
+
+def _named(dataset: Dataset) -> set[tuple[str, str, str]]:
+    return {(fault.run, fault.signal, fault.kind) for fault in dataset.faults}
