@@ -244,10 +244,12 @@ def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> Non
 
 
 def test_a_terms_gate_ends_the_peers_path() -> None:
-    setting = benchmark_sindy.Setting(0.24, {ENCODERS: 10.0})
+    setting = benchmark_sindy.Setting(0.24, 0.0, {ENCODERS: 10.0})
     path = {"names": ["a", "b", "a", "c"], "gains": [50.0, 20.0, 12.0, 9.9]}
     given = result(["a"], "none", peer={"0.24": {"FROLS": path}})
     assert [one["name"] for one in benchmark_sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a", "b"]
+    setting = benchmark_sindy.Setting(0.24, 0.5, {ENCODERS: 10.0})
+    assert [one["name"] for one in benchmark_sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a"]
 
 
 def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:

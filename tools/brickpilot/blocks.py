@@ -51,18 +51,20 @@ class Bins:
     Attributes:
         grids: run -> time of the simulated samples, s, where they are not those measured.
         means: run -> s; an acceleration is a mean over the last step, so long among the measured samples.
+        changes: signals that are judged by their change from bin to bin; at least those that sum up (`SUMMED`).
     """
 
     width: float
     grids: Mapping[str, Array] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
+    changes: frozenset[str] = SUMMED
 
 
 def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
     """The blocks of the fitted runs, and a sentence on each signal that is left out.
 
     Args:
-        bins: averages are compared, and of summed signals (`SUMMED`) their change from bin to bin; None: samples.
+        bins: averages are compared, and of some signals their change from bin to bin; None: samples.
 
     Raises:
         InputError: the fitted runs hold nothing that the model gives.
@@ -101,7 +103,7 @@ def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], sta
     filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
     mean = csr_array((1 / counts[place], (place, np.arange(len(rows)))))
     middle = np.asarray(mean @ time)
-    if signal in SUMMED:
+    if signal in bins.changes:
         later = np.arange(len(filled) - 1)
         change = csr_array((np.ones_like(later), (later, later + 1)), shape=(len(later), len(filled)))
         change = change - csr_array((np.ones_like(later), (later, later)), shape=(len(later), len(filled)))

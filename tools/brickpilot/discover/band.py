@@ -213,7 +213,9 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
     def __init__(
         self, dataset: Dataset, plan: Plan, runs: Sequence[str], *, threads: int = 2, coarse: bool = False
     ) -> None:
+        self.changes = _changes(dataset)
         replay, bins = _thinned(dataset) if coarse else (Replay(dataset, motor_step=_MOTOR_STEP), Bins(BIN_S))
+        bins = dataclasses.replace(bins, changes=self.changes)
         super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=dataset)
         self._dataset = dataset
         self.sample_noise = {signal: self._sample_noise(signal) for signal in self.signals}
@@ -360,7 +362,17 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
     def _floor(self, signal: str) -> float:
         """sd of a bin's value, were the noise white."""
         per_bin = float(np.median([block.count for block in self.blocks if block.signal == signal]))
-        return float(self.sample_noise[signal] / np.sqrt(per_bin) * (np.sqrt(2) if signal in SUMMED else 1.0))
+        return float(self.sample_noise[signal] / np.sqrt(per_bin) * (np.sqrt(2) if signal in self.changes else 1.0))
+
+
+def _changes(dataset: Dataset) -> frozenset[str]:
+    """What is judged by its change from bin to bin.
+
+    Beside what sums up, the velocity that was derived from a position: what moves a heavy load wrongly moves its
+    velocity for seconds, and each bin would say the same again. Its change shows the force that is missing.
+    """
+    derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
+    return SUMMED | (derived & set(RATE_OF.values()))
 
 
 def _thinned(dataset: Dataset) -> tuple[Replay, Bins]:

@@ -30,13 +30,13 @@ _KNOTS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest: where a saturation may beg
 
 NOT_IN_LIBRARY = frozenset(
     {
-        "direction_asymmetry", "sensor_delay", "torque_ripple", "cogging", "gear_backlash", "pwm_quantisation",
-        "pwm_coast", "payload_mass",
+        "direction_asymmetry", "encoder_scale", "sensor_delay", "torque_ripple", "cogging", "gear_backlash",
+        "pwm_quantisation", "pwm_coast", "payload_mass",
     }
 )  # fmt: skip
 """Effects that no column stands for: those with a free frequency, step or state, those that are others' columns (a
-delay of all sensors is one of the input, friction of one direction is dry friction and an offset), and what is a
-nominal value with another's column (a load)."""
+delay of all sensors is one of the input, friction of one direction is dry friction and an offset), and what a nominal
+value all but stands for (a load for mass and its place, the encoders' scale for radius, drive and EMF)."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Column:
 
     Attributes:
         mean, difference: (n,) rad/s^2: acceleration of the two modes.
-        sensors: signal -> (n,): what a sensor says too much, SI; "mean" and "difference" are the wheels'.
+        sensors: signal -> (n,): what an IMU's sensor says too much, SI.
     """
 
     mean: Array
@@ -239,7 +239,6 @@ def library(of: Modes, run: Motion) -> dict[str, list[Column]]:
         "imu_lag": [
             sensor(accel_surge=-rate(run.surge_accel), accel_sway=-rate(run.sway_accel), yaw_rate=-run.yaw_accel)
         ],
-        "encoder_scale": [sensor(mean=0.5 * (run.left + run.right), difference=0.5 * (run.left - run.right))],
     }
 
 

@@ -182,6 +182,16 @@ def _apart(parameter: str, value: float, true: float) -> float:
     return apart - _FULL_TURN * round(apart / _FULL_TURN) if _periodic(parameter) else apart
 
 
+def whole(result: Result) -> bool:
+    """Whether all that is hidden is found."""
+    return set(result["hidden"]) <= found(result)
+
+
+def clean_part(result: Result) -> bool:
+    """Whether at least one of what is hidden is found, and nothing else."""
+    return bool(found(result)) and found(result) <= set(result["hidden"])
+
+
 def composed(result: Result) -> bool:
     """Whether the verdict is `unknown` with a term that takes away `REMOVED` of the held-out gap."""
     removed = result["held_out"]["removed"] if result["verdict"] == "unknown" and result.get("term") else None

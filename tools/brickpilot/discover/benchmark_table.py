@@ -18,17 +18,18 @@ from brickpilot.discover.benchmark_score import (
     Result,
     Share,
     any_named,
+    clean_part,
     composed,
     credit,
     decided,
     detected,
-    found,
     intervals_hold,
     kind,
     move,
     parameter_errors,
     right,
     visible,
+    whole,
     wrong,
 )
 from brickpilot.discover.benchmark_sindy import BIC_ALONE, METHODS, nameable, verdict_of
@@ -149,14 +150,9 @@ def _clean(results: Sequence[Result]) -> Iterator[Claim]:
 def _several(
     suite: str, results: Sequence[Result], every: str, all_wanted: Wanted | None, one_wanted: Wanted | None
 ) -> Iterator[Claim]:
-    yield _share(f"{suite}: {every} found", results, lambda one: set(one["hidden"]) <= found(one), all_wanted)
+    yield _share(f"{suite}: {every} found", results, whole, all_wanted)
     yield _share(f"{suite}: {every}, ambiguous verdicts counted as for single ones", results, credit)
-    yield _share(
-        f"{suite}: at least one found and no false one",
-        results,
-        lambda one: bool(found(one)) and found(one) <= set(one["hidden"]),
-        one_wanted,
-    )
+    yield _share(f"{suite}: at least one found and no false one", results, clean_part, one_wanted)
 
 
 def _odd(results: Sequence[Result]) -> Iterator[Claim]:
@@ -260,6 +256,7 @@ def side_by_side(results: Sequence[Result]) -> list[dict[str, Any]]:
     for sensors, label in _SENSORS.items():
         clear = [one for one in both if kind(one) == "single" and visible(one) and one["sensors"] == sensors]
         judged.append((f"single, clearly visible, {label}: right name", clear, credit))
+        judged.append((f"single, clearly visible, {label}: named, and right alone", clear, right))
     clear = [one for one in both if kind(one) == "single" and visible(one)]
     judged += [
         ("single, clearly visible: a wrong name given as sure", clear, wrong),
@@ -267,14 +264,8 @@ def side_by_side(results: Sequence[Result]) -> list[dict[str, Any]]:
     ]
     for suite, every in (("pairs", "both"), ("triples", "all three")):
         among = [one for one in both if kind(one) == suite]
-        judged.append((f"{suite}: {every} found", among, lambda one: set(one["hidden"]) <= found(one)))
-        judged.append(
-            (
-                f"{suite}: at least one found and no false one",
-                among,
-                lambda one: bool(found(one)) and found(one) <= set(one["hidden"]),
-            )
-        )
+        judged.append((f"{suite}: {every} found", among, whole))
+        judged.append((f"{suite}: at least one found and no false one", among, clean_part))
     judged.append(("off-library: a wrong name given as sure", [one for one in both if kind(one) == "odd"], wrong))
     rows = []
     for what, among, count in judged:

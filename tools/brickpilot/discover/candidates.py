@@ -38,6 +38,8 @@ _NOTHING = 1e-3  # scales: a change that is less everywhere is none
 
 # Effects that limit something: the parameter, and the largest value of what it limits.
 _LIMITS = {"supply_saturation": ("voltage", "V"), "gyro_saturation": ("limit", "yaw_rate")}
+# Effects that come and go with their size, so that it is looked for step by step: the parameter, and where.
+_SCANNED = {"pwm_quantisation": ("step", tuple(np.geomspace(0.003, 0.3, 120).tolist()))}
 SHAPES = frozenset({"order", "phase", "phase_difference", "stribeck_speed", "rotor_share", "friction"})
 """Parameters that say how an effect acts, not how large it is."""
 _PLACES = {"payload_mass": ("forward", "right"), "caster_drag": ("forward",)}
@@ -232,7 +234,7 @@ def _ends(probe: _Probe, amplitudes: Array) -> dict[str, float]:
         first["phase"] = float(np.angle(np.exp(1j * (right + apart / 2))))
         if "phase_difference" in first:
             first["phase_difference"] = apart
-    elif probe.candidate.effect in _LIMITS:
+    elif probe.candidate.effect in (*_LIMITS, *_SCANNED):
         pass  # the tighter, the more it changes: its amplitude says nothing of where it is
     elif probe.free_sign:
         for values, amplitude in zip(probe.values, amplitudes, strict=True):
@@ -267,6 +269,9 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
         name, of = _LIMITS[candidate.effect]
         largest = seen.largest.get(of, 0.0)
         return [_Probe(candidate, ({name: share * largest},), False) for share in _SHARES if largest > 0]
+    if candidate.effect in _SCANNED:
+        name, values = _SCANNED[candidate.effect]
+        return [_Probe(candidate, ({name: value},), False) for value in values]
     natural = {
         name: (one.preset or _VISIBLE.get(one.unit, 1.0)) * scale_of(one.unit, base) for name, one in infos.items()
     }

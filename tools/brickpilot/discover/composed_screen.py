@@ -222,10 +222,12 @@ class Screen:
             return [tuple((settings | {"wavelength": 1 / f}).items()) for f in found if f > 0]
         if "order" in settings:
             step = periods.angle_resolution(segments)
-            return [tuple((settings | {"order": settings["order"] + k * step}).items()) for k in _NEIGHBOURS]
+            found = [settings["order"] + k * step for k in _NEIGHBOURS]
+            return [tuple((settings | {"order": order}).items()) for order in found if order > 0]
         if "frequency" in settings and "damping" not in settings:
             step = periods.time_resolution(segments, settings["clock"])
-            return [tuple((settings | {"frequency": settings["frequency"] + k * step}).items()) for k in _NEIGHBOURS]
+            found = [settings["frequency"] + k * step for k in _NEIGHBOURS]
+            return [tuple((settings | {"frequency": frequency}).items()) for frequency in found if frequency > 0]
         return []
 
     def best(self, model: Model, atoms: Sequence[Atom], followed: int) -> list[Trial]:

@@ -46,6 +46,8 @@ _ROUNDS = 5
 _MOST = 4  # effects, before needless ones are removed
 _BENT_SD = 5.0  # that a nominal value was moved by, to hide something
 _BEYOND = 0.9  # of the largest reading: what limits a sensor is not less
+_TIED = 0.05  # of the best one's charged cost
+_RUBBING = 0.1  # of the breakaway torque
 _CLOSE = 0.2  # of the best one's gain: those nearer to it than that are fitted to the end
 _HOPE = 0.3  # of what an effect has to take away: a screened candidate that promises less is not fitted
 _HELD = 0.25  # of the share it takes away from the fitted runs: what an effect has to take from the held-out ones
@@ -106,9 +108,19 @@ def enough(before: float, after: float, trusted: float) -> bool:
 
 
 def _believed(band: Band, nominal: Fitted, current: Fitted, found: Fitted) -> bool:
-    """Whether `found` goes beyond `current`: by more than an effect that is not quite as the library has it leaves."""
-    least = _SHARE_OF_ALL * (nominal.cost - current.cost)
-    return enough(current.charged, found.charged, band.trusted()) and current.charged - found.charged > least
+    """Whether `found` goes beyond `current`: by more than an effect that is not quite as the library has it leaves.
+
+    Where `current` bent a nominal value that `found` need not bend, what it gains is not of that kind.
+    """
+    gain = current.charged - found.charged
+    unbent = _bent(band, current) > _BENT_SD > 2 * _bent(band, found)
+    least = 0.0 if unbent else _SHARE_OF_ALL * (nominal.cost - current.cost)
+    return enough(current.charged, found.charged, band.trusted()) and gain > least
+
+
+def _bent(band: Band, found: Fitted) -> float:
+    """sds that the nominal value is moved by that is moved most."""
+    return float(np.abs(band.with_plan(found.plan).prior_rows(found.point)[0]).max(initial=0.0))
 
 
 def needed(after: float, trusted: float) -> float:
@@ -121,20 +133,18 @@ def needed(after: float, trusted: float) -> float:
     return max(_LEAST_GAIN, (_LEAST_SHARE + _SHARE_UNEXPLAINED * unexplained) * after)
 
 
-def select(
-    band: Band, nominal: Fitted, *, seen: Seen, jobs: int, tell: Tell, stretches: Band | None = None
-) -> Selection:
-    """Searches forward and backward from `nominal`. `band` may be coarse.
-
-    `stretches`: the same data cut into short runs (`band.windowed`), to look there for what repeats with wheel angle.
-    """
+def select(band: Band, nominal: Fitted, *, seen: Seen, jobs: int, tell: Tell) -> Selection:
+    """Searches forward and backward from `nominal`. `band` may be coarse."""
     current, steps, noise = nominal, list[Step](), band.noise_cost()
     while len(current.chosen) < _MOST and len(steps) < _ROUNDS:
         tell(f"looking for effect {len(current.chosen) + 1}")
-        tried = _round(band, current, seen, jobs, stretches if current.cost > _STRUCTURED * noise else None)
+        tried = _round(band, current, seen, jobs)
         taken = bool(tried) and _believed(band, nominal, current, tried[0])
         if len(current.chosen) == 1 and (taken or current.cost > _STRUCTURED * noise):
-            tried = _best_first(tried + _pairs(band, nominal, steps[-1].tried, jobs))
+            tried += _pairs(band, nominal, steps[-1].tried, jobs)
+            if tried and min(one.cost for one in tried) > _STRUCTURED * noise:
+                tried += [found for other in _tied(steps[-1].tried) for found in _round(band, other, seen, jobs)]
+            tried = _best_first(tried)
             taken = bool(tried) and _believed(band, nominal, current, tried[0])
         if not taken and len(current.chosen) > 1 and current.cost > _STRUCTURED * noise:
             tried = _best_first(tried + _exchanged(band, current, seen, jobs))
@@ -182,22 +192,21 @@ def polish(band: Band, fits: Sequence[Fitted], jobs: int) -> list[Fitted]:
     return _best_first(_each(one, fits, jobs))
 
 
-def _round(band: Band, current: Fitted, seen: Seen, jobs: int, stretches: Band | None) -> list[Fitted]:
+def _round(band: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
     """The best candidates beside `current`, fitted.
 
     Where the fit had to bend nominal values far beyond what is known of them, candidates are tried from the stated ones
     too: an effect must not hide in a nominal value.
     """
     points = [current.point]
-    if float(np.abs(band.with_plan(current.plan).prior_rows(current.point)[0]).max(initial=0.0)) > _BENT_SD:
+    if _bent(band, current) > _BENT_SD:
         points.append(_restated(current))
     rough = [found for point in points for found in _from(band, current, point, seen, jobs)]
-    if stretches is not None:
-        rough += _repeating(band, stretches, current, seen, jobs)
     best = min((one.charged for one in rough), default=0.0)
     near = best + _CLOSE * max(current.cost - best, 0.0)
     close = [one for one in _best_first(rough) if one.charged < near][:_POLISHED_COUNT]
-    return _best_first(polish(band, close, jobs) + [one for one in rough if one not in close])
+    polished = [one for one in polish(band, close, jobs) if _possible(one, seen)]
+    return _best_first(polished + [one for one in rough if one not in close])
 
 
 def _restated(current: Fitted) -> Array:
@@ -213,13 +222,12 @@ def _from(
     point: Array,
     seen: Seen,
     jobs: int,
-    chosen: Sequence[Candidate] | None = None,
 ) -> list[Fitted]:
     """The most hopeful of `chosen`, or of all candidates, fitted beside `current` from `point`."""
     here = band.with_plan(current.plan)
     here.keep(point, len(point))
     first: dict[tuple[str, tuple[str, ...]], Trial] = {}
-    for trial in screen(here, point, candidates(current.model) if chosen is None else chosen, seen=seen):
+    for trial in screen(here, point, candidates(current.model), seen=seen):
         if _hopeful(trial, band.trusted()):
             first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
 
@@ -233,24 +241,20 @@ def _from(
 
 
 def _possible(found: Fitted, seen: Seen) -> bool:
-    """Whether what is called a repetition is one, and nothing was read beyond what is called its limit."""
+    """Whether each effect is what its name says.
+
+    A repetition repeats, nothing was read beyond what is called its limit, and what a breakaway torque comes down to
+    when it moves is dry friction.
+    """
     tables = found.model.effects
     repeats = all(tables[one.effect]["order"] >= seen.least_order for one in found.chosen if "order" in one.free)
     limits = [(tables[one.effect][name], of) for one in found.chosen for name, of in read_limits(one)]
-    return repeats and all(limit > _BEYOND * seen.largest.get(of, 0.0) for limit, of in limits)
-
-
-def _repeating(band: Band, stretches: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
-    """What repeats with the wheels' angle: found on stretches, where simulated angles are true, then on the runs."""
-    here = fit(stretches, current.chosen, current.plan, current.point, _ROUGH)
-    if here is None:
-        return []
-    chosen = [one for one in candidates(current.model) if "order" in one.free]
-    found = []
-    for one in polish(stretches, _from(stretches, here, here.point, seen, jobs, chosen), jobs):
-        whole = fit(band, one.chosen, one.plan, one.point, _ROUGH)
-        found += [] if whole is None else [whole]
-    return found
+    rubs = [table for name, table in tables.items() if name == "stiction_stribeck"]
+    return (
+        repeats
+        and all(limit > _BEYOND * seen.largest.get(of, 0.0) for limit, of in limits)
+        and all(table["coulomb"] > _RUBBING * table["breakaway"] for table in rubs)
+    )
 
 
 def _hopeful(trial: Trial, trusted: float) -> bool:
@@ -276,11 +280,17 @@ def _pairs(band: Band, nominal: Fitted, singles: Sequence[Fitted], jobs: int) ->
     return polish(band, rough[:2], jobs)
 
 
+def _tied(tried: Sequence[Fitted]) -> list[Fitted]:
+    """The next best of `tried` with other effects, if it does nearly as well: alone the wrong one may be ahead."""
+    others = [one for one in tried if one.names != tried[0].names]
+    return [one for one in others[:1] if one.charged < (1 + _TIED) * tried[0].charged]
+
+
 def _exchanged(band: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
     """`current` with each of its effects in turn replaced by what is best beside the others."""
     found: list[Fitted] = []
     for fewer in polish(band, [_without(current, name) for name in current.names], jobs):
-        found += _round(band, fewer, seen, jobs, None)[:2]
+        found += _round(band, fewer, seen, jobs)[:2]
     return found
 
 

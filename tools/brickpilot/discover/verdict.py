@@ -73,15 +73,22 @@ def judge(band: Band, selection: Selection, jobs: int, unseen: Band | None) -> J
         return Judged(nothing, nominal, nominal, (), (best,), noise, 1.0)
     others = polish(band, _near(selection, best), jobs)
     ranked = tuple(sorted([best, *others], key=lambda one: one.charged))
-    best = ranked[0]
-    margin = max(_MARGIN, _MARGIN_SHARE * best.cost) * max(1.0, best.cost / band.trusted())
-    rivals: list[Fitted] = []
-    for one in ranked[1:]:
-        near = one.charged - best.charged < margin and all(_another(one, other) for other in (best, *rivals))
-        if near and not any(_nests(band, one, other, jobs) for other in (best, *rivals)):
+    limit = ranked[0].charged + max(_MARGIN, _MARGIN_SHARE * ranked[0].cost) * max(1.0, ranked[0].cost / band.trusted())
+    near = _simplest([one for one in ranked if one.charged <= limit])
+    best, rivals = near[0], list[Fitted]()
+    for one in near[1:]:
+        if all(_another(one, kept) and not _nests(band, one, kept, jobs) for kept in (best, *rivals)):
             rivals.append(one)
-    confidence = _confidence(band, best, [nominal, *(one for one in ranked[1:] if _another(one, best))])
+    confidence = _confidence(band, best, [nominal, *(one for one in ranked if _another(one, best))])
     return Judged("ambiguous" if rivals else "named", nominal, best, tuple(rivals), ranked, noise, confidence)
+
+
+def _simplest(near: Sequence[Fitted]) -> list[Fitted]:
+    """Those of `near`, which the data cannot tell apart, that hold no other's effects and more.
+
+    What the data cannot tell from fewer effects is not known to be there.
+    """
+    return [one for one in near if not any(set(other.names) < set(one.names) for other in near)]
 
 
 def certain(band: Band, found: Fitted, jobs: int) -> Fitted:
@@ -137,7 +144,9 @@ def _nests(band: Band, one: Fitted, other: Fitted, jobs: int) -> bool:
     if _count(one) <= _count(other):
         return False
     beside = [candidate for candidate in one.chosen if candidate.effect not in other.names]
-    smaller = [without_parameter(one, candidate, name) for candidate in beside for name in candidate.free]
+    smaller = [
+        without_parameter(one, candidate, name) for candidate in beside for name in candidate.free if name not in SHAPES
+    ]
     versions = [one, *polish(band, [less for less in smaller if less.names == one.names], jobs)]
     simulated = band.predict([other.model, *(version.model for version in versions)])
     apart = np.sqrt(np.mean(((simulated[1:] - simulated[0]) * band.weight()) ** 2, axis=1))
