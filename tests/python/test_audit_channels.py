@@ -42,7 +42,8 @@ def wrong(dataset: Dataset) -> dict[tuple[str, str], tuple[str, float | None]]:
     return {(fault.run, fault.signal): (fault.kind, fault.factor) for fault in dataset.faults}
 
 
-@pytest.mark.parametrize(("runs", "lone"), [((), False), (("spin",), False), ((), True)])
+@pytest.mark.parametrize("lone", [False, True])
+@pytest.mark.parametrize("runs", [(), ("spin",)])
 def test_a_wrong_unit_beyond_the_stated_range_is_no_clipping(runs: tuple[str, ...], lone: bool, tmp_path: Path) -> None:
     noise = {"yaw_rate": 0.014, "accel_surge": 0.025} if lone else NOISE
     robot(tmp_path / "s", {"yaw_rate": DEGREES}, *runs, noise=noise)
