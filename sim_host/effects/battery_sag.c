@@ -5,18 +5,70 @@
 /* Part of the battery's voltage below which it does not fall. */
 static const double FLOOR = 0.01;
 
-/* A Newton step a body step on V = V_0 - resistance i(V), with the slope of both motors at full duty: the steady answer
- * is exact, and no resistance makes it swing for long. memory: V less V_0, of the last body step. */
+typedef struct {
+    double open;      /* V without current */
+    double given[2];  /* V that the hook passed on in the last motor step */
+    double passed[2]; /* what the rest of the drive made of one volt of it: a dead band takes some */
+} sag_t;
+
+static int motors(const vehicle_t *vehicle)
+{
+    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
+}
+
 static void supply(const double *value, double *memory, vehicle_t *vehicle)
 {
-    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
-    double conductance = 0;
-    for (int k = 0; k < count; k++)
-        conductance += 1 / vehicle->motor[k].resistance;
-    const double wanted = -value[0] * vehicle->supply_current;
-    memory[0] += (wanted - memory[0]) / (1 + value[0] * conductance);
-    memory[0] = fmax(memory[0], FLOOR * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE] - vehicle->supply);
-    vehicle->supply += memory[0];
+    (void)value;
+    ((sag_t *)memory)->open = vehicle->supply;
+}
+
+/* The mean current over the step is linear in the voltage, as motor.c has it at the speed the step begins with: so the
+ * voltage at which battery and motors agree is exact, however long the step is beside L / R. */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    sag_t *sag = (sag_t *)memory;
+    double slope = 0, drawn = 0; /* of the battery's current in V, and at V = 0 */
+    double share[2] = {0};
+    for (int k = 0; k < motors(vehicle); k++) {
+        if (isnan(vehicle->voltage[k]))
+            continue;
+        const motor_t *motor = &vehicle->motor[k];
+        const double decay = motor->inductance > 0 ? vehicle->step * motor->resistance / motor->inductance : INFINITY;
+        const double left = isinf(decay) ? 0 : decay > 0 ? -expm1(-decay) / decay : 1;
+        const double gain = (1 - left) / motor->resistance;
+        share[k] = vehicle->voltage[k] / vehicle->supply;
+        const double at_motor = share[k] * sag->passed[k];
+        slope += at_motor * at_motor * gain;
+        drawn +=
+            at_motor * (left * vehicle->state.current[k] - gain * motor->emf_constant * vehicle->state.wheel_speed[k]);
+    }
+    const double agreed = (sag->open - value[0] * drawn) / (1 + value[0] * slope);
+    vehicle->supply = fmax(agreed, FLOOR * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE]);
+    for (int k = 0; k < motors(vehicle); k++) {
+        if (!isnan(vehicle->voltage[k]))
+            vehicle->voltage[k] = share[k] * vehicle->supply;
+        sag->given[k] = vehicle->voltage[k];
+    }
+}
+
+/* After the rest of the drive. Half way, as what a dead band leaves of a volt depends on how many there are. */
+static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    sag_t *sag = (sag_t *)memory;
+    for (int k = 0; k < motors(vehicle); k++) {
+        const double ratio = vehicle->voltage[k] / sag->given[k];
+        if (isfinite(ratio))
+            sag->passed[k] += 0.5 * (ratio - sag->passed[k]);
+    }
+}
+
+static void start(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    (void)vehicle;
+    sag_t *sag = (sag_t *)memory;
+    sag->passed[0] = sag->passed[1] = 1;
 }
 
 static const bp_parameter_info PARAMETERS[] = {
@@ -32,6 +84,6 @@ const effect_t effect_battery_sag = {
              .source = "Shepherd 1965, Design of primary and secondary cells, the ohmic term",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = 1,
-    .hook = {[SITE_SUPPLY] = supply},
+    .memory_count = sizeof(sag_t) / sizeof(double),
+    .hook = {[SITE_START] = start, [SITE_SUPPLY] = supply, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
 };

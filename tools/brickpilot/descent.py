@@ -155,5 +155,8 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         xtol=tolerance,
         # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
         tr_solver="lsmr" if len(inside) > 1 else "exact",
+        tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)}
+        if len(inside) > 1
+        else {},
     )
     return np.asarray(found.x)

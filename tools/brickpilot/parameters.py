@@ -32,6 +32,11 @@ _EXACT = 1e-6
 # A parameter that may be zero moves in its logarithm too; this far below its natural size it has no effect.
 _FLOOR = 1e-9
 
+# Masses and torques are straight in a load and its moments, not its arms: in other coordinates the valley of a fit that
+# also moves the vehicle's own mass and motors is curved, and a descent creeps along it without an end.
+_STRAIGHT = frozenset({"payload_mass.mass"})
+_MOMENTS = {"payload_mass.forward": "payload_mass.mass", "payload_mass.right": "payload_mass.mass"}
+
 
 @dataclass(frozen=True)
 class Free:
@@ -61,11 +66,15 @@ class Free:
         stated = abs(self.known.value) if self.known is not None else 0.0
         return stated or abs(self.info.preset) or 1.0
 
+    @property
+    def _straight(self) -> bool:
+        return self.signed or self.name in _STRAIGHT
+
     def to_coordinate(self, value: float) -> float:
-        return value / self.size if self.signed else math.log(max(value, self.size * _FLOOR))
+        return value / self.size if self._straight else math.log(max(value, self.size * _FLOOR))
 
     def to_value(self, coordinate: float) -> float:
-        value = coordinate * self.size if self.signed else math.exp(coordinate)
+        value = coordinate * self.size if self._straight else math.exp(coordinate)
         return min(max(value, self.info.minimum), self.info.maximum)
 
     def bounds(self) -> tuple[float, float]:
@@ -74,7 +83,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is fitted: `model` holds every fixed value and every start; `fixed_notes`: choices a user should know of."""
+    """What is fitted: `model` holds every fixed value and every start; `notes`: choices a user should know of."""
 
     model: Model
     free: tuple[Free, ...]
@@ -82,10 +91,20 @@ class Plan:
 
     def at(self, coordinates: Array) -> Model:
         values = {free.name: free.to_value(float(x)) for free, x in zip(self.free, coordinates, strict=True)}
+        for free, x in zip(self.free, coordinates, strict=True):
+            if (load := _load(free.name, values)) > 0:
+                values[free.name] = free.to_value(float(x) / load)
         return with_values(self.model, values)
 
     def start(self) -> Array:
-        return np.array([free.to_coordinate(value_of(self.model, free.name)) for free in self.free])
+        values = {free.name: value_of(self.model, free.name) for free in self.free}
+        loads = np.array([_load(free.name, values) or 1.0 for free in self.free])
+        return loads * [free.to_coordinate(values[free.name]) for free in self.free]
+
+
+def _load(name: str, values: Mapping[str, float]) -> float:
+    """What a coordinate is multiplied by: of an arm the load on it, in the same fit; 0 where there is none."""
+    return values.get(_MOMENTS.get(name, ""), 0.0)
 
 
 def value_of(model: Model, name: str) -> float:

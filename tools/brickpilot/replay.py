@@ -37,6 +37,9 @@ _START_SAMPLES = 9
 # Effects by which the charge drawn or the heat left by one run changes the next; age alone is known beforehand.
 _REMEMBERED = frozenset({"battery_discharge", "motor_heating"})
 
+# s: the longest motor step with an effect that is over sooner than what a fit needs otherwise.
+_SHORTER = {"gear_backlash": 0.001, "pwm_coast": 0.001, "wheel_slip": 0.003}
+
 _LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
 _FINEST = 20  # interpolated samples per measured one, where the measured crowd
 _SECANT_STEPS = 4
@@ -47,7 +50,8 @@ class Replay:
 
     Args:
         dataset: as `dataset.read` gives it.
-        motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own.
+        motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with an effect that is
+            over sooner get a shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V, where they are not those of the runs' rows.
     """
 
@@ -91,7 +95,7 @@ class Replay:
                         heat=last_state.heat,
                         rest=run.gap_s,
                     )
-                    jobs.append((model, self._open_loop(run, slice(None), start)))
+                    jobs.append((model, self._open_loop(run, slice(None), start, model)))
             simulated = iter(plant.simulate(jobs, threads, signals=signals))
             for run, _ in batch:
                 carried = []
@@ -146,7 +150,7 @@ class Replay:
                     here, self.dataset.vehicle, model, age=age + float(run.time[stretch.start] - run.time[0])
                 )
                 stretches.append((run.name, stretch))
-                batch.append((model, self._open_loop(run, stretch, start)))
+                batch.append((model, self._open_loop(run, stretch, start, model)))
             age += float(run.time[-1] - run.time[0])
         found: dict[str, list[Window]] = {run.name: [] for run in self.dataset.runs}
         for (name, stretch), one in zip(
@@ -155,8 +159,9 @@ class Replay:
             found[name].append(Window(stretch, one.outputs))
         return found
 
-    def _open_loop(self, run: Run, stretch: slice, start: State) -> OpenLoopRun:
+    def _open_loop(self, run: Run, stretch: slice, start: State, model: Model) -> OpenLoopRun:
         motor_step, body_step = self._steps
+        motor_step = min([motor_step, *(_SHORTER[name] for name in _SHORTER.keys() & model.effects.keys())])
         return OpenLoopRun(
             time=run.time[stretch],
             inputs=self.inputs[run.name][stretch],

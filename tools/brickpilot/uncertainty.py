@@ -26,7 +26,7 @@ _SMALL_SD = 0.05  # of its natural size: one that may be zero is known to be sma
 _NARROWED = 0.9  # of its prior's sd: below it the data have added something
 _FAR = 0.3  # of its natural size
 _MEMBER = 0.02  # share of a parameter that lies in directions the data do not narrow
-_STEP = 1e-4
+_STEP = 3e-3  # either way, of a parameter: no less, as dry contacts and plays are smooth on no smaller scale
 _STRETCHES = 20  # of time, at least, from whose spread the intervals come
 
 
@@ -120,10 +120,16 @@ def _score_spread(problem: OutputError, scores: Array) -> tuple[Array, int]:
 def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
     """(samples, parameters): change of the simulated signals per unit of each parameter."""
     values = np.array([value_of(model, one.name) for one in free])
-    inward = np.where(values + steps <= [one.info.maximum for one in free], steps, -steps)
-    moved = [with_values(model, {one.name: float(v + h)}) for one, v, h in zip(free, values, inward, strict=True)]
-    predicted = problem.predict([model, *moved])
-    return finite(((predicted[1:] - predicted[0]) / inward[:, np.newaxis]).T)
+    low = np.maximum(values - steps, [one.info.minimum for one in free])
+    high = np.minimum(values + steps, [one.info.maximum for one in free])
+    names = [one.name for one in free]
+    moved = [
+        with_values(model, {name: float(value)})
+        for ends in (low, high)
+        for name, value in zip(names, ends, strict=True)
+    ]
+    below, above = np.split(problem.predict(moved), 2)
+    return finite(((above - below) / (high - low)[:, np.newaxis]).T)
 
 
 def _estimate(free: Free, value: float, sd: float, size: float, quantile: float, *, relative: bool) -> Estimate:

@@ -33,6 +33,34 @@ static void test_the_voltage_settles_within_a_few_body_steps(void)
     }
 }
 
+/* Battery and motors agree in the step in which the command changes, however long it is beside L / R. */
+static void test_the_first_step_is_exact_without_inductance(void)
+{
+    const double resistance = 30;
+    use("battery_sag", &resistance);
+    set("wheel_inertia", 1e4);
+    set("inductance", 0);
+    TEST_ASSERT_EQUAL_INT(0, plant_start(&plant, affected, NULL, 0.01, 0.01));
+    TEST_ASSERT_EQUAL_INT(0, plant_advance(&plant, (const double[]){9, -4.5}, 0.01));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 9 / (1 + 1.25 * 30 / 22), plant.vehicle.supply);
+    TEST_ASSERT_EQUAL_INT(0, plant_advance(&plant, (const double[]){-9, 9}, 0.01));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-4, 9 / (1 + 2 * 30. / 22), plant.vehicle.supply);
+}
+
+/* What a dead band takes of the voltage, the motors do not draw. */
+static void test_the_rest_of_the_drive_is_heeded(void)
+{
+    const double resistance = 8, deadband = 3;
+    use("battery_sag", &resistance);
+    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(affected, "actuator_deadband", &deadband));
+    set("wheel_inertia", 1e4);
+    start(affected, NULL);
+    go(9, -9, 0.3);
+    const double supply = plant.vehicle.supply;
+    const double current = (supply - 3) / 22;
+    TEST_ASSERT_DOUBLE_WITHIN(1e-3, 9 - 8 * 2 * current * (supply - 3) / supply, supply);
+}
+
 static void test_braking_by_reversing_raises_nothing_beyond_bounds(void)
 {
     const double resistance = 10;
@@ -66,6 +94,8 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_stalled_voltage_is_that_of_a_divider);
     RUN_TEST(test_the_voltage_settles_within_a_few_body_steps);
+    RUN_TEST(test_the_first_step_is_exact_without_inductance);
+    RUN_TEST(test_the_rest_of_the_drive_is_heeded);
     RUN_TEST(test_braking_by_reversing_raises_nothing_beyond_bounds);
     RUN_TEST(test_no_resistance_changes_nothing);
     RUN_TEST(test_symmetry_and_a_lone_motor);

@@ -328,19 +328,35 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
     def _columns(self, point: Array, which: Sequence[int] | range) -> Array:
         if not len(which):
             return np.empty((len(self.measured), 0))
-        steps = [self._inward(point, index) for index in which]
-        moved = self.predict([self.plan.at(point + step) for step in steps])
-        sizes = np.array([step.sum() for step in steps])
-        slopes = ((moved - self._simulated(point)) / sizes[:, np.newaxis]).T
+        ends = [self._around(point, index) for index in which]
+        two_sided = [low for low, _ in ends if low is not None]
+        moved = self.predict([self.plan.at(end) for end in (*(high for _, high in ends), *two_sided)])
+        below = iter(moved[len(ends) :])
+        base = self._simulated(point)
+        slopes = np.array(
+            [
+                (above - (base if low is None else next(below))) / (high - (point if low is None else low))[index]
+                for (low, high), above, index in zip(ends, moved, which, strict=False)
+            ]
+        ).T
         return np.where(np.isfinite(slopes), slopes, 0.0)
 
-    def _inward(self, point: Array, index: int) -> Array:
-        """A step of one coordinate. An effect's is long: where a wheel meets its backlash is only known to a step."""
+    def _around(self, point: Array, index: int) -> tuple[Array | None, Array]:
+        """Where one coordinate's difference is taken: (low, high), low None for `point` itself.
+
+        An effect's reaches far, as where a wheel meets its backlash is only known to a step, and to both sides, as a
+        slope that is a little off leads nowhere in a valley that hundreds of other scales wall in.
+        """
         free = self.plan.free[index]
         length = _EFFECT_STEP if free.effect is not None else _NOMINAL_STEP
         step = np.zeros(len(point))
-        step[index] = length if point[index] + length <= free.bounds()[1] else -length
-        return step
+        step[index] = length
+        low, high = free.bounds()
+        if point[index] + length > high:
+            return None, point - step
+        if free.effect is None or point[index] - length < low:
+            return None, point + step
+        return point - step, point + step
 
     def _scale(self, signal: str) -> Scale:
         size = float(np.hypot(self.floors[signal], _MATCHED * self._rms(signal)))

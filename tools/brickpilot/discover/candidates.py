@@ -39,7 +39,11 @@ _NOTHING = 1e-3  # scales: a change that is less everywhere is none
 # Effects that limit something: the parameter, and the largest value of what it limits.
 _LIMITS = {"supply_saturation": ("voltage", "V"), "gyro_saturation": ("limit", "yaw_rate")}
 # Effects that come and go with their size, so that it is looked for step by step: the parameter, and where.
-_SCANNED = {"pwm_quantisation": ("step", tuple(np.geomspace(0.003, 0.3, 120).tolist()))}
+_SCANNED = {
+    "pwm_quantisation": ("step", tuple(np.geomspace(0.003, 0.3, 120).tolist())),
+    "pwm_coast": ("period", tuple(np.geomspace(5e-4, 0.05, 24).tolist())),
+    "gear_backlash": ("gap", tuple(np.geomspace(0.01, 0.5, 16).tolist())),
+}
 SHAPES = frozenset({"order", "phase", "phase_difference", "stribeck_speed", "rotor_share", "friction"})
 """Parameters that say how an effect acts, not how large it is."""
 _PLACES = {"payload_mass": ("forward", "right"), "caster_drag": ("forward",)}
@@ -163,9 +167,10 @@ def signatures(
 ) -> list[tuple[Candidate, Mapping[str, float], float]]:
     """Each candidate with one free size at the values it is simulated at, and half the squares of what that changes.
 
-    Arguments as of `screen`.
+    Arguments as of `screen`. Not of what comes and goes with its size, as one size says nothing of another there.
     """
-    probed = _probed(band, point, [one for one in chosen if len(one.free) == 1], seen)[1]
+    few = [one for one in chosen if len(one.free) == 1 and one.effect not in _SCANNED]
+    probed = _probed(band, point, few, seen)[1]
     return [(probe.candidate, probe.values[0], float(np.sum(columns**2)) / 2) for probe, columns in probed]
 
 
@@ -271,7 +276,7 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
         return [_Probe(candidate, ({name: share * largest},), False) for share in _SHARES if largest > 0]
     if candidate.effect in _SCANNED:
         name, values = _SCANNED[candidate.effect]
-        return [_Probe(candidate, ({name: value},), False) for value in values]
+        return [_Probe(candidate, ({name: value, **on},), False) for value in values for on in _switched(effect)]
     natural = {
         name: (one.preset or _VISIBLE.get(one.unit, 1.0)) * scale_of(one.unit, base) for name, one in infos.items()
     }
@@ -299,17 +304,18 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
     sized = [name for name in infos if name not in SHAPES and name not in _PLACES.get(candidate.effect, ())]
     sized = [name for name in sized if (candidate.effect, name) not in _LATER]
     sides = [name for name in infos if infos[name].minimum < 0 and name not in SHAPES]
-    switches = [one for one in effect.parameters if _is_switch(one)]
     probes = []
     for size in _SIZES:
         for signs in itertools.product((1.0, -1.0), repeat=len(sides)):
             start = {**natural, **{name: natural[name] * size for name in sized}}
             start |= {name: natural[name] * sign for name, sign in zip(sides, signs, strict=True)}
-            probes += [
-                _Probe(candidate, (_within(effect.name, {**start, **on}),), False)
-                for on in ({}, *({one.name: one.maximum} for one in switches))
-            ]
+            probes += [_Probe(candidate, (_within(effect.name, {**start, **on}),), False) for on in _switched(effect)]
     return probes
+
+
+def _switched(effect: EffectInfo) -> list[dict[str, float]]:
+    """Every choice that an effect leaves, as values beside its sizes: none, or one switch at its other end."""
+    return [{}, *({one.name: one.maximum} for one in effect.parameters if _is_switch(one))]
 
 
 def _is_signed(one: ParameterInfo) -> bool:
