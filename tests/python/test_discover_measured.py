@@ -13,6 +13,7 @@ from brickpilot.compare import compare
 from brickpilot.dataset import Dataset
 from brickpilot.discover import workflow
 from brickpilot.discover.finding import Effect, Finding
+from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.model import Model
 from brickpilot.plant import OpenLoopRun
 from brickpilot.replay import measured_rates
@@ -158,6 +159,31 @@ def starting_voltage(model: Model) -> float:
     run = OpenLoopRun(time=time, inputs=volts[:, np.newaxis])
     speed = plant.simulate([(model, run)])[0].outputs["speed"]
     return float(volts[int(np.argmax(speed > 1e-3 * speed[-1]))])
+
+
+@pytest.fixture(scope="module")
+def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory) -> Found:
+    logs = measured("frc_drivetrain")
+    folder = tmp_path_factory.mktemp("frc") / "set"
+    import_wpilib([logs / f"{name}-data.json" for name in ("linear", "angular")], folder)
+    return discovered(folder, scratch)
+
+
+def test_frc_drivetrain_has_dry_friction_and_scrubs_in_turns(frc: Found) -> None:
+    """The characterisation that the log was made for fits a voltage for friction, and six wheels in a row scrub.
+
+    Nobody stated the mass, so that no force has an interval in newtons, and yet the data cannot do without them.
+    """
+    _, found, _ = frc
+    names = {effect.name for effect in found.effects}
+    assert found.verdict == "named"
+    assert names & (DRY - {"actuator_deadband"})
+    assert names & {"yaw_scrub", "caster_drag"}
+    for side in ("left", "right"):
+        gap = found.by_signal[f"wheel_velocity_{side}"]
+        assert gap.before is not None
+        assert gap.after is not None
+        assert gap.after < 0.5 * gap.before
 
 
 @pytest.fixture(scope="module")

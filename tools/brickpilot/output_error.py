@@ -55,6 +55,8 @@ class OutputError:
     Raises:
         InputError: the fitted runs hold nothing that the model gives.
 
+    `matched`: share of a value below which a model is not trusted to be right, however little noise there is.
+
     `holds_priors`: False while the size of the residual is not known. A prior would else be kept by taking the gap it
     leaves for the model's error.
     """
@@ -76,7 +78,7 @@ class OutputError:
         self.measured = np.concatenate([block.measured for block in self.blocks])
         self.signals = list(dict.fromkeys(block.signal for block in self.blocks))
         self.scales = {signal: self._first_scale(signal) for signal in self.signals}
-        self.holds_priors = True
+        self.holds_priors, self.matched = True, 0.0
         self._cache: tuple[bytes, Array] | None = None
 
     def predict(self, models: Sequence[Model]) -> Array:

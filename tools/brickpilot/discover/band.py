@@ -30,6 +30,7 @@ _PER_BIN = 3  # steps of the coarse grid
 _MOTOR_STEP = 0.003  # s, at the measured samples
 _BODY_STEP = 0.003  # s, the plant's longest
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # coordinates, of finite differences
+_TOGETHER_S = 1.0  # s, for which residuals are taken to hang together
 _MATCHED = 0.004  # of a signal's rms: the best that a model is trusted to match
 _LEAST = 1e-3  # of a signal's rms: what is smooth was filtered, and its noise with it
 
@@ -217,7 +218,7 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
         replay, bins = _thinned(dataset) if coarse else (Replay(dataset, motor_step=_MOTOR_STEP), Bins(BIN_S))
         bins = dataclasses.replace(bins, changes=self.changes)
         super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=dataset)
-        self._dataset = dataset
+        self._dataset, self.matched = dataset, _MATCHED
         self.sample_noise = {signal: self._sample_noise(signal) for signal in self.signals}
         self.floors = {signal: self._floor(signal) for signal in self.signals}
         self.scales = {signal: self._scale(signal) for signal in self.signals}
@@ -313,6 +314,12 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
             )
             for block in self.blocks
         ]
+
+    def stretches(self, least: int) -> tuple[NDArray[np.int64], int]:
+        """As of `OutputError`; what is left of bins may hang together for as long as a manoeuvre's parts last."""
+        fitted = {block.run for block in self.blocks}
+        whole = sum(float(run.time[-1] - run.time[0]) for run in self._dataset.runs if run.name in fitted)
+        return self.stretches_of(min(_TOGETHER_S, whole / least))
 
     def stretches_of(self, length_s: float) -> tuple[NDArray[np.int64], int]:
         """(samples,) the number of the stretch of time that each belongs to, all signals alike, and how many."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ _MARGIN, _MARGIN_SHARE = 12.0, 0.02
 _SAME = 0.1  # scales, rms: two simulations that differ by less say the same
 _ADEQUATE = 1.3  # times the cost of noise alone: more than that is structure
 _UNEXPLAINED = 1.6  # times the cost of noise: where more is left and nothing names it, something is missing still
+_INDISPENSABLE = 1.25  # times the cost, without a size that has no interval: so much worse, it is there all the same
 _DRAWS = 400
 _STRETCH_S = 1.0
 
@@ -73,13 +75,17 @@ def judge(band: Band, selection: Selection, jobs: int, unseen: Band | None) -> J
         return Judged(nothing, nominal, nominal, (), (best,), noise, 1.0)
     others = polish(band, _near(selection, best), jobs)
     ranked = tuple(sorted([best, *others], key=lambda one: one.charged))
-    limit = ranked[0].charged + max(_MARGIN, _MARGIN_SHARE * ranked[0].cost) * max(1.0, ranked[0].cost / band.trusted())
-    near = _simplest([one for one in ranked if one.charged <= limit])
+    checked = ((one, one if one is best else certain(band, one, jobs)) for one in ranked)
+    sure = (kept for one, kept in checked if kept.names == one.names)
+    first = next(sure)
+    limit = first.charged + max(_MARGIN, _MARGIN_SHARE * first.cost) * max(1.0, first.cost / band.trusted())
+    near = _simplest([first, *takewhile(lambda one: one.charged <= limit, sure)])
     best, rivals = near[0], list[Fitted]()
     for one in near[1:]:
         if all(_another(one, kept) and not _nests(band, one, kept, jobs) for kept in (best, *rivals)):
             rivals.append(one)
-    confidence = _confidence(band, best, [nominal, *(one for one in ranked if _another(one, best))])
+    believable = [one for one in ranked if one.charged >= first.charged and _another(one, best)]
+    confidence = _confidence(band, best, [nominal, *believable])
     return Judged("ambiguous" if rivals else "named", nominal, best, tuple(rivals), ranked, noise, confidence)
 
 
@@ -94,15 +100,20 @@ def _simplest(near: Sequence[Fitted]) -> list[Fitted]:
 def certain(band: Band, found: Fitted, jobs: int) -> Fitted:
     """`found` without parameters whose interval holds zero, one at a time, the least certain first.
 
-    What an effect has of them is not known to be there. An effect that is left without a size goes altogether.
+    What an effect has of them is not known to be there. An effect that is left without a size goes altogether. A size
+    without an interval may be known but for its unit, as all forces are where nobody stated a mass: it stays where the
+    data cannot do without it.
     """
+    needed_all_the_same: set[tuple[str, str]] = set()
     while found.chosen:
         estimates = assess(band.with_plan(found.plan), found.model, found.plan.free).estimates
         doubts = [
             (_certainty(estimate), candidate, name)
             for candidate in found.chosen
             for name in candidate.free
-            if name not in SHAPES and not _apart(estimate := estimates[f"{candidate.effect}.{name}"])
+            if name not in SHAPES
+            and (candidate.effect, name) not in needed_all_the_same
+            and not _apart(estimate := estimates[f"{candidate.effect}.{name}"])
         ]
         if not doubts:
             return found
@@ -110,6 +121,10 @@ def certain(band: Band, found: Fitted, jobs: int) -> Fitted:
         shorter = polish(band, [without_parameter(found, candidate, name)], jobs)
         if not shorter:
             return found
+        unbounded = estimates[f"{candidate.effect}.{name}"].ci95 is None
+        if unbounded and shorter[0].charged > _INDISPENSABLE * found.charged:
+            needed_all_the_same.add((candidate.effect, name))
+            continue
         found = shorter[0]
     return found
 

@@ -111,7 +111,8 @@ def discover(
     count("reading what was measured")
     count("calibrating the nominal model")
     selection, judged = _looked(data, seed, count)
-    if not judged.adequate and (closer := _in_stretches(data)) is not None:
+    better = not judged.adequate and _removed(judged) + _CLEARLY < 1  # whether a second look could do clearly better
+    if better and (closer := _in_stretches(data)) is not None:
         count("looking again, from the measured state every so often")
         again = _looked(closer, seed, count)
         if _removed(again[1]) > max(_MOSTLY, _removed(judged) + _CLEARLY):
