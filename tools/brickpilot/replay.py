@@ -7,7 +7,7 @@ not measured starts at rest. Age, charge and heat carry over from run to run in 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -86,10 +86,11 @@ class Replay:
         results: list[dict[str, Outputs]] = [{} for _ in models]
         for batch in self._batches(runs, ages, models):
             jobs = []
+            measured = iter(initial_states([(run, model) for run, _ in batch for model in models]))
             for run, age in batch:
                 for model, last_state in zip(models, carried, strict=True):
                     start = dataclasses.replace(
-                        initial_state(run, model),
+                        next(measured),
                         age=age,
                         charge=last_state.charge,
                         heat=last_state.heat,
@@ -146,9 +147,7 @@ class Replay:
                 here |= {name: float(values[stretch.start]) for name, values in rates.items()}
                 if not all(np.isfinite(here[name]) for name in rates):
                     continue
-                start = _state(
-                    here, self.dataset.vehicle, model, age=age + float(run.time[stretch.start] - run.time[0])
-                )
+                start = _states([_reading(here, model, age=age + float(run.time[stretch.start] - run.time[0]))])[0]
                 stretches.append((run.name, stretch))
                 batch.append((model, self._open_loop(run, stretch, start, model)))
             age += float(run.time[-1] - run.time[0])
@@ -214,13 +213,17 @@ class Window:
     outputs: Outputs
 
 
-def initial_state(run: Run, model: Model) -> State:
-    """The state a run starts from: what the file states, else what its first sample measured, else rest."""
-    measured = {name: float(values[0]) for name, values in run.outputs.items()}
-    for summed, rate, per in _START_RATES:
-        if summed in run.outputs and rate not in run.outputs:
-            measured[rate] = _starting_rate(run.time, run.outputs[summed]) * per
-    return _state(measured, model.vehicle, model, stated=run.initial or {})
+def initial_states(asked: Sequence[tuple[Run, Model]]) -> list[State]:
+    """The state that each run starts from under each model: what the file states, else what its first sample measured,
+    else rest."""
+    readings = []
+    for run, model in asked:
+        measured = {name: float(values[0]) for name, values in run.outputs.items()}
+        for summed, rate, per in _START_RATES:
+            if summed in run.outputs and rate not in run.outputs:
+                measured[rate] = _starting_rate(run.time, run.outputs[summed]) * per
+        readings.append(_reading(measured, model, stated=run.initial or {}))
+    return _states(readings)
 
 
 _START_RATES = [
@@ -246,27 +249,33 @@ def _starting_rate(time: Array, values: Array) -> float:
     return float(np.polyfit(time[:_START_SAMPLES] - time[0], first, 1)[0])
 
 
-def _state(
+@dataclass(frozen=True)
+class _Reading:
+    """What is known of a state, and which of it, by name, sensors read and may have misread."""
+
+    known: Mapping[str, float]
+    read: tuple[str, ...]
+    model: Model
+    age: float
+
+    def state(self, values: Array) -> State:
+        """Were `values` the truth of what was read."""
+        truth = dict(self.known) | dict(zip(self.read, values.tolist(), strict=True))
+        return _state_of(truth, self.model.vehicle, self.model, self.age)
+
+
+def _reading(
     measured: Mapping[str, float],
-    vehicle: str,
     model: Model,
     *,
     stated: Mapping[str, float] = MappingProxyType({}),
     age: float = 0.0,
-) -> State:
-    """The state of which the model's sensors say `measured`; `stated` is true already, whatever they say."""
+) -> _Reading:
+    """`stated` is true already, whatever the sensors say."""
     known = {name: value for name, value in measured.items() if np.isfinite(value)} | dict(stated)
-    read = [name for name in known if name in _READ_INTO_STATE and name not in stated]
-    if not read or not any(_misreads(name, vehicle) for name in model.effects):
-        return _state_of(known, vehicle, model, age)
-
-    def say(values: Array) -> tuple[State, Array]:
-        state = _state_of(known | dict(zip(read, values.tolist(), strict=True)), vehicle, model, age)
-        rest = np.zeros((1, 1 if vehicle == "motor" else 2))
-        one = plant.simulate([(model, OpenLoopRun(time=np.zeros(1), inputs=rest, initial=state))])[0]
-        return state, np.array([one.outputs[name][0] if name in one.outputs else known[name] for name in read])
-
-    return _invert(say, np.array([known[name] for name in read]))
+    read = tuple(name for name in known if name in _READ_INTO_STATE and name not in stated)
+    misread = any(_misreads(name, model.vehicle) for name in model.effects)
+    return _Reading(known, read if misread else (), model, age)
 
 
 @cache
@@ -282,23 +291,44 @@ def _misreads(effect: str, vehicle: str) -> bool:
     return any(plain[name][0] != changed[name][0] for name in plain.keys() & _READ_INTO_STATE)
 
 
-def _invert(say: Callable[[Array], tuple[State, Array]], wanted: Array) -> State:
-    """Secant steps, each signal for itself: exact after three where a sensor adds or scales. One that is not heeded,
-    such as a yaw rate beside two wheel speeds, or that is clipped, stays off."""
-    values, slope = wanted, np.ones_like(wanted)
-    state, said = say(values)
+def _states(readings: Sequence[_Reading]) -> list[State]:
+    """The states of which the models' sensors say what was read.
+
+    Secant steps, each signal for itself: exact after three where a sensor adds or scales. One that is not heeded, such
+    as a yaw rate beside two wheel speeds, or that is clipped, stays off.
+    """
+    wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
+    values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
+    states = [one.state(at) for one, at in zip(readings, values, strict=True)]
+    off = [k for k, one in enumerate(readings) if one.read]
+    said = dict(zip(off, _said(readings, states, off), strict=True))
     for _ in range(_SECANT_STEPS):
-        off = wanted - said
-        if np.all(np.abs(off) <= 1e-12):
-            break
-        before, said_before, values = values, said, values + off / slope
-        state, said = say(values)
-        moved, answered = values - before, said - said_before
-        if not answered.any():
-            break
-        heeded = (np.abs(moved) > 1e-9) & (np.abs(answered) > 0.1 * np.abs(moved))
-        slope = np.where(heeded, answered / np.where(heeded, moved, 1.0), slope)
-    return state
+        off = [k for k in off if np.any(np.abs(wanted[k] - said[k]) > 1e-12)]
+        moved = {k: (wanted[k] - said[k]) / slopes[k] for k in off}
+        for k in off:
+            values[k] = values[k] + moved[k]
+            states[k] = readings[k].state(values[k])
+        answers = dict(zip(off, _said(readings, states, off), strict=True))
+        for k in off:
+            answered, said[k] = answers[k] - said[k], answers[k]
+            heeded = (np.abs(moved[k]) > 1e-9) & (np.abs(answered) > 0.1 * np.abs(moved[k]))
+            slopes[k] = np.where(heeded, answered / np.where(heeded, moved[k], 1.0), slopes[k])
+            answers[k] = answered
+        off = [k for k in off if answers[k].any()]
+    return states
+
+
+def _said(readings: Sequence[_Reading], states: Sequence[State], which: Sequence[int]) -> list[Array]:
+    """What the sensors say, at rest commands, of some of the states: of each what was read."""
+    jobs = []
+    for k in which:
+        rest = np.zeros((1, 1 if readings[k].model.vehicle == "motor" else 2))
+        jobs.append((readings[k].model, OpenLoopRun(time=np.zeros(1), inputs=rest, initial=states[k])))
+    outputs = [one.outputs for one in plant.simulate(jobs)]
+    return [
+        np.array([one[name][0] if name in one else readings[k].known[name] for name in readings[k].read])
+        for k, one in zip(which, outputs, strict=True)
+    ]
 
 
 def _state_of(known: Mapping[str, float], vehicle: str, model: Model, age: float) -> State:

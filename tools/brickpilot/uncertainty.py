@@ -27,6 +27,7 @@ _NARROWED = 0.9  # of its prior's sd: below it the data have added something
 _FAR = 0.3  # of its natural size
 _MEMBER = 0.02  # share of a parameter that lies in directions the data do not narrow
 _STEP = 3e-3  # either way, of a parameter: no less, as dry contacts and plays are smooth on no smaller scale
+_FORMULA_STEP = 1e-4  # of a formula, which is smooth
 _STRETCHES = 20  # of time, at least, from whose spread the intervals come
 
 
@@ -173,7 +174,7 @@ def _combinations(
         if not np.isfinite(value) or value <= 0:
             continue
         gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
-        sd = float(np.sqrt(gradient @ covariance @ gradient))
+        sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # may be below 0 by rounding
         if np.count_nonzero(gradient) > 1 and sd <= _KNOWN_SD:
             factor = float(np.exp(quantile * sd))
             found.append(Combination(formula.name, formula.text, formula.unit, value, (value / factor, value * factor)))
@@ -182,6 +183,6 @@ def _combinations(
 
 def _log_slope(formula: Formula, known: Mapping[str, float], free: Free, size: float) -> float:
     value = known[free.name]
-    step = _STEP * max(abs(value), 1e-3 * free.size)
+    step = _FORMULA_STEP * max(abs(value), 1e-3 * free.size)
     moved = formula.value_at(dict(known) | {free.name: value + step})
     return float(np.log(moved / formula.value_at(known)) / step * size)
