@@ -11,7 +11,7 @@ import pytest
 from brickpilot import dataset, holdout, parameters, plant
 from brickpilot.discover import harmonics, workflow
 from brickpilot.discover.band import Band, loosened, settled, windowed, with_rates
-from brickpilot.discover.candidates import candidates, effect_info
+from brickpilot.discover.candidates import candidates, effect_info, sizes_of
 from brickpilot.discover.experiment import catalogue, next_experiment
 from brickpilot.discover.select import enough, needed
 from brickpilot.replay import Replay
@@ -167,6 +167,13 @@ def test_optional_parameters_are_freed_one_at_a_time():
     assert ("gain",) in free
     assert max(map(len, free)) == 1
     assert len(effect_info("direction_asymmetry").parameters) == 3
+
+
+def test_what_may_not_be_zero_is_no_size():
+    """Nothing may be tried without it: heat without a time constant is refused by the plant."""
+    heating = next(one for one in candidates(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating")
+    assert heating.free == ("thermal_resistance", "time_constant")
+    assert sizes_of(heating) == ["thermal_resistance"]
 
 
 def test_more_has_to_go_where_more_is_left_unexplained():

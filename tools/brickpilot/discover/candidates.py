@@ -139,6 +139,12 @@ def candidates(base: Model) -> list[Candidate]:
     return found
 
 
+def sizes_of(candidate: Candidate) -> list[str]:
+    """Its free parameters that say how large it is, and may be zero."""
+    lowest = {one.name: one.minimum for one in effect_info(candidate.effect).parameters}
+    return [name for name in candidate.free if name not in SHAPES and lowest[name] <= 0]
+
+
 def read_limits(candidate: Candidate) -> list[tuple[str, str]]:
     """The parameters of a candidate that limit what a signal can read, each with that signal."""
     parameter, of = _LIMITS.get(candidate.effect, ("", "V"))

@@ -20,13 +20,13 @@ from brickpilot.descent import descend
 from brickpilot.discover.band import Band
 from brickpilot.discover.candidates import (
     PARAMETER_COST,
-    SHAPES,
     Candidate,
     Seen,
     Trial,
     candidates,
     read_limits,
     screen,
+    sizes_of,
 )
 from brickpilot.errors import SimulationError
 from brickpilot.model import Model
@@ -345,9 +345,9 @@ def _without(found: Fitted, name: str) -> Fitted:
 def without_parameter(found: Fitted, candidate: Candidate, name: str) -> Fitted:
     """`found` with one parameter of `candidate` held at zero; without the effect where no size of it is left."""
     left = tuple(one for one in candidate.free if one != name)
-    if not any(one not in SHAPES for one in left):
-        return _without(found, candidate.effect)
     smaller = dataclasses.replace(candidate, free=left, fixed={**candidate.fixed, name: 0.0})
+    if not sizes_of(smaller):
+        return _without(found, candidate.effect)
     kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{candidate.effect}.{name}"]
     table = {**found.plan.model.effects[candidate.effect], name: 0.0}
     model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, candidate.effect: table})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.discover.band import Band
-from brickpilot.discover.candidates import SHAPES
+from brickpilot.discover.candidates import sizes_of
 from brickpilot.discover.finding import Verdict
 from brickpilot.discover.select import Fitted, Selection, polish, pruned, without_parameter, worth
 from brickpilot.uncertainty import Estimate, assess
@@ -110,9 +110,8 @@ def certain(band: Band, found: Fitted, jobs: int) -> Fitted:
         doubts = [
             (_certainty(estimate), candidate, name)
             for candidate in found.chosen
-            for name in candidate.free
-            if name not in SHAPES
-            and (candidate.effect, name) not in needed_all_the_same
+            for name in sizes_of(candidate)
+            if (candidate.effect, name) not in needed_all_the_same
             and not _apart(estimate := estimates[f"{candidate.effect}.{name}"])
         ]
         if not doubts:
@@ -159,9 +158,7 @@ def _nests(band: Band, one: Fitted, other: Fitted, jobs: int) -> bool:
     if _count(one) <= _count(other):
         return False
     beside = [candidate for candidate in one.chosen if candidate.effect not in other.names]
-    smaller = [
-        without_parameter(one, candidate, name) for candidate in beside for name in candidate.free if name not in SHAPES
-    ]
+    smaller = [without_parameter(one, candidate, name) for candidate in beside for name in sizes_of(candidate)]
     versions = [one, *polish(band, [less for less in smaller if less.names == one.names], jobs)]
     simulated = band.predict([other.model, *(version.model for version in versions)])
     apart = np.sqrt(np.mean(((simulated[1:] - simulated[0]) * band.weight()) ** 2, axis=1))
