@@ -18,7 +18,7 @@ typedef enum {
     SITE_START,  /* once, before the first step; memory is all 0 */
     SITE_TIMING, /* each motor step: when a command arrives. Changes command */
     SITE_SUPPLY, /* at the start and each body step. Changes supply */
-    SITE_DRIVE,  /* each motor step: command to voltage. Changes voltage */
+    SITE_DRIVE,  /* each motor step: command to voltage. Changes voltage; a load on the supply changes supply too */
     SITE_MOTOR,  /* each body step. Changes motor[] */
     SITE_WHEEL,  /* each motor step, for gears too. Adds to wheel_torque and dry */
     SITE_BODY,   /* each body step. Adds to force_*, moment_yaw, drag_* */

@@ -143,6 +143,7 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
     low, high = _bounds(problem)
     margin = 1e-9 * (high - low)
     inside = np.clip(point, low + margin, high - margin)
+    several = len(inside) > 1
     if not np.isfinite(_cost(problem, inside)):
         raise SimulationError("the plant diverges where the fit was to go on")
     found = least_squares(
@@ -154,9 +155,8 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         ftol=tolerance,
         xtol=tolerance,
         # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
-        tr_solver="lsmr" if len(inside) > 1 else "exact",
-        tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)}
-        if len(inside) > 1
-        else {},
+        # Regularised, or ended early, lsmr's steps creep along a valley.
+        tr_solver="lsmr" if several else "exact",
+        tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)} if several else {},
     )
     return np.asarray(found.x)

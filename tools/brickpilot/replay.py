@@ -309,12 +309,12 @@ def _states(readings: Sequence[_Reading]) -> list[State]:
             values[k] = values[k] + moved[k]
             states[k] = readings[k].state(values[k])
         answers = dict(zip(off, _said(readings, states, off), strict=True))
+        answered = {k: answers[k] - said[k] for k in off}
+        said |= answers
         for k in off:
-            answered, said[k] = answers[k] - said[k], answers[k]
-            heeded = (np.abs(moved[k]) > 1e-9) & (np.abs(answered) > 0.1 * np.abs(moved[k]))
-            slopes[k] = np.where(heeded, answered / np.where(heeded, moved[k], 1.0), slopes[k])
-            answers[k] = answered
-        off = [k for k in off if answers[k].any()]
+            heeded = (np.abs(moved[k]) > 1e-9) & (np.abs(answered[k]) > 0.1 * np.abs(moved[k]))
+            slopes[k] = np.where(heeded, answered[k] / np.where(heeded, moved[k], 1.0), slopes[k])
+        off = [k for k in off if answered[k].any()]
     return states
 
 
