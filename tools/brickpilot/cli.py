@@ -1,4 +1,7 @@
-"""The command line: the only place that prints. Exit status 0 done, 1 the work failed, 2 bad usage or bad input."""
+"""The command line; some of its commands stand in cli_NAME.py, and these files alone print.
+
+Exit status 0 done, 1 the work failed, 2 bad usage or bad input.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +9,16 @@ import dataclasses
 import json
 import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
-from tqdm import tqdm
 
-from brickpilot import __version__
+from brickpilot import __version__, cli_benchmark
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
-
-as_json = click.option(
-    "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else."
-)
+from brickpilot.terminal import as_json, progress_shown
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -32,25 +29,6 @@ def cli() -> None:
 
 def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f} m"
-
-
-@contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """A progress bar on a terminal, a plain line for each new stage when piped, nothing with --json."""
-    with tqdm(
-        total=1, disable=quiet or not sys.stderr.isatty(), leave=False, bar_format="{desc} {bar} {percentage:3.0f}%"
-    ) as bar:
-        told = ""
-
-        def report(done: int, total: int, text: str) -> None:
-            nonlocal told
-            bar.total, bar.n = total, done
-            bar.set_description_str(text)
-            if not quiet and not sys.stderr.isatty() and text != told:
-                click.echo(text, err=True)
-            told = text
-
-        yield report
 
 
 @cli.command()
@@ -165,7 +143,7 @@ def compare(
     given = model.load(Path(model_file)) if model_file else None
     folder = Path(out) if out else Path("runs") / f"compare-{data.name}"
     with run_folder.fresh_folder(folder, {"compare.json", "report.html"}) as beside:
-        with _progress(as_json) as progress:
+        with progress_shown(as_json) as progress:
             found = compare_module.compare(data, given, window_s=window_s, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "compare.json").write_text(json.dumps(figures, indent=2) + "\n")
@@ -213,7 +191,7 @@ def calibrate(
     data = dataset_module.read(Path(dataset))
     folder = Path(out) if out else Path("runs") / f"calibrate-{data.name}"
     with run_folder.fresh_folder(folder, {"calibrate.json", "report.html", "model.toml"}) as beside:
-        with _progress(as_json) as progress:
+        with progress_shown(as_json) as progress:
             found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
@@ -261,7 +239,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
     with run_folder.fresh_folder(folder, workflow.files(data)) as beside:
-        with _progress(as_json) as progress:
+        with progress_shown(as_json) as progress:
             found = workflow.discover(data, given, seed=seed, jobs=jobs, progress=progress)
         figures = found.to_json()
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2) + "\n")
@@ -283,99 +261,6 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
             span = "the data do not tell" if value.ci95 is None else "{:.4g}..{:.4g}".format(*value.ci95)
             click.echo(f"{effect.name + '.' + name:40}{value.value:12.5g} {value.unit:12} {span}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
-
-
-@cli.group()
-def benchmark() -> None:
-    """Measures how well discovery does, on data of known truth, beside its peer."""
-
-
-@benchmark.command("discover")
-@click.option(
-    "--suite",
-    type=click.Choice(["single", "pairs", "triples", "none", "odd", "ci", "all"]),
-    default="all",
-    show_default=True,
-    help="Which sets of tests/hidden; all: without ci.",
-)
-@click.option(
-    "--engine",
-    type=click.Choice(["mujoco", "planar", "both"]),
-    default="mujoco",
-    show_default=True,
-    help="Whose physics.",
-)
-@click.option("--only", multiple=True, metavar="PATTERN", help="These names alone (shell pattern); repeatable.")
-@click.option("--limit", type=click.IntRange(1), metavar="N", help="The first N sets of each suite and engine.")
-@click.option(
-    "--seed-offset",
-    type=click.IntRange(0),
-    default=1_000_000,
-    show_default=True,
-    help="0 is for setting thresholds, the default for what is reported.",
-)
-@click.option("--data", metavar="DIR", help="Judge the sets that stand here, their truths beside them; make none.")
-@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
-@click.option(
-    "--out",
-    metavar="DIR",
-    default="runs/benchmark-discover",
-    show_default=True,
-    help="Where results.jsonl is, or goes.",
-)
-@click.option(
-    "--peer",
-    type=click.Choice(["sindy", "sindy-grid"]),
-    help="PySINDy on the same sets; -grid: at all settings, for tune-peer.",
-)
-@click.option("--table", "table_alone", is_flag=True, help="Judge nothing; print the table of what is there.")
-@as_json
-def benchmark_discover(
-    suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
-    out: str, peer: Any, table_alone: bool, as_json: bool,
-) -> None:  # fmt: skip
-    """Runs discovery on sets with hidden effects, with several, with none and with what no library names.
-
-    tests/hidden makes the sets; they are judged one by one and thrown away. Each leaves a line in results.jsonl: a
-    rerun goes on where the last one stopped. The table is computed from those lines.
-    """
-    from brickpilot.discover import benchmark as blind_test
-    from brickpilot.discover import benchmark_sets, benchmark_table, benchmark_text
-
-    folder = Path(out)
-    if table_alone:
-        results = blind_test.load(folder / blind_test.RESULTS)
-    else:
-        if data is not None:
-            maker = benchmark_sets.Maker.near(Path.cwd())
-            tasks = benchmark_sets.standing(Path(data), only, limit)
-        else:
-            maker = benchmark_sets.Maker.find(Path.cwd())
-            tasks = benchmark_sets.planned(maker, suite, engine, seed_offset, only, limit)
-        with _progress(as_json) as progress:
-            results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
-    found = benchmark_table.table(results)
-    if as_json:
-        click.echo(json.dumps(found))
-        return
-    for line in benchmark_text.lines(found):
-        click.echo(line)
-
-
-@benchmark.command("tune-peer")
-@click.argument("results", metavar="RESULTS.jsonl")
-@as_json
-def benchmark_tune_peer(results: str, as_json: bool) -> None:
-    """Tunes PySINDy's window and gates on a benchmark of calibration seeds that was run with --peer sindy-grid."""
-    from brickpilot.discover import benchmark as blind_test
-    from brickpilot.discover import benchmark_tune
-
-    found = benchmark_tune.tune(blind_test.load(Path(results)))
-    if as_json:
-        click.echo(json.dumps(benchmark_tune.to_json(found)))
-        return
-    for line in benchmark_tune.lines(found):
-        click.echo(line)
 
 
 @cli.command("import")
@@ -487,6 +372,9 @@ def bench(target: str, as_json: bool) -> None:
         return
     for name, figure in figures.items():
         click.echo(f"{name}: {figure['value']:.0f} {figure['unit']}, {figure['ratio']:.1f} times {figure['peer']}")
+
+
+cli.add_command(cli_benchmark.benchmark)
 
 
 def main(arguments: list[str] | None = None) -> Any:
