@@ -154,6 +154,43 @@ def test_what_repeats_with_the_wheels_is_read_off_their_speed(tmp_path):
     assert harmonics.orders(dataset.read(hidden(tmp_path / "clean", {}))) == ()
 
 
+def test_the_order_of_a_ripple_is_moved_by_what_turns_its_phase_a_little(tmp_path):
+    """After a run's turns a hundredth of the order is a phase of its own, and no slope."""
+    plan = bands(hidden(tmp_path / "set", {}))[2]
+    ripple = next(one for one in candidates(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
+    plan = ripple.starting(plan, {"amplitude": 0.3, "order": 8.0, "phase": 1.0, "phase_difference": 0.4})
+    band, point = bands(tmp_path / "set")[1].with_plan(plan), plan.start()
+    index = [one.name for one in plan.free].index("torque_ripple.order")
+    slope = band.sensitivity(point)[:, index]
+    moved = point + 2e-4 * np.eye(len(point))[index]
+    change = band.predict([plan.at(moved)])[0] - band.predict([plan.at(point)])[0]
+    assert np.linalg.norm(change - 2e-4 * slope) < 0.1 * np.linalg.norm(change)
+
+
+@pytest.mark.parametrize("effect", [{"cogging": {"torque": 0.02}}, {"torque_ripple": {"amplitude": 0.4}}])
+def test_what_repeats_with_each_wheel_in_a_phase_of_its_own_is_named(tmp_path, effect):
+    (name, size), shape = *effect.items(), {"order": 6.3, "phase": 1.0, "phase_difference": 2.0}
+    found = workflow.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
+    assert (found.verdict, [one.name for one in found.effects]) == ("named", [name])
+    values = {key: one.value for key, one in found.effects[0].parameters.items()}
+    assert values["order"] == pytest.approx(6.3, rel=2e-3)
+    assert values["phase"] == pytest.approx(1.0, abs=0.1)
+    assert values["phase_difference"] == pytest.approx(2.0, abs=0.2)
+
+
+def test_the_runs_that_are_wanted_are_simulated_as_they_are_among_all(tmp_path):
+    """Of what heats the motors with those before them."""
+    folder = hidden(tmp_path / "set", {})
+    replay, plan = Replay(dataset.read(folder)), bands(folder)[2]
+    hot = dataclasses.replace(plan.model, effects={"motor_heating": {}})
+    wanted = [replay.dataset.runs[1].name, replay.dataset.runs[4].name]
+    whole, some = replay.simulate([plan.model, hot]), replay.simulate([plan.model, hot], only=wanted)
+    for one, other in zip(whole, some, strict=True):
+        assert set(wanted) <= other.keys() < one.keys()
+        assert all(np.array_equal(one[run]["yaw_rate"], other[run]["yaw_rate"]) for run in wanted)
+    assert some[0].keys() == set(wanted)
+
+
 def test_candidates_are_all_effects_that_the_model_lacks():
     base = dataclasses.replace(robot(), effects={"gyro_bias": {"bias": 0.1}})
     names = {one.effect for one in candidates(base)}

@@ -19,6 +19,7 @@ _SCREENED = 32  # random starts that are only evaluated
 FOLLOWED = 2  # of them, and both systematic starts, that are followed downhill
 _EVALUATIONS = 20  # of the residual, at most, in one descent
 ROUGH, FINE = 1e-4, 1e-7  # relative change of cost at which a descent ends
+_SHORTEST = 1e-2  # of that: relative length of a step at which a descent ends
 _SPREAD = 1.5  # sd of the random starts, in coordinates
 VISIBLE = (0.03, 0.1, 0.3)  # of a signal's rms: the sizes from which an effect is followed
 _SIZES = 21  # that are tried to find them, so many decades below and above the effect's preset
@@ -153,7 +154,8 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         bounds=(low, high),
         max_nfev=_EVALUATIONS,
         ftol=tolerance,
-        xtol=tolerance,
+        xtol=tolerance * _SHORTEST,
+        x_scale=np.array([one.reach for one in problem.plan.free]),
         # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
         # Regularised, or ended early, lsmr's steps creep along a valley.
         tr_solver="lsmr" if several else "exact",

@@ -73,7 +73,7 @@ class OutputError:
     ) -> None:
         self.plan = plan
         self._replay, self._threads = replay, threads
-        self._last = max(runs, key=[run.name for run in replay.dataset.runs].index)
+        self._runs = frozenset(runs)
         self.blocks, self.notes = blocks(measured or replay.dataset, plan.model, set(runs), bins)
         self.measured = np.concatenate([block.measured for block in self.blocks])
         self.signals = list(dict.fromkeys(block.signal for block in self.blocks))
@@ -169,7 +169,7 @@ class OutputError:
         return self._by_signal({signal: self._rms(signal) for signal in self.signals})
 
     def _simulate(self, replay: Replay, models: Sequence[Model]) -> list[dict[str, Outputs]]:
-        return replay.simulate(models, last=self._last, threads=self._threads, signals=self.signals)
+        return replay.simulate(models, only=self._runs, threads=self._threads, signals=self.signals)
 
     def _simulated(self, point: Array) -> Array:
         key = point.tobytes()

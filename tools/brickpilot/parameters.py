@@ -38,6 +38,10 @@ _STRAIGHT = frozenset({"payload_mass.mass"})
 _MOMENTS = {"payload_mass.forward": "payload_mass.mass", "payload_mass.right": "payload_mass.mass"}
 
 
+# What is a phase when multiplied by the way gone: a hundredth of it is turns after a few revolutions.
+_TURNING = {"order": 1e-2}
+
+
 @dataclass(frozen=True)
 class Free:
     """One free parameter.
@@ -65,6 +69,11 @@ class Free:
         """What the coordinate is measured in: the stated value, else the preset, else 1."""
         stated = abs(self.known.value) if self.known is not None else 0.0
         return stated or abs(self.info.preset) or 1.0
+
+    @property
+    def reach(self) -> float:
+        """A change of the coordinate beyond which a signal is another one."""
+        return _TURNING.get(self.info.name, 1.0) if self.effect else 1.0
 
     @property
     def _straight(self) -> bool:

@@ -38,7 +38,7 @@ _START_SAMPLES = 9
 _REMEMBERED = frozenset({"battery_discharge", "motor_heating"})
 
 # s: the longest motor step with an effect that is over sooner than what a fit needs otherwise.
-_SHORTER = {"gear_backlash": 0.001, "pwm_coast": 0.001, "wheel_slip": 0.003}
+_SHORTER = {"cogging": 0.003, "gear_backlash": 0.001, "pwm_coast": 0.001, "torque_ripple": 0.003, "wheel_slip": 0.003}
 
 _LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
 _FINEST = 20  # interpolated samples per measured one, where the measured crowd
@@ -71,47 +71,45 @@ class Replay:
         self,
         models: Sequence[Model],
         *,
-        last: str | None = None,
+        only: Collection[str] | None = None,
         threads: int = 2,
         signals: Collection[str] | None = None,
     ) -> list[dict[str, Outputs]]:
-        """Each model's outputs by run name, for the runs up to and with `last` (None: all).
+        """Each model's outputs by run name.
 
-        `signals`: the outputs to keep; None: all that the vehicle has.
+        Args:
+            only: the runs that are wanted; None: all. Those that a model's effects remember are simulated too.
+            signals: the outputs to keep; None: all that the vehicle has.
         """
-        names = [run.name for run in self.dataset.runs]
-        runs = self.dataset.runs[: len(names) if last is None else names.index(last) + 1]
-        ages = np.cumsum([run.gap_s + before for run, before in zip(runs, [0.0, *map(_duration, runs)], strict=False)])
-        carried = [State()] * len(models)
         results: list[dict[str, Outputs]] = [{} for _ in models]
-        for batch in self._batches(runs, ages, models):
+        remembering = [bool(_REMEMBERED & model.effects.keys()) for model in models]
+        runs = self._aged(only)
+        batches = [(remembering, [one]) for one in runs]
+        forgetful = [not one for one in remembering]
+        batches.append((forgetful, [one for one in runs if only is None or one[0].name in only]))
+        carried = [State()] * len(models)
+        for takes_part, batch in batches:
+            chosen = [index for index, takes in enumerate(takes_part) if takes]
+            if not chosen:
+                continue
+            pairs = [(run, age, index) for run, age in batch for index in chosen]
+            measured = initial_states([(run, models[index]) for run, _, index in pairs])
             jobs = []
-            measured = iter(initial_states([(run, model) for run, _ in batch for model in models]))
-            for run, age in batch:
-                for model, last_state in zip(models, carried, strict=True):
-                    start = dataclasses.replace(
-                        next(measured),
-                        age=age,
-                        charge=last_state.charge,
-                        heat=last_state.heat,
-                        rest=run.gap_s,
-                    )
-                    jobs.append((model, self._open_loop(run, slice(None), start, model)))
-            simulated = iter(plant.simulate(jobs, threads, signals=signals))
-            for run, _ in batch:
-                carried = []
-                for result in results:
-                    one = next(simulated)
-                    result[run.name] = one.outputs
-                    carried.append(one.final)
+            for (run, age, index), state in zip(pairs, measured, strict=True):
+                left = carried[index]
+                start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
+                jobs.append((models[index], self._open_loop(run, slice(None), start, models[index])))
+            for (run, _, index), one in zip(pairs, plant.simulate(jobs, threads, signals=signals), strict=True):
+                results[index][run.name] = one.outputs
+                carried[index] = one.final
         return results
 
-    def _batches(self, runs: Sequence[Run], ages: Array, models: Sequence[Model]) -> list[list[tuple[Run, float]]]:
-        """Runs that can be simulated side by side: all, unless what one leaves behind changes the next."""
-        pairs = [(run, float(age)) for run, age in zip(runs, ages, strict=True)]
-        if any(_REMEMBERED & model.effects.keys() for model in models):
-            return [[pair] for pair in pairs]
-        return [pairs]
+    def _aged(self, only: Collection[str] | None) -> list[tuple[Run, float]]:
+        """The runs up to the last of `only`, each with s from power-on to its start."""
+        runs = self.dataset.runs
+        ages = np.cumsum([run.gap_s + before for run, before in zip(runs, [0.0, *map(_duration, runs)], strict=False)])
+        wanted = [index for index, run in enumerate(runs) if only is None or run.name in only]
+        return [(runs[index], float(ages[index])) for index in range(max(wanted) + 1)]
 
     def nudged(self, signal: str, by: float) -> Replay:
         """The same data with `by` added to what each run's first sample measured of `signal`."""

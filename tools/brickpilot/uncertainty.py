@@ -69,9 +69,9 @@ class Uncertainty:
 def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncertainty:
     """Intervals at `model`, the fit's result. None is narrower than the share that a model is trusted to match."""
     values = np.array([value_of(model, one.name) for one in free])
-    slopes = _slopes(
-        problem, model, free, np.maximum(np.abs(values), 1e-3 * np.array([one.size for one in free])) * _STEP
-    )
+    reach = np.array([one.reach for one in free])
+    steps = np.maximum(np.abs(values), 1e-3 * np.array([one.size for one in free])) * reach * _STEP
+    slopes = _slopes(problem, model, free, steps)
     share = np.sqrt(np.mean((slopes / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
     spans = np.array([one.info.maximum - one.info.minimum for one in free])
     natural = np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
@@ -94,7 +94,7 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
         spread += shift.T @ shift
     curvature = np.linalg.pinv(raw * np.outer(sizes, sizes) + np.diag(prior), hermitian=True)
     covariance = curvature @ (spread + np.diag(prior)) @ curvature
-    covariance += np.diag((problem.matched * values / sizes) ** 2)
+    covariance += np.diag((problem.matched * reach * values / sizes) ** 2)
     sd = np.sqrt(np.diag(covariance))
     quantile = float(student_t.ppf(0.975, degrees))
     estimates = {

@@ -355,7 +355,7 @@ class Band(OutputError):  # noqa: N818  not an exception: what measured and simu
         slope that is a little off leads nowhere in a valley that hundreds of other scales wall in.
         """
         free = self.plan.free[index]
-        length = _EFFECT_STEP if free.effect is not None else _NOMINAL_STEP
+        length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
         step = np.zeros(len(point))
         step[index] = length
         low, high = free.bounds()

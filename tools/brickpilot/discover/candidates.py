@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,13 @@ _MOST = 20.0  # times that size is as far as a line is followed
 _LEAST = 0.1
 _ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # a turn: usual ones, tried whatever was read
 _TURNS = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # phase, phase_difference: span all of them
+_BITES = (1.0, 3.0)  # of what is natural: sizes at which what repeats is tried that holds or throws the wheels
+_ROUND = 6  # phases of each wheel that those sizes are tried with
+_ROUNDS = tuple(
+    (math.remainder((left + right) * np.pi / _ROUND, math.tau), (left - right) * math.tau / _ROUND)
+    for left in range(_ROUND)
+    for right in range(_ROUND)
+)
 _SHARES = (0.95, 0.85, 0.7, 0.5)  # of the largest command or reading: where a limit may be
 _CHUNK = 24  # models simulated at once: what their outputs take of memory
 _NOTHING = 1e-3  # scales: a change that is less everywhere is none
@@ -60,11 +68,15 @@ class Seen:
         largest: the largest command, "V", and reading of each signal.
         orders: at which the wheels' acceleration repeats.
         least_order: what repeats less often is no repetition: once a turn, or one and a half times over the way.
+        wheels: whether they were measured, so that simulations can begin anew from a measured state every so often.
+        closely: whether they do, so that the wheels keep their phase.
     """
 
     largest: Mapping[str, float]
     orders: tuple[float, ...] = ()
     least_order: float = 0.9
+    wheels: bool = False
+    closely: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,6 +86,11 @@ class Candidate:
     effect: str
     free: tuple[str, ...]
     fixed: Mapping[str, float]
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it repeats with a wheel's angle, so often as is fitted."""
+        return "order" in self.free
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         """`base` with this candidate switched on at `values`, its free parameters last."""
@@ -237,7 +254,7 @@ def _amplitudes(columns: Array, left: Array, *, free_sign: bool) -> Array:
 def _ends(probe: _Probe, amplitudes: Array) -> dict[str, float]:
     """The values that the amplitudes of a probe's changes stand for, within the parameters' ranges."""
     first = dict(probe.values[0])
-    if "order" in first:
+    if "order" in first and probe.free_sign:
         sides = _sides(amplitudes)
         first[_size_of(probe.candidate)] *= float(np.mean(np.abs(sides)))
         left, right = np.angle(sides)
@@ -287,23 +304,18 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
         name: (one.preset or _VISIBLE.get(one.unit, 1.0)) * scale_of(one.unit, base) for name, one in infos.items()
     }
     if "order" in infos:
-        apart = "phase_difference" in infos
-        turns = _TURNS if apart else _TURNS[:2]
-        return [
-            _Probe(
-                candidate,
-                tuple(
-                    _within(
-                        effect.name,
-                        {**natural, "order": order, "phase": phase, **({"phase_difference": by} if apart else {})},
-                    )
-                    for phase, by in turns
-                ),
-                True,
+        orders = [order for order in (*seen.orders, *_ORDERS) if order >= seen.least_order]
+        waves = [_wave(candidate, natural, order, _TURNS) for order in orders]
+        bites = [
+            _Probe(candidate, (one,), False)
+            for order in (seen.orders if seen.closely else ())
+            if order in orders
+            for size in _BITES
+            for one in _wave(
+                candidate, natural | {_size_of(candidate): size * natural[_size_of(candidate)]}, order, _ROUNDS
             )
-            for order in (*seen.orders, *_ORDERS)
-            if order >= seen.least_order
         ]
+        return [*(_Probe(candidate, wave, True) for wave in waves), *bites]
     if all(_is_signed(one) for one in infos.values()):
         zero = dict.fromkeys(infos, 0.0)
         return [_Probe(candidate, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True)]
@@ -317,6 +329,19 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
             start |= {name: natural[name] * sign for name, sign in zip(sides, signs, strict=True)}
             probes += [_Probe(candidate, (_within(effect.name, {**start, **on}),), False) for on in _switched(effect)]
     return probes
+
+
+def _wave(
+    candidate: Candidate, natural: Mapping[str, float], order: float, phases: Sequence[tuple[float, float]]
+) -> tuple[Mapping[str, float], ...]:
+    """What repeats `order` times, with each phase and phase difference; the latter where it is free."""
+    apart = "phase_difference" in candidate.free
+    turned = (
+        {**natural, "order": order, "phase": phase} | ({"phase_difference": by} if apart else {})
+        for phase, by in phases
+        if apart or by == 0
+    )
+    return tuple(_within(candidate.effect, one) for one in turned)
 
 
 def _switched(effect: EffectInfo) -> list[dict[str, float]]:

@@ -41,6 +41,8 @@ _DESCENTS, _GAINED = 6, 3e-4  # of one fit at the most, and share of the cost be
 _FOLLOWED = 10  # candidates of a screen that are fitted
 _POLISHED_COUNT = 5  # of those, that are fitted to the end
 _STRUCTURED = 1.2  # times the cost of noise: more has structure, which the wrong effect may have left
+_ORDERS_NEAR = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order, by which it may be off
+_LOWER = 0.98  # of the cost: a valley that is worth a descent
 _PAIRED = 5  # of those, of which all pairs are fitted
 _ROUNDS = 5
 _MOST = 4  # effects, before needless ones are removed
@@ -82,6 +84,11 @@ class Fitted:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(one.effect for one in self.chosen)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether any of its effects repeats with a wheel's angle."""
+        return any(one.repeats for one in self.chosen)
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,8 @@ def select(band: Band, nominal: Fitted, *, seen: Seen, jobs: int, tell: Tell) ->
         if not taken:
             break
         current = tried[0]
+        if seen.wheels and not seen.closely and current.cost > _STRUCTURED * noise and current.repeats:
+            break  # over whole runs its wheels lose their phase, and what is tried beside it takes up that
     tell("removing what is not needed")
     return Selection(nominal, pruned(band, current, jobs), tuple(steps))
 
@@ -202,6 +211,8 @@ def _round(band: Band, current: Fitted, seen: Seen, jobs: int) -> list[Fitted]:
     if _bent(band, current) > _BENT_SD:
         points.append(_restated(current))
     rough = [found for point in points for found in _from(band, current, point, seen, jobs)]
+    if rough and (first := _best_first(rough)[0]).chosen[-1].repeats and (other := _retuned(band, first)):
+        rough.append(other)
     best = min((one.charged for one in rough), default=0.0)
     near = best + _CLOSE * max(current.cost - best, 0.0)
     close = [one for one in _best_first(rough) if one.charged < near][:_POLISHED_COUNT]
@@ -237,7 +248,44 @@ def _from(
         return fit(here, (*current.chosen, trial.candidate), plan, start, _ROUGH)
 
     fits = _each(one, list(first.values())[:_FOLLOWED], jobs)
+    fits += _each(lambda pair: _apart(here, current, *pair), _one_phase(current, fits), jobs)
     return [found for found in fits if _possible(found, seen)]
+
+
+def _one_phase(current: Fitted, fits: Sequence[Fitted]) -> list[tuple[Fitted, Candidate]]:
+    """Those of `fits` that gave both wheels one phase, each with the candidate that gives them two."""
+    return [
+        (found, other)
+        for found in fits
+        for other in candidates(current.model)
+        if other.effect == found.names[-1] and {*other.free} - {*found.chosen[-1].free} == {"phase_difference"}
+    ]
+
+
+def _apart(band: Band, current: Fitted, found: Fitted, candidate: Candidate) -> Fitted | None:
+    """`candidate` beside `current` from where `found` ended.
+
+    Two phases at once are not read off a line that begins at no effect, where the wheels stand and slip by turns.
+    """
+    plan = candidate.starting(current.plan, found.model.effects[candidate.effect])
+    start = np.concatenate([found.point[: len(current.point)], plan.start()[len(current.point) :]])
+    return fit(band, (*current.chosen, candidate), plan, start, _ROUGH)
+
+
+def _retuned(band: Band, found: Fitted) -> Fitted | None:
+    """`found`, whose last effect repeats, from the best order near its own; None where that is its own.
+
+    Beside the right order lie others that are a turn off over the way, each with a valley that a descent stays in.
+    """
+    problem = band.with_plan(found.plan)
+    index = [one.name for one in found.plan.free].index(f"{found.names[-1]}.order")
+    along = np.eye(len(found.point))[index]
+    starts = [found.point + off * along for off in _ORDERS_NEAR]
+    costs = [float(problem.losses(found.plan.at(start)).sum()) for start in starts]
+    best = int(np.argmin(costs))
+    if costs[best] > _LOWER * float(problem.losses(found.model).sum()):
+        return None
+    return fit(problem, found.chosen, found.plan, starts[best], _ROUGH)
 
 
 def _possible(found: Fitted, seen: Seen) -> bool:
@@ -247,7 +295,7 @@ def _possible(found: Fitted, seen: Seen) -> bool:
     when it moves is dry friction.
     """
     tables = found.model.effects
-    repeats = all(tables[one.effect]["order"] >= seen.least_order for one in found.chosen if "order" in one.free)
+    repeats = all(tables[one.effect]["order"] >= seen.least_order for one in found.chosen if one.repeats)
     limits = [(tables[one.effect][name], of) for one in found.chosen for name, of in read_limits(one)]
     rubs = [table for name, table in tables.items() if name == "stiction_stribeck"]
     return (

@@ -19,7 +19,7 @@ from brickpilot.audit_fault import Fault
 from brickpilot.dataset import Dataset, Nominal, motor_inputs
 from brickpilot.descent import Counter, Progress, search
 from brickpilot.discover import harmonics, locate, power
-from brickpilot.discover.band import Band, loosened, run_of, settled, windowed, with_rates
+from brickpilot.discover.band import Band, angles_of, loosened, run_of, settled, windowed, with_rates
 from brickpilot.discover.candidates import Seen, effect_info
 from brickpilot.discover.composition import Composition, composed, term_of
 from brickpilot.discover.experiment import next_experiment
@@ -50,7 +50,8 @@ _STRETCH_S = 0.6  # in which a wheel turns once or twice
 _SEARCHED = 80  # stretches, at most, that a search looks at
 _WINDOW_S = 1.0  # of a motor
 _LEFT_PRIOR_SD = 3.0
-_MOSTLY, _CLEARLY = 0.7, 0.1  # of the cost above that of noise: what stretches must explain, and how much more so
+# Of the cost above that of noise: what stretches must explain, how much more so, and where no term is looked for.
+_MOSTLY, _CLEARLY, _NEARLY = 0.7, 0.1, 0.9
 _ROUGH, _FINE = 1e-4, 1e-5
 
 
@@ -111,14 +112,16 @@ def discover(
     count("reading what was measured")
     count("calibrating the nominal model")
     selection, judged = _looked(data, seed, count)
-    better = not judged.adequate and _removed(judged) + _CLEARLY < 1  # whether a second look could do clearly better
-    if better and (closer := _in_stretches(data)) is not None:
+    # Where the first look found what repeats, and was broken off for it, it is not to be beaten.
+    least = _MOSTLY if selection.best.repeats else max(_MOSTLY, _removed(judged) + _CLEARLY)
+    if not judged.adequate and least < 1 and (closer := _in_stretches(data)) is not None:
         count("looking again, from the measured state every so often")
         again = _looked(closer, seed, count)
-        if _removed(again[1]) > max(_MOSTLY, _removed(judged) + _CLEARLY):
+        if _removed(again[1]) > least:
             data, (selection, judged) = closer, again
     term = None
-    if not judged.adequate:
+    left_by_starts = data.seen.closely and _removed(judged) > _NEARLY  # as they are measured, with noise
+    if not judged.adequate and not left_by_starts:
         count("composing a term for what is left")
         term = _convincing(data, judged, composed(data.coarse, data.fine, judged, count))
     count("intervals and what to do next")
@@ -144,6 +147,7 @@ def _prepared(dataset: Dataset, model: Model | None, jobs: int) -> _Data:
     for name in dict.fromkeys(name for run in ready.runs for name in run.outputs):
         values = [run.outputs[name] for run in ready.runs if name in run.outputs]
         largest[name] = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in values)
+    wheels = all(angles_of(run) is not None for run in ready.runs)
     return _Data(
         dataset,
         ready,
@@ -152,7 +156,7 @@ def _prepared(dataset: Dataset, model: Model | None, jobs: int) -> _Data:
         plan,
         coarse,
         fine,
-        Seen(largest, harmonics.orders(based), _least_order(based)),
+        Seen(largest, harmonics.orders(based), _least_order(based), wheels=wheels, closely=judged is not ready),
         jobs,
     )
 
@@ -219,7 +223,8 @@ def _in_stretches(data: _Data) -> _Data | None:
     some = fitted[:: -(-len(fitted) // _SEARCHED)]
     coarse = Band(cut, data.plan, some, coarse=True, threads=data.jobs)
     fine = Band(cut, data.plan, fitted, threads=data.jobs)
-    return dataclasses.replace(data, judged=cut, coarse=coarse, fine=fine)
+    seen = dataclasses.replace(data.seen, closely=True)
+    return dataclasses.replace(data, judged=cut, coarse=coarse, fine=fine, seen=seen)
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
