@@ -4,7 +4,7 @@
 #include "core/fix.h"
 #include "hal.h"
 
-enum { STEP_MS = 3, LONGEST_MS = 20 };
+enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
 static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
 {
@@ -42,7 +42,7 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
 {
-    uint8_t record[TELEMETRY_SIZE];
+    message_t message;
 
     if (config->telemetry_every == 0)
         return;
@@ -51,32 +51,73 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         return;
     }
     state->until_telemetry = (uint8_t)(config->telemetry_every - 1);
-    telemetry_pack(state->tick, &state->step, &state->output, record);
-    (void)hal_link_write(record, TELEMETRY_SIZE);
+    for (uint8_t part = 0; part < TELEMETRY_PARTS; part++) {
+        telemetry_part(part, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
+        (void)hal_link_write(&message);
+    }
+}
+
+static void send_heartbeat(loop_state_t *state)
+{
+    message_t message;
+
+    if (state->until_heartbeat > 0) {
+        state->until_heartbeat--;
+        return;
+    }
+    state->until_heartbeat = HEARTBEAT_TICKS - 1;
+    telemetry_heartbeat(state->tick, state->late_ticks, fix_add_u16(state->aborted_late, state->aborted_silent),
+                        &state->step.mode, &message);
+    (void)hal_link_write(&message);
 }
 
 void loop_start(loop_state_t *state)
 {
     state->clock_ms = hal_clock_ms() - STEP_MS;
+    state->started = true;
     hal_motors_write(0, 0);
+}
+
+void loop_heard(loop_state_t *state)
+{
+    state->silent_ms = 0;
+}
+
+/* What the clock and the silence of all sensors make of the command. */
+static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint32_t elapsed_ms, bool sensed,
+                            mode_command_t command)
+{
+    state->silent_ms = sensed ? 0 : elapsed_ms > 65535U ? 65535U : fix_add_u16(state->silent_ms, (uint16_t)elapsed_ms);
+    if (state->step.mode.mode != MODE_RUN)
+        return command;
+    if (elapsed_ms > config->watchdog_ms) {
+        state->aborted_late = fix_count_u16(state->aborted_late);
+        return MODE_ABORT;
+    }
+    if (state->silent_ms > config->silent_ms) {
+        state->aborted_silent = fix_count_u16(state->aborted_silent);
+        return MODE_CUT;
+    }
+    return command;
 }
 
 void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command)
 {
-    const uint32_t now_ms = hal_clock_ms();
-    const uint32_t elapsed_ms = now_ms - state->clock_ms;
+    uint32_t now_ms, elapsed_ms;
     signals_sensors_t sensors;
 
+    if (!state->started)
+        loop_start(state);
+    now_ms = hal_clock_ms();
+    elapsed_ms = now_ms - state->clock_ms;
     state->clock_ms = now_ms;
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    if (elapsed_ms > config->watchdog_ms && state->step.mode.mode == MODE_RUN) {
-        state->aborted_late = fix_count_u16(state->aborted_late);
-        command = MODE_ABORT;
-    }
     read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
+    command = guard(config, state, elapsed_ms, sensors.have != 0, command);
     step_run(&config->step, route, &state->step, &sensors, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
     send_telemetry(config, state);
+    send_heartbeat(state);
     state->tick++;
 }

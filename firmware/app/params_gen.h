@@ -88,6 +88,7 @@ static const loop_config_t PARAMS_COUPLED = {
         .battery_nominal_mv = 9000,
     },
     .watchdog_ms = 20,
+    .silent_ms = 100,
     .telemetry_every = 10,
 };
 
@@ -174,6 +175,7 @@ static const loop_config_t PARAMS_PAPER = {
         .battery_nominal_mv = 9000,
     },
     .watchdog_ms = 20,
+    .silent_ms = 100,
     .telemetry_every = 10,
 };
 

@@ -1,21 +1,19 @@
-/* telemetry.h: what the pipeline thinks, as bytes: little-endian, the same on every target. */
+/* telemetry.h: what the pipeline thinks, as messages of hal/wire/brickpilot.dbc. */
 #ifndef BRICKPILOT_APP_TELEMETRY_H
 #define BRICKPILOT_APP_TELEMETRY_H
 
 #include "app/step.h"
+#include "wire/message.h"
 
-/* Offset: content.
- *   0 tick, uint32              4 mode, uint8              5 fault, uint8
- *   6 guidance phase, uint8     7 waypoint, uint8          8 x um, int32
- *  12 y um, int32              16 heading bam16, uint16   18 speed mm/s q4, int16
- *  20 yaw rate mrad/s, int16   22 demand speed q4, int16  24 demand heading bam16, uint16
- *  26 cross-track mm, int16    28 surge effort mV, int16  30 yaw effort mV, int16
- *  32 left duty q15, int16     34 right duty q15, int16   36 battery mV, uint16
- *  38 flags, uint8: 1 at rest, 2 state valid, 4 surge saturated, 8 yaw saturated
- *  39 0x00 */
-enum { TELEMETRY_SIZE = 40 };
+enum { TELEMETRY_PARTS = 7 };
 
-void telemetry_pack(uint32_t tick, const step_state_t *state, const step_output_t *output,
-                    uint8_t record[TELEMETRY_SIZE]);
+/* Part 0..6 of one step's telemetry, TELEMETRY_X to TELEMETRY_EFFORT. `tick_ms` is the low byte of the step's time: it tells
+ * which parts belong together. */
+void telemetry_part(uint8_t part, uint8_t tick_ms, const step_state_t *state, const step_output_t *output,
+                    message_t *message);
+
+/* HEARTBEAT. `aborted` saturates at 255. */
+void telemetry_heartbeat(uint32_t tick, uint16_t late_ticks, uint16_t aborted, const mode_state_t *mode,
+                         message_t *message);
 
 #endif

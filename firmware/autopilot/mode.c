@@ -57,6 +57,8 @@ void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *
         start(route, state);
     else if (state->mode == MODE_RUN && command == MODE_ABORT)
         enter(state, MODE_FAULT, MODE_COMMANDED);
+    else if (state->mode == MODE_RUN && command == MODE_CUT)
+        enter(state, MODE_FAULT, MODE_SILENT);
     else if (state->mode != MODE_RUN && command == MODE_RESET)
         enter(state, MODE_IDLE, MODE_NO_FAULT);
 

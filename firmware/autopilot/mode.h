@@ -18,7 +18,7 @@ typedef struct {
 
 typedef enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 } mode_name_t;
 
-typedef enum { MODE_NONE = 0, MODE_START = 1, MODE_ABORT = 2, MODE_RESET = 3 } mode_command_t;
+typedef enum { MODE_NONE = 0, MODE_START = 1, MODE_ABORT = 2, MODE_RESET = 3, MODE_CUT = 4 } mode_command_t;
 
 typedef enum {
     MODE_NO_FAULT = 0,
@@ -26,7 +26,8 @@ typedef enum {
     MODE_LEG_OVERSHOT = 2,
     MODE_STATE_LOST = 3,
     MODE_COMMANDED = 4,
-    MODE_NO_ROUTE = 5 /* started with an empty route */
+    MODE_NO_ROUTE = 5, /* started with an empty route */
+    MODE_SILENT = 6    /* cut: neither a sensor nor a command was heard */
 } mode_fault_t;
 
 /* All zero is IDLE. */
@@ -39,7 +40,7 @@ typedef struct {
     los_output_t guidance; /* of the last step in RUN */
 } mode_state_t;
 
-/* One step, period_ms 1..255. `command` acts where the diagram has an arrow for it (abort: in RUN) and is ignored
+/* One step, period_ms 1..255. `command` acts where the diagram has an arrow for it (abort and cut: in RUN) and is ignored
  * elsewhere. What the robot shall do and how far it is stands in state->demand, ->mode, ->fault and ->guidance. */
 void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
                mode_command_t command, uint8_t period_ms);

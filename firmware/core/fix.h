@@ -93,6 +93,13 @@ static inline uint16_t fix_count_u16(uint16_t count)
     return count < 65535U ? (uint16_t)(count + 1U) : count;
 }
 
+/* Sum that stays at 65535. */
+static inline uint16_t fix_add_u16(uint16_t a, uint16_t b)
+{
+    const uint16_t sum = (uint16_t)(a + b);
+    return sum < a ? (uint16_t)65535U : sum;
+}
+
 /* (a * b) >> 16 with the full 48-bit product, rounded towards minus infinity. Any operands: the result always fits. */
 int32_t fix_mul_q16(int32_t a, int16_t b);
 

@@ -1,13 +1,16 @@
 /* hal.h: the seam between the controller and whatever it runs on.
  *
- * Link-time substitution: a port (hal/sil, later hal/link, hal/rcx, ...) defines every function below; one that is
- * missing does not link. firmware/app/loop.c is the only caller. No call blocks. All are called from one thread of
+ * Link-time substitution: a port (hal/sil, hal/link, later hal/rcx, ...) defines every function below; one that is
+ * missing does not link. firmware/app/loop.c and serve.c are the only callers. No call blocks. All are called from one thread of
  * control.
  */
 #ifndef BRICKPILOT_HAL_H
 #define BRICKPILOT_HAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
+
+#include "wire/message.h"
 
 typedef enum {
     HAL_OK = 0,
@@ -49,8 +52,9 @@ hal_status_t hal_battery_read(uint16_t *out_mv);
 /* Motor duty, -32767..32767 = -1..1 times the battery voltage; forward positive. Takes effect at once and holds. */
 void hal_motors_write(int16_t left_q15, int16_t right_q15);
 
-/* Bytes to and from whoever is at the other end of the link. Returns how many were taken: 0..size. */
-uint16_t hal_link_write(const uint8_t *bytes, uint16_t size);
-uint16_t hal_link_read(uint8_t *bytes, uint16_t size);
+/* Messages of hal/wire/brickpilot.dbc to and from whoever is at the other end of the link; how they travel is the port's
+ * affair. False: no room, or none there. What a port read is whole, but messages may be missing or come twice. */
+bool hal_link_write(const message_t *message);
+bool hal_link_read(message_t *message);
 
 #endif

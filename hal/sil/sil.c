@@ -1,6 +1,5 @@
 #include "sil/sil.h"
 
-#include <stddef.h>
 #include <string.h>
 
 static __thread sil_port_t *bound;
@@ -50,20 +49,20 @@ void hal_motors_write(int16_t left_q15, int16_t right_q15)
     bound->motor_writes++;
 }
 
-uint16_t hal_link_write(const uint8_t *bytes, uint16_t size)
+bool hal_link_write(const message_t *message)
 {
-    const size_t room = (size_t)(SIL_LINK_SIZE - bound->link_out_size);
-    const size_t taken = size < room ? size : room;
-    memcpy(bound->link_out + bound->link_out_size, bytes, taken);
-    bound->link_out_size = (uint16_t)(bound->link_out_size + taken);
-    return (uint16_t)taken;
+    if (bound->link_out_size == SIL_LINK_SIZE)
+        return false;
+    bound->link_out[bound->link_out_size++] = *message;
+    return true;
 }
 
-uint16_t hal_link_read(uint8_t *bytes, uint16_t size)
+bool hal_link_read(message_t *message)
 {
-    const size_t taken = size < bound->link_in_size ? size : bound->link_in_size;
-    memcpy(bytes, bound->link_in, taken);
-    memmove(bound->link_in, bound->link_in + taken, bound->link_in_size - taken);
-    bound->link_in_size = (uint16_t)(bound->link_in_size - taken);
-    return (uint16_t)taken;
+    if (bound->link_in_size == 0)
+        return false;
+    *message = bound->link_in[0];
+    bound->link_in_size--;
+    memmove(bound->link_in, bound->link_in + 1, bound->link_in_size * sizeof *bound->link_in);
+    return true;
 }

@@ -8,7 +8,7 @@
 
 #include "hal.h"
 
-enum { SIL_LINK_SIZE = 256 };
+enum { SIL_LINK_SIZE = 16 };
 
 typedef struct {
     uint32_t clock_ms;
@@ -21,8 +21,8 @@ typedef struct {
     /* What the controller wrote last, and how often. */
     int16_t left_q15, right_q15;
     uint32_t motor_writes;
-    /* Bytes to and from the other end. A write beyond the room left is cut short, as on any link. */
-    uint8_t link_out[SIL_LINK_SIZE], link_in[SIL_LINK_SIZE];
+    /* Messages to and from the other end, oldest first. A write without room is refused, as on any link. */
+    message_t link_out[SIL_LINK_SIZE], link_in[SIL_LINK_SIZE];
     uint16_t link_out_size, link_in_size;
 } sil_port_t;
 

@@ -275,7 +275,7 @@ def summary(flight: Flight) -> dict[str, Any]:
         },
         "overshoots": int(log["overshoots"][-1]),
         "final_mode": ("idle", "run", "arrived", "fault")[int(log["mode"][-1])],
-        "fault": ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route")[
+        "fault": ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent")[
             int(log["fault"][-1])
         ],
     }

@@ -5,6 +5,7 @@
 #include "app/telemetry.h"
 #include "sil/sil.h"
 #include "unity.h"
+#include "wire/codecs_gen.h"
 
 static const route_waypoint_t AHEAD[] = {{1000, 0}};
 static sil_port_t port;
@@ -129,21 +130,72 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
     TEST_ASSERT_INT16_WITHIN(40, 10451, (int16_t)state.output.state.heading_bam16); /* 1.002 rad */
 }
 
-static void test_loop_sends_a_telemetry_record_every_so_many_ticks(void)
+static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred(void)
 {
-    int records = 0;
+    int telemetry = 0, heartbeats = 0;
     config.telemetry_every = 10;
-    for (int i = 0; i < 100; i++) {
+    for (int i = 0; i < 200; i++) {
         port.link_out_size = 0;
         loop_tick(&config, &route, &state, MODE_NONE);
         port.clock_ms += 3;
-        records += port.link_out_size / TELEMETRY_SIZE;
+        for (int k = 0; k < port.link_out_size; k++)
+            if (port.link_out[k].id == WIRE_HEARTBEAT_FRAME_ID)
+                heartbeats++;
+            else
+                telemetry++;
     }
-    TEST_ASSERT_EQUAL_INT(10, records);
-    port.link_out_size = 0;
+    TEST_ASSERT_EQUAL_INT(20 * TELEMETRY_PARTS, telemetry);
+    TEST_ASSERT_EQUAL_INT(2, heartbeats);
     config.telemetry_every = 0;
+    run(1, 3, MODE_NONE);
     loop_tick(&config, &route, &state, MODE_NONE);
     TEST_ASSERT_EQUAL_UINT16(0, port.link_out_size);
+}
+
+static void all_sensors(hal_status_t status)
+{
+    port.imu_status = port.rotation_status = port.reference_status = port.battery_status = status;
+}
+
+static void test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out(void)
+{
+    run(200, 3, MODE_START);
+    all_sensors(HAL_STALE);
+    run(config.silent_ms / 3, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+    TEST_ASSERT_NOT_EQUAL(0, port.left_q15);
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
+    TEST_ASSERT_EQUAL(MODE_SILENT, state.step.mode.fault);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+    TEST_ASSERT_EQUAL_UINT16(1, state.aborted_silent);
+    all_sensors(HAL_OK);
+    run(10, 3, MODE_START);
+    TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
+    run(2, 3, MODE_RESET);
+    run(50, 3, MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+}
+
+static void test_loop_takes_a_message_for_a_sign_of_life(void)
+{
+    run(200, 3, MODE_START);
+    all_sensors(HAL_STALE);
+    for (int i = 0; i < 2 * config.silent_ms / 3; i++) {
+        if (i % 20 == 0)
+            loop_heard(&state);
+        run(1, 3, MODE_NONE);
+    }
+    TEST_ASSERT_EQUAL_UINT16(0, state.aborted_silent);
+}
+
+static void test_loop_begins_at_its_first_tick_where_nobody_started_it(void)
+{
+    memset(&state, 0, sizeof state);
+    port.clock_ms = 500000;
+    run(1, 3, MODE_START);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+    TEST_ASSERT_EQUAL_UINT16(0, state.late_ticks);
 }
 
 /* Current of the model's motors after a step in which the battery turns out to give `battery_mv`. */
@@ -207,7 +259,10 @@ int main(void)
     RUN_TEST(test_loop_survives_a_clock_that_wraps);
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);
     RUN_TEST(test_loop_takes_gyro_accelerometer_and_rotation_sensors);
-    RUN_TEST(test_loop_sends_a_telemetry_record_every_so_many_ticks);
+    RUN_TEST(test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred);
+    RUN_TEST(test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out);
+    RUN_TEST(test_loop_takes_a_message_for_a_sign_of_life);
+    RUN_TEST(test_loop_begins_at_its_first_tick_where_nobody_started_it);
     RUN_TEST(test_loop_tells_the_model_what_a_sagging_battery_gave);
     RUN_TEST(test_loop_tells_the_model_what_a_battery_below_its_floor_gave);
     RUN_TEST(test_loop_counters_do_not_wrap);

@@ -2,87 +2,128 @@
 
 #include "app/telemetry.h"
 #include "unity.h"
+#include "wire/codecs_gen.h"
+
+enum { TICK_MS = 0x5A };
 
 static step_state_t state;
 static step_output_t output;
-static uint8_t record[TELEMETRY_SIZE];
+static message_t parts[TELEMETRY_PARTS];
 
 void setUp(void)
 {
     memset(&state, 0, sizeof state);
     memset(&output, 0, sizeof output);
-    memset(record, 0xAA, sizeof record);
+    memset(parts, 0xAA, sizeof parts);
 }
 void tearDown(void) {}
 
-static uint32_t get(int offset, int size)
+static void pack(void)
 {
-    uint32_t value = 0;
-    for (int i = 0; i < size; i++)
-        value |= (uint32_t)record[offset + i] << (8 * i);
-    return value;
+    for (uint8_t i = 0; i < TELEMETRY_PARTS; i++)
+        telemetry_part(i, TICK_MS, &state, &output, &parts[i]);
 }
 
-static void test_telemetry_is_little_endian_at_the_stated_offsets(void)
+static void test_telemetry_carries_the_estimate(void)
 {
+    struct wire_telemetry_x_t x;
+    struct wire_telemetry_y_t y;
+    struct wire_telemetry_track_t track;
     state.mode.mode = MODE_RUN;
-    state.mode.fault = MODE_LEG_OVERSHOT;
     state.mode.guidance.phase = LOS_TURN;
     state.mode.guidance.waypoint = 5;
+    state.mode.guidance.overshoots = 300;
     state.mode.guidance.cross_track_mm = -321;
-    state.mode.demand.speed_mm_s_q4 = 4800;
-    state.mode.demand.heading_bam16 = 40000;
-    output.state.x_um = -1234567;
-    output.state.y_um = 7654321;
-    output.state.heading_bam16 = 50000;
-    output.state.speed_mm_s_q4 = -4321;
-    output.state.yaw_rate_mrad_s = -99;
-    output.effort.surge_mv = 4500;
-    output.effort.yaw_mv = -700;
-    state.drive.left_q15 = 12345;
-    state.drive.right_q15 = -23456;
-    state.battery_mv = 8765;
-
-    telemetry_pack(0x01020304, &state, &output, record);
-
-    TEST_ASSERT_EQUAL_HEX32(0x01020304, get(0, 4));
-    TEST_ASSERT_EQUAL_UINT8(MODE_RUN, record[4]);
-    TEST_ASSERT_EQUAL_UINT8(MODE_LEG_OVERSHOT, record[5]);
-    TEST_ASSERT_EQUAL_UINT8(LOS_TURN, record[6]);
-    TEST_ASSERT_EQUAL_UINT8(5, record[7]);
-    TEST_ASSERT_EQUAL_INT32(-1234567, (int32_t)get(8, 4));
-    TEST_ASSERT_EQUAL_INT32(7654321, (int32_t)get(12, 4));
-    TEST_ASSERT_EQUAL_UINT16(50000, get(16, 2));
-    TEST_ASSERT_EQUAL_INT16(-4321, (int16_t)get(18, 2));
-    TEST_ASSERT_EQUAL_INT16(-99, (int16_t)get(20, 2));
-    TEST_ASSERT_EQUAL_INT16(4800, (int16_t)get(22, 2));
-    TEST_ASSERT_EQUAL_UINT16(40000, get(24, 2));
-    TEST_ASSERT_EQUAL_INT16(-321, (int16_t)get(26, 2));
-    TEST_ASSERT_EQUAL_INT16(4500, (int16_t)get(28, 2));
-    TEST_ASSERT_EQUAL_INT16(-700, (int16_t)get(30, 2));
-    TEST_ASSERT_EQUAL_INT16(12345, (int16_t)get(32, 2));
-    TEST_ASSERT_EQUAL_INT16(-23456, (int16_t)get(34, 2));
-    TEST_ASSERT_EQUAL_UINT16(8765, get(36, 2));
-    TEST_ASSERT_EQUAL_UINT16(0, get(38, 2));
+    state.mode.guidance.heading_error_bam16 = -3000;
+    output.state = (signals_state_t){.x_um = -1234567,
+                                     .y_um = 7654321,
+                                     .heading_bam16 = 50000,
+                                     .speed_mm_s_q4 = -4321,
+                                     .yaw_rate_mrad_s = -99,
+                                     .at_rest = true};
+    pack();
+    wire_telemetry_x_unpack(&x, parts[0].data, 8);
+    wire_telemetry_y_unpack(&y, parts[1].data, 8);
+    wire_telemetry_track_unpack(&track, parts[2].data, 8);
+    TEST_ASSERT_EQUAL_INT32(-1234567, x.x);
+    TEST_ASSERT_EQUAL_INT16((int16_t)50000, x.heading);
+    TEST_ASSERT_EQUAL_UINT8(5, x.waypoint);
+    TEST_ASSERT_EQUAL_INT32(7654321, y.y);
+    TEST_ASSERT_EQUAL_INT16(-4321, y.speed);
+    TEST_ASSERT_EQUAL_UINT8(255, y.overshoots);
+    TEST_ASSERT_EQUAL_INT16(-99, track.yaw_rate);
+    TEST_ASSERT_EQUAL_INT16(-321, track.cross_track);
+    TEST_ASSERT_EQUAL_INT16(-3000, track.heading_error);
+    TEST_ASSERT_EQUAL_UINT8(MODE_RUN, track.mode);
+    TEST_ASSERT_EQUAL_UINT8(LOS_TURN, track.phase);
+    TEST_ASSERT_EQUAL_UINT8(1, track.at_rest);
+    TEST_ASSERT_EQUAL_UINT8(0, track.valid);
 }
 
-static void test_telemetry_flags_are_one_bit_each(void)
+static void test_telemetry_carries_demands_and_efforts(void)
 {
-    output.state.at_rest = true;
-    state.drive.surge_saturated = -1;
-    telemetry_pack(0, &state, &output, record);
-    TEST_ASSERT_EQUAL_HEX8(1 | 4, record[38]);
+    struct wire_telemetry_demand_t demand;
+    struct wire_telemetry_speed_t speed;
+    struct wire_telemetry_heading_t heading;
+    struct wire_telemetry_effort_t effort;
+    state.mode.fault = MODE_SILENT;
+    state.mode.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
+    state.drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
+    state.battery_mv = 8765;
+    output.speed = (pid_output_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
+    output.heading = (pid_output_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
+    output.effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
+    pack();
+    wire_telemetry_demand_unpack(&demand, parts[3].data, 8);
+    wire_telemetry_speed_unpack(&speed, parts[4].data, 8);
+    wire_telemetry_heading_unpack(&heading, parts[5].data, 8);
+    wire_telemetry_effort_unpack(&effort, parts[6].data, 8);
+    TEST_ASSERT_EQUAL_INT16(4800, demand.speed);
+    TEST_ASSERT_EQUAL_INT16((int16_t)40000, demand.heading);
+    TEST_ASSERT_EQUAL_UINT16(8765, demand.battery);
+    TEST_ASSERT_EQUAL_UINT8(MODE_SILENT, demand.fault);
+    TEST_ASSERT_EQUAL_INT8(-1, demand.surge_saturated);
+    TEST_ASSERT_EQUAL_INT8(1, demand.yaw_saturated);
+    TEST_ASSERT_EQUAL_INT16(-2, speed.integral);
+    TEST_ASSERT_EQUAL_INT16(3, speed.derivative);
+    TEST_ASSERT_EQUAL_INT16(-4, heading.proportional);
+    TEST_ASSERT_EQUAL_INT16(5, heading.integral);
+    TEST_ASSERT_EQUAL_INT16(4500, effort.surge);
+    TEST_ASSERT_EQUAL_INT16(-700, effort.yaw);
+}
 
-    output.state = (signals_state_t){.valid = true};
-    state.drive = (signals_drive_t){.yaw_saturated = 1};
-    telemetry_pack(0, &state, &output, record);
-    TEST_ASSERT_EQUAL_HEX8(2 | 8, record[38]);
+static void test_telemetry_parts_have_ids_in_a_row_and_the_same_tick(void)
+{
+    pack();
+    for (uint8_t i = 0; i < TELEMETRY_PARTS; i++) {
+        TEST_ASSERT_EQUAL_UINT16(WIRE_TELEMETRY_X_FRAME_ID + i, parts[i].id);
+        TEST_ASSERT_EQUAL_UINT8(8, parts[i].size);
+        TEST_ASSERT_EQUAL_HEX8(TICK_MS, parts[i].data[6]);
+    }
+}
+
+static void test_heartbeat_tells_mode_and_counts(void)
+{
+    struct wire_heartbeat_t heartbeat;
+    message_t message;
+    state.mode.mode = MODE_FAULT;
+    state.mode.fault = MODE_COMMANDED;
+    telemetry_heartbeat(0x01020304, 500, 256, &state.mode, &message);
+    TEST_ASSERT_EQUAL_UINT16(WIRE_HEARTBEAT_FRAME_ID, message.id);
+    wire_heartbeat_unpack(&heartbeat, message.data, 8);
+    TEST_ASSERT_EQUAL_HEX32(0x01020304, heartbeat.tick);
+    TEST_ASSERT_EQUAL_UINT16(500, heartbeat.late_ticks);
+    TEST_ASSERT_EQUAL_UINT8(MODE_FAULT, heartbeat.mode);
+    TEST_ASSERT_EQUAL_UINT8(MODE_COMMANDED, heartbeat.fault);
+    TEST_ASSERT_EQUAL_UINT8(255, heartbeat.aborted);
 }
 
 int main(void)
 {
     UNITY_BEGIN();
-    RUN_TEST(test_telemetry_is_little_endian_at_the_stated_offsets);
-    RUN_TEST(test_telemetry_flags_are_one_bit_each);
+    RUN_TEST(test_telemetry_carries_the_estimate);
+    RUN_TEST(test_telemetry_carries_demands_and_efforts);
+    RUN_TEST(test_telemetry_parts_have_ids_in_a_row_and_the_same_tick);
+    RUN_TEST(test_heartbeat_tells_mode_and_counts);
     return UNITY_END();
 }

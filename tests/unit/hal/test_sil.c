@@ -1,5 +1,3 @@
-#include <string.h>
-
 #include "sil/sil.h"
 #include "unity.h"
 
@@ -60,23 +58,25 @@ static void test_sil_keeps_and_counts_what_the_motors_got(void)
 
 static void test_sil_link_takes_no_more_than_there_is_room_for(void)
 {
-    uint8_t bytes[200];
-    memset(bytes, 1, sizeof bytes);
-    TEST_ASSERT_EQUAL_UINT16(200, hal_link_write(bytes, 200));
-    TEST_ASSERT_EQUAL_UINT16(SIL_LINK_SIZE - 200, hal_link_write(bytes, 200));
-    TEST_ASSERT_EQUAL_UINT16(0, hal_link_write(bytes, 1));
+    const message_t message = {.id = 5};
+    for (int i = 0; i < SIL_LINK_SIZE; i++)
+        TEST_ASSERT_TRUE(hal_link_write(&message));
+    TEST_ASSERT_FALSE(hal_link_write(&message));
+    TEST_ASSERT_EQUAL_UINT16(SIL_LINK_SIZE, port.link_out_size);
 }
 
-static void test_sil_link_gives_bytes_in_order_and_once(void)
+static void test_sil_link_gives_messages_in_order_and_once(void)
 {
-    uint8_t bytes[4] = {0};
-    memcpy(port.link_in, "abc", 3);
-    port.link_in_size = 3;
-    TEST_ASSERT_EQUAL_UINT16(2, hal_link_read(bytes, 2));
-    TEST_ASSERT_EQUAL_MEMORY("ab", bytes, 2);
-    TEST_ASSERT_EQUAL_UINT16(1, hal_link_read(bytes, 4));
-    TEST_ASSERT_EQUAL_UINT8('c', bytes[0]);
-    TEST_ASSERT_EQUAL_UINT16(0, hal_link_read(bytes, 4));
+    message_t message = {0};
+    port.link_in[0] = (message_t){.id = 1, .size = 2, .data = {3, 4}};
+    port.link_in[1] = (message_t){.id = 2};
+    port.link_in_size = 2;
+    TEST_ASSERT_TRUE(hal_link_read(&message));
+    TEST_ASSERT_EQUAL_UINT16(1, message.id);
+    TEST_ASSERT_EQUAL_UINT8(4, message.data[1]);
+    TEST_ASSERT_TRUE(hal_link_read(&message));
+    TEST_ASSERT_EQUAL_UINT16(2, message.id);
+    TEST_ASSERT_FALSE(hal_link_read(&message));
 }
 
 int main(void)
@@ -86,6 +86,6 @@ int main(void)
     RUN_TEST(test_sil_leaves_the_output_alone_unless_the_device_is_ok);
     RUN_TEST(test_sil_keeps_and_counts_what_the_motors_got);
     RUN_TEST(test_sil_link_takes_no_more_than_there_is_room_for);
-    RUN_TEST(test_sil_link_gives_bytes_in_order_and_once);
+    RUN_TEST(test_sil_link_gives_messages_in_order_and_once);
     return UNITY_END();
 }

@@ -6,9 +6,10 @@ import argparse
 import tomllib
 from pathlib import Path
 
-from brickpilot.gen import controllers_header, model_sets_header, params_header, plant_presets
+from brickpilot.gen import codecs, controllers_header, model_sets_header, params_header, plant_presets
 
 VEHICLE = Path("sim_host/models/rcx.toml")
+MESSAGES = Path("hal/wire/brickpilot.dbc")
 
 
 def generate(root: Path) -> dict[Path, str]:
@@ -16,7 +17,10 @@ def generate(root: Path) -> dict[Path, str]:
     vehicle = tomllib.loads((root / VEHICLE).read_text(encoding="utf-8"))
     nominal = {name: float(entry["value"]) for name, entry in vehicle["parameters"].items()}
     step = float(vehicle["rates"]["body_step"]["value"])
+    codecs_header, codecs_source = codecs.render(root / MESSAGES)
     return {
+        root / "hal/wire/codecs_gen.h": codecs_header,
+        root / "hal/wire/codecs_gen.c": codecs_source,
         root / "sim_host/models/rcx_gen.h": plant_presets.render(root / VEHICLE),
         root / "firmware/app/params_gen.h": params_header.render(vehicle),
         root / "tests/numeric/controllers_gen.h": controllers_header.render(vehicle),

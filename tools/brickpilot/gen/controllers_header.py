@@ -8,7 +8,7 @@ from typing import Any
 from brickpilot.gen.c_text import INDENT
 from brickpilot.gen.coefficients import PROFILES
 
-OF_THE_LOOP = ("lost_time", "watchdog_time", "telemetry_every")
+OF_THE_LOOP = ("lost_time", "watchdog_time", "silent_time", "telemetry_every")
 
 
 def _constants(profile: str, vehicle: Mapping[str, Any]) -> dict[str, float]:

@@ -123,6 +123,7 @@ def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
             "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, UINT8, "watchdog_time"),
+        "silent_ms": integer(own["silent_time"] * 1e3, 20, UINT16, "silent_time"),
         "telemetry_every": integer(own["telemetry_every"], 0, UINT8, "telemetry_every"),
     }
 

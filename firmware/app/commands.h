@@ -1,0 +1,41 @@
+/* commands.h: what the host at the other end of the link may ask for. Pure: no HAL, no clock.
+ *
+ * OPEN begins a session with the constants of a profile, an empty route and nothing pending. A mission is written waypoint by
+ * waypoint beside the one in force and takes its place at once, so that half a route is never flown. Every request is
+ * answered under its own sequence number; one whose check fails, or of an unknown kind, is not.
+ */
+#ifndef BRICKPILOT_APP_COMMANDS_H
+#define BRICKPILOT_APP_COMMANDS_H
+
+#include "app/parameters.h"
+#include "wire/message.h"
+
+typedef struct {
+    parameters_t parameters;
+    route_t route; /* in force: of `waypoints` */
+    route_waypoint_t waypoints[ROUTE_WAYPOINTS_MAX];
+    route_waypoint_t next[ROUTE_WAYPOINTS_MAX]; /* being written */
+    uint32_t written;                           /* bit per waypoint of `next` */
+    mode_command_t pending;                     /* for the next step */
+    bool open;                                  /* since OPEN was answered with ok */
+    bool realtime;                              /* as OPEN asked */
+    uint16_t refused;                           /* messages whose check failed; stays at 65535 */
+} commands_t;
+
+/* As before any session: the constants of `coupled`, no route. */
+void commands_start(commands_t *commands);
+
+typedef enum {
+    COMMANDS_NOTHING = 0,  /* no valid request */
+    COMMANDS_ANSWERED = 1, /* `reply` is to be sent */
+    COMMANDS_OPENED = 2    /* the same; the loop is to begin anew, motors off */
+} commands_result_t;
+
+/* Does what `message` asks for; `mode` is the one the loop is in. */
+commands_result_t commands_take(commands_t *commands, const mode_state_t *mode, const message_t *message,
+                                message_t *reply);
+
+/* The command for the coming step; it is forgotten with that. */
+mode_command_t commands_next(commands_t *commands);
+
+#endif

@@ -1,0 +1,28 @@
+/* check.h: CRC-16/CCITT-FALSE, and the check that messages carry in bytes 6 and 7.
+ *
+ * A carrier has its own check, where it has one at all: slcan has none. What leads to the motors is therefore checked from
+ * end to end.
+ */
+#ifndef BRICKPILOT_WIRE_CHECK_H
+#define BRICKPILOT_WIRE_CHECK_H
+
+#include <stdbool.h>
+
+#include "wire/message.h"
+
+#define CHECK_START 0xFFFFU
+
+/* The CRC of what went before and of `size` more bytes: polynomial 0x1021, from CHECK_START, nothing reflected. Of "123456789"
+ * it is 0x29B1. */
+uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size);
+
+/* CRC over the id, low byte first, and bytes 0 to 5. */
+uint16_t check_of(const message_t *message);
+
+/* Puts check_of() into bytes 6 and 7, low byte first. */
+void check_seal(message_t *message);
+
+/* True where the message has 8 bytes and the last two are check_of(). */
+bool check_holds(const message_t *message);
+
+#endif

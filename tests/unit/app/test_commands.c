@@ -1,0 +1,300 @@
+#include <string.h>
+
+#include "app/commands.h"
+#include "app/params_gen.h"
+#include "app/serve.h"
+#include "sil/sil.h"
+#include "unity.h"
+#include "wire/check.h"
+#include "wire/codecs_gen.h"
+
+static commands_t commands;
+static mode_state_t mode;
+static message_t request, reply;
+
+static commands_result_t send(uint16_t id)
+{
+    request.id = id;
+    request.size = 8;
+    check_seal(&request);
+    const commands_result_t result = commands_take(&commands, &mode, &request, &reply);
+    if (result != COMMANDS_NOTHING)
+        TEST_ASSERT_TRUE(check_holds(&reply));
+    return result;
+}
+
+static commands_result_t open_with(struct wire_open_t open)
+{
+    wire_open_pack(request.data, &open, 8);
+    return send(WIRE_OPEN_FRAME_ID);
+}
+
+static struct wire_open_t sound_open(void)
+{
+    return (struct wire_open_t){.sequence = 9, .protocol = WIRE_PROTOCOL, .dbc = WIRE_DBC};
+}
+
+void setUp(void)
+{
+    memset(&mode, 0, sizeof mode);
+    memset(&request, 0, sizeof request);
+    commands_start(&commands);
+    TEST_ASSERT_EQUAL(COMMANDS_OPENED, open_with(sound_open()));
+}
+void tearDown(void) {}
+
+static struct wire_parameter_t parameter(uint8_t index, bool write, int32_t value)
+{
+    const struct wire_parameter_request_t asked = {.sequence = 5, .parameter = index, .write = write, .value = value};
+    struct wire_parameter_t answer;
+    wire_parameter_request_pack(request.data, &asked, 8);
+    TEST_ASSERT_EQUAL(COMMANDS_ANSWERED, send(WIRE_PARAMETER_REQUEST_FRAME_ID));
+    TEST_ASSERT_EQUAL_UINT16(WIRE_PARAMETER_FRAME_ID, reply.id);
+    wire_parameter_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(5, answer.sequence);
+    TEST_ASSERT_EQUAL_UINT8(index, answer.parameter);
+    return answer;
+}
+
+static struct wire_waypoint_t waypoint(uint8_t index, bool write, int16_t x_mm, int16_t y_mm)
+{
+    const struct wire_waypoint_request_t asked = {.sequence = 6, .index = index, .write = write, .x = x_mm, .y = y_mm};
+    struct wire_waypoint_t answer;
+    wire_waypoint_request_pack(request.data, &asked, 8);
+    TEST_ASSERT_EQUAL(COMMANDS_ANSWERED, send(WIRE_WAYPOINT_REQUEST_FRAME_ID));
+    wire_waypoint_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(6, answer.sequence);
+    return answer;
+}
+
+static struct wire_route_t commit(bool write, uint8_t count, uint16_t check)
+{
+    const struct wire_route_request_t asked = {.sequence = 7, .count = count, .write = write, .route_check = check};
+    struct wire_route_t answer;
+    wire_route_request_pack(request.data, &asked, 8);
+    TEST_ASSERT_EQUAL(COMMANDS_ANSWERED, send(WIRE_ROUTE_REQUEST_FRAME_ID));
+    wire_route_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(7, answer.sequence);
+    return answer;
+}
+
+/* CRC over two waypoints, (1000, -1000) and (0, 500), low bytes first. */
+static uint16_t check_of_two(void)
+{
+    static const uint8_t BYTES[] = {0xE8, 0x03, 0x18, 0xFC, 0x00, 0x00, 0xF4, 0x01};
+    return check_crc16(CHECK_START, BYTES, sizeof BYTES);
+}
+
+static void upload_two(void)
+{
+    waypoint(0, true, 1000, -1000);
+    waypoint(1, true, 0, 500);
+}
+
+static uint8_t command(uint8_t what)
+{
+    const struct wire_mode_command_t asked = {.sequence = 8, .command = what};
+    struct wire_mode_reply_t answer;
+    wire_mode_command_pack(request.data, &asked, 8);
+    TEST_ASSERT_EQUAL(COMMANDS_ANSWERED, send(WIRE_MODE_COMMAND_FRAME_ID));
+    wire_mode_reply_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(8, answer.sequence);
+    return answer.status;
+}
+
+static void test_open_says_who_is_there_and_what_differs(void)
+{
+    struct wire_hello_t hello;
+    struct wire_open_t open = sound_open();
+    open.profile = WIRE_OPEN_PROFILE_PAPER_CHOICE;
+    open.pace = WIRE_OPEN_PACE_REALTIME_CHOICE;
+    TEST_ASSERT_EQUAL(COMMANDS_OPENED, open_with(open));
+    wire_hello_unpack(&hello, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(9, hello.sequence);
+    TEST_ASSERT_EQUAL_UINT8(WIRE_HELLO_STATUS_OK_CHOICE, hello.status);
+    TEST_ASSERT_TRUE(commands.realtime);
+    TEST_ASSERT_EQUAL_INT16(PARAMS_PAPER.step.speed_pid.kp_mv_q10, commands.parameters.config.step.speed_pid.kp_mv_q10);
+    const uint8_t wanted[] = {WIRE_HELLO_STATUS_PROTOCOL_DIFFERS_CHOICE, WIRE_HELLO_STATUS_DBC_DIFFERS_CHOICE,
+                              WIRE_HELLO_STATUS_NO_SUCH_PROFILE_CHOICE, WIRE_HELLO_STATUS_NO_SUCH_PACE_CHOICE};
+    for (int i = 0; i < 4; i++) {
+        open = sound_open();
+        open.protocol = (uint8_t)(open.protocol + (i == 0));
+        open.dbc = (uint16_t)(open.dbc + (i == 1));
+        open.profile = i == 2 ? 2 : 0;
+        open.pace = i == 3 ? 2 : 0;
+        TEST_ASSERT_EQUAL(COMMANDS_ANSWERED, open_with(open));
+        wire_hello_unpack(&hello, reply.data, 8);
+        TEST_ASSERT_EQUAL_UINT8(wanted[i], hello.status);
+        TEST_ASSERT_EQUAL_UINT8(WIRE_PROTOCOL, hello.protocol);
+        TEST_ASSERT_EQUAL_HEX16(WIRE_DBC, hello.dbc);
+    }
+}
+
+static void test_nothing_is_done_before_a_session_or_with_a_check_that_fails(void)
+{
+    commands_start(&commands);
+    TEST_ASSERT_EQUAL(COMMANDS_NOTHING, send(WIRE_PARAMETER_REQUEST_FRAME_ID));
+    open_with(sound_open());
+    const struct wire_mode_command_t asked = {.command = MODE_START};
+    wire_mode_command_pack(request.data, &asked, 8);
+    request.id = WIRE_MODE_COMMAND_FRAME_ID;
+    check_seal(&request);
+    request.data[7] ^= 1;
+    TEST_ASSERT_EQUAL(COMMANDS_NOTHING, commands_take(&commands, &mode, &request, &reply));
+    TEST_ASSERT_EQUAL(MODE_NONE, commands_next(&commands));
+    TEST_ASSERT_EQUAL_UINT16(1, commands.refused);
+    TEST_ASSERT_EQUAL(COMMANDS_NOTHING, send(0x7FF));
+}
+
+static void test_every_parameter_is_read_and_written_within_its_range(void)
+{
+    for (uint8_t i = 0; i < 44; i++) {
+        const struct wire_parameter_t before = parameter(i, false, 0);
+        TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, before.status);
+        const struct wire_parameter_t written = parameter(i, true, before.value == 1 ? 0 : before.value);
+        TEST_ASSERT_TRUE(written.status == PARAMETERS_OK || written.status == PARAMETERS_RANGE);
+        const struct wire_parameter_t same = parameter(i, true, before.value);
+        TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, same.status);
+        TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(i, true, -2147483647L).status);
+        if (i != WIRE_PARAMETER_REQUEST_PARAMETER_LEG_TIMEOUT_CHOICE)
+            TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(i, true, 2147483647L).status);
+        TEST_ASSERT_EQUAL_INT32(before.value, parameter(i, false, 0).value);
+    }
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, parameter(44, false, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, parameter(63, true, 0).status);
+}
+
+static void test_a_gain_takes_effect_and_its_ends_are_inclusive(void)
+{
+    const uint8_t kp = WIRE_PARAMETER_REQUEST_PARAMETER_HEADING_KP_CHOICE;
+    TEST_ASSERT_EQUAL_INT32(PARAMS_COUPLED.step.heading_pid.kp_mv_q10, parameter(kp, false, 0).value);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, parameter(kp, true, 32767).status);
+    TEST_ASSERT_EQUAL_INT16(32767, commands.parameters.config.step.heading_pid.kp_mv_q10);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(kp, true, 32768).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, parameter(kp, true, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(kp, true, -1).status);
+}
+
+static void test_compensation_written_bit_by_bit_is_the_same_as_at_once(void)
+{
+    const compensation_t told = {.drive = {.left = {100, 200, 300, -400}, .right = {-1, 2, 3, 4}, .deadband_mv = 500},
+                                 .battery_sags = true,
+                                 .travel_scale_q15 = 1638,
+                                 .count_mismatch_q15 = -77};
+    loop_config_t once = PARAMS_COUPLED;
+    compensation_apply(&told, &once);
+    const int32_t values[] = {100, 200, 300, -400, -1, 2, 3, 4, 500, 0, 0, 1, 0, 0, 1638, -77};
+    for (int round = 0; round < 2; round++) /* written again they do not add up */
+        for (uint8_t i = 0; i < 16; i++)
+            TEST_ASSERT_EQUAL_UINT8(
+                PARAMETERS_OK,
+                parameter((uint8_t)(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE + i), true, values[i]).status);
+    TEST_ASSERT_EQUAL_MEMORY(&once.step.mixer, &commands.parameters.config.step.mixer, sizeof once.step.mixer);
+    TEST_ASSERT_EQUAL_UINT16(once.step.speed.count_travel_um_q2,
+                             commands.parameters.config.step.speed.count_travel_um_q2);
+    TEST_ASSERT_EQUAL_INT16(-77, commands.parameters.config.step.speed.count_mismatch_q15);
+    TEST_ASSERT_TRUE(commands.parameters.config.step.battery_sags);
+    mode.mode = MODE_RUN;
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_BUSY,
+                            parameter(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE, true, 1).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, parameter(WIRE_PARAMETER_REQUEST_PARAMETER_SPEED_KP_CHOICE, true, 1).status);
+}
+
+static void test_a_route_comes_into_force_at_once_or_not_at_all(void)
+{
+    upload_two();
+    TEST_ASSERT_EQUAL_UINT8(0, commands.route.count);
+    struct wire_route_t answer = commit(true, 2, check_of_two());
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_OK, answer.status);
+    TEST_ASSERT_EQUAL_UINT8(2, answer.count);
+    TEST_ASSERT_EQUAL_HEX16(check_of_two(), answer.route_check);
+    waypoint(0, true, 7, 7);
+    TEST_ASSERT_EQUAL_INT16(1000, waypoint(0, false, 0, 0).x);
+    TEST_ASSERT_EQUAL_INT16(-1000, waypoint(0, false, 0, 0).y);
+    TEST_ASSERT_EQUAL_INT16(500, commands.route.waypoints[1].y_mm);
+    answer = commit(true, 2, check_of_two()); /* the second waypoint has not been written again */
+    TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_INCOMPLETE_CHOICE, answer.status);
+    TEST_ASSERT_EQUAL_UINT8(2, answer.count);
+}
+
+static void test_a_route_that_cannot_be_flown_leaves_the_old_one(void)
+{
+    upload_two();
+    commit(true, 2, check_of_two());
+    upload_two();
+    TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_DIFFERS_CHOICE, commit(true, 2, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_EMPTY, commit(true, 0, CHECK_START).status);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_TOO_LONG, commit(true, 33, 0).status);
+    waypoint(1, true, 1000, -1000);
+    static const uint8_t TWICE[] = {0xE8, 0x03, 0x18, 0xFC, 0xE8, 0x03, 0x18, 0xFC};
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_REPEATED, commit(true, 2, check_crc16(CHECK_START, TWICE, 8)).status);
+    mode.mode = MODE_RUN;
+    upload_two();
+    TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_BUSY_CHOICE, commit(true, 2, check_of_two()).status);
+    TEST_ASSERT_EQUAL_UINT8(2, commit(false, 0, 0).count);
+    TEST_ASSERT_EQUAL_HEX16(check_of_two(), commit(false, 0, 0).route_check);
+}
+
+static void test_a_waypoint_is_checked_when_written(void)
+{
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, waypoint(31, true, 30000, -30000).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, waypoint(32, true, 0, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, waypoint(0, true, 30001, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, waypoint(0, true, 0, -32768).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, waypoint(0, false, 0, 0).status); /* no route in force */
+}
+
+static void test_a_mode_command_waits_for_the_next_step_and_acts_once(void)
+{
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, command(MODE_START));
+    TEST_ASSERT_EQUAL(MODE_START, commands_next(&commands));
+    TEST_ASSERT_EQUAL(MODE_NONE, commands_next(&commands));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, command(MODE_ABORT)); /* not in RUN */
+    mode.mode = MODE_RUN;
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, command(MODE_START));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, command(MODE_RESET));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, command(MODE_ABORT));
+    mode.mode = MODE_FAULT;
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, command(MODE_START));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_NONE));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_CUT));
+    TEST_ASSERT_EQUAL(MODE_ABORT, commands_next(&commands));
+}
+
+static void test_serving_answers_each_request_and_a_session_stops_the_motors(void)
+{
+    sil_port_t port = {.left_q15 = 5};
+    loop_state_t state = {.tick = 77, .silent_ms = 90};
+    const struct wire_open_t open = sound_open();
+    sil_bind(&port);
+    commands_start(&commands);
+    port.link_in[0] = (message_t){.id = WIRE_OPEN_FRAME_ID, .size = 8};
+    wire_open_pack(port.link_in[0].data, &open, 8);
+    check_seal(&port.link_in[0]);
+    port.link_in[1] = port.link_in[0];
+    port.link_in[1].data[0] ^= 1; /* damaged */
+    port.link_in_size = 2;
+    serve(&commands, &state);
+    sil_bind(NULL);
+    TEST_ASSERT_EQUAL_UINT16(1, port.link_out_size);
+    TEST_ASSERT_EQUAL_UINT16(WIRE_HELLO_FRAME_ID, port.link_out[0].id);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+    TEST_ASSERT_EQUAL_UINT32(0, state.tick);
+    TEST_ASSERT_EQUAL_UINT16(0, state.silent_ms);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_open_says_who_is_there_and_what_differs);
+    RUN_TEST(test_nothing_is_done_before_a_session_or_with_a_check_that_fails);
+    RUN_TEST(test_every_parameter_is_read_and_written_within_its_range);
+    RUN_TEST(test_a_gain_takes_effect_and_its_ends_are_inclusive);
+    RUN_TEST(test_compensation_written_bit_by_bit_is_the_same_as_at_once);
+    RUN_TEST(test_a_route_comes_into_force_at_once_or_not_at_all);
+    RUN_TEST(test_a_route_that_cannot_be_flown_leaves_the_old_one);
+    RUN_TEST(test_a_waypoint_is_checked_when_written);
+    RUN_TEST(test_a_mode_command_waits_for_the_next_step_and_acts_once);
+    RUN_TEST(test_serving_answers_each_request_and_a_session_stops_the_motors);
+    return UNITY_END();
+}
