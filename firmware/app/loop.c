@@ -90,13 +90,13 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
     state->silent_ms = sensed ? 0 : elapsed_ms > 65535U ? 65535U : fix_add_u16(state->silent_ms, (uint16_t)elapsed_ms);
     if (state->step.mode.mode != MODE_RUN)
         return command;
-    if (elapsed_ms > config->watchdog_ms) {
-        state->aborted_late = fix_count_u16(state->aborted_late);
-        return MODE_ABORT;
-    }
     if (state->silent_ms > config->silent_ms) {
         state->aborted_silent = fix_count_u16(state->aborted_silent);
         return MODE_CUT;
+    }
+    if (elapsed_ms > config->watchdog_ms) {
+        state->aborted_late = fix_count_u16(state->aborted_late);
+        return MODE_ABORT;
     }
     return command;
 }

@@ -129,4 +129,30 @@ const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond th
  * firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
+/* The same loop, its controller elsewhere: the caller carries readings to it and its motor commands back. The request is as
+ * for bp_fly(), a mission, and its arrays are filled alike, but for the controller's columns of the log, which are 0;
+ * controller, start_step, cruise and compensation are the caller's affair. */
+typedef struct bp_loop bp_loop;
+
+/* Readings as the firmware's HAL has them: hal/include/hal.h. A status is 0 ok, 1 absent, 2 stale. */
+typedef struct {
+    unsigned int time_ms;
+    int imu_status, rotation_status, battery_status, reference_status;
+    short accel_surge_mm_s2, accel_sway_mm_s2, yaw_rate_mrad_s;
+    unsigned short rotation_left, rotation_right, battery_mv;
+    int x_um, y_um;
+    unsigned short heading_bam16;
+    short speed_mm_s_q4, true_yaw_rate_mrad_s;
+} bp_sensed;
+
+/* NULL: `status` is the BP_E_ code. The request's model and arrays must outlive the loop. */
+bp_loop *bp_loop_open(const bp_flight *request, int *status);
+void bp_loop_close(bp_loop *loop);
+
+/* Once per step: the sensors are read, with their noise. */
+void bp_loop_sense(bp_loop *loop, bp_sensed *sensed);
+
+/* The motors get this duty (32767 = 1) for one step of 3 ms. BP_E_RANGE beyond the last step. */
+int bp_loop_act(bp_loop *loop, short left_q15, short right_q15);
+
 #endif

@@ -1,6 +1,8 @@
-/* flight.c: bp_fly(): one closed loop of plant, sensors and firmware. The manual is brickpilot_sim.h. */
+/* flight.c: one closed loop of plant, sensors and controller: bp_fly() with the firmware in process, bp_loop_ with whatever
+ * the caller has at the other end. The manual is brickpilot_sim.h. */
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
 
 #include "app/params_gen.h"
 #include "brickpilot_sim.h"
@@ -14,6 +16,7 @@ static const double TURN = 6.283185307179586;
 
 typedef struct {
     const bp_flight *request;
+    int step; /* of the control steps: the one that is sensed next, or acted on */
     plant_t plant;
     sil_port_t port;
     loop_state_t loop;
@@ -45,7 +48,7 @@ static uint16_t to_bam16(double angle)
 }
 
 /* What the robot's sensors say now, into the mailbox. */
-static void sense(flight_t *flight, uint32_t now_ms)
+static void sense(flight_t *flight)
 {
     const int sensors = flight->request->sensors;
     const double *out = flight->output;
@@ -56,7 +59,7 @@ static void sense(flight_t *flight, uint32_t now_ms)
     plant_outputs(&flight->plant, flight->output);
     truth = (imu_reading_t){out[OUTPUT_ACCEL_SURGE], out[OUTPUT_ACCEL_SWAY], out[OUTPUT_YAW_RATE]};
     flight->measured = sensors == BP_SENSORS_IDEAL ? truth : imu_read(&flight->imu_config, &flight->imu, &truth);
-    port->clock_ms = now_ms;
+    port->clock_ms = (uint32_t)flight->step * 3U;
     port->imu = (hal_imu_t){to_int16(flight->measured.accel_surge * 1e3), to_int16(flight->measured.accel_sway * 1e3),
                             to_int16(flight->measured.yaw_rate * 1e3)};
     port->rotation.left = (uint16_t)encoder_read(&flight->encoder_config, out[OUTPUT_WHEEL_ANGLE_LEFT]);
@@ -94,9 +97,10 @@ static int prepare(flight_t *flight)
 }
 
 /* The motors' voltages of a manoeuvre, as its schedule has them until its path is done. */
-static void follow_schedule(flight_t *flight, int step, double voltage[2])
+static void follow_schedule(flight_t *flight, double voltage[2])
 {
     const bp_flight *request = flight->request;
+    const int step = flight->step;
     const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
     const bool done = request->stop_path > 0 && flight->path >= request->stop_path;
 
@@ -107,41 +111,57 @@ static void follow_schedule(flight_t *flight, int step, double voltage[2])
     flight->path += fabs(flight->plant.vehicle.state.surge) * STEP_S;
 }
 
-static void control(flight_t *flight, int step, double voltage[2])
+/* The firmware in process. */
+static void control(flight_t *flight)
+{
+    flight->port.link_out_size = 0;
+    loop_tick(&flight->config, &flight->route, &flight->loop,
+              flight->step == flight->request->start_step ? MODE_START : MODE_NONE);
+}
+
+static void commanded_voltage(const flight_t *flight, double voltage[2])
 {
     const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 
-    flight->port.link_out_size = 0;
-    loop_tick(&flight->config, &flight->route, &flight->loop,
-              step == flight->request->start_step ? MODE_START : MODE_NONE);
     voltage[0] = flight->port.left_q15 / 32767.0 * battery;
     voltage[1] = flight->port.right_q15 / 32767.0 * battery;
+}
+
+/* Records the step and lets the plant live through it. `loop` is NULL where the controller is not in process. */
+static int act(flight_t *flight, const double voltage[2], const loop_state_t *loop)
+{
+    const bp_flight *request = flight->request;
+    const size_t step = (size_t)flight->step;
+
+    if (request->motors != NULL) {
+        request->motors[2 * step] = flight->port.left_q15;
+        request->motors[2 * step + 1] = flight->port.right_q15;
+    }
+    if (request->log != NULL)
+        flight_log_row(request->log + step * FLIGHT_LOG_COLUMNS, flight->step * STEP_S, &flight->plant, flight->output,
+                       &flight->measured, &flight->port, voltage, loop);
+    flight->step++;
+    return plant_advance(&flight->plant, voltage, STEP_S);
 }
 
 static int fly(flight_t *flight)
 {
     const bp_flight *request = flight->request;
+    int status = 0;
 
-    for (int step = 0; step < request->steps; step++) {
+    while (status == 0 && flight->step < request->steps) {
         double voltage[2];
-        sense(flight, (uint32_t)step * 3U);
-        if (request->drive != NULL)
-            follow_schedule(flight, step, voltage);
-        else
-            control(flight, step, voltage);
-        if (request->motors != NULL) {
-            request->motors[2 * step] = flight->port.left_q15;
-            request->motors[2 * step + 1] = flight->port.right_q15;
+        sense(flight);
+        if (request->drive != NULL) {
+            follow_schedule(flight, voltage);
+            status = act(flight, voltage, NULL);
+        } else {
+            control(flight);
+            commanded_voltage(flight, voltage);
+            status = act(flight, voltage, &flight->loop);
         }
-        if (request->log != NULL)
-            flight_log_row(request->log + (size_t)step * FLIGHT_LOG_COLUMNS, step * STEP_S, &flight->plant,
-                           flight->output, &flight->measured, &flight->port, voltage,
-                           request->drive != NULL ? NULL : &flight->loop);
-        const int status = plant_advance(&flight->plant, voltage, STEP_S);
-        if (status != 0)
-            return status;
     }
-    return 0;
+    return status;
 }
 
 static bool can_be_flown(const bp_flight *request)
@@ -180,4 +200,70 @@ int bp_fly(bp_flight *request)
     request->status = fly(&flight);
     sil_bind(NULL);
     return request->status;
+}
+
+struct bp_loop {
+    bp_flight request;
+    flight_t flight;
+};
+
+bp_loop *bp_loop_open(const bp_flight *request, int *status)
+{
+    bp_loop *loop;
+
+    *status = BP_E_RANGE;
+    if (!can_be_flown(request) || request->drive != NULL)
+        return NULL;
+    *status = BP_E_MEMORY;
+    loop = calloc(1, sizeof *loop);
+    if (loop == NULL)
+        return NULL;
+    loop->request = *request;
+    loop->flight.request = &loop->request;
+    *status = prepare(&loop->flight);
+    if (*status == 0)
+        return loop;
+    free(loop);
+    return NULL;
+}
+
+void bp_loop_sense(bp_loop *loop, bp_sensed *sensed)
+{
+    const sil_port_t *port = &loop->flight.port;
+
+    sense(&loop->flight);
+    *sensed = (bp_sensed){.time_ms = port->clock_ms,
+                          .imu_status = (int)port->imu_status,
+                          .rotation_status = (int)port->rotation_status,
+                          .battery_status = (int)port->battery_status,
+                          .reference_status = (int)port->reference_status,
+                          .accel_surge_mm_s2 = port->imu.accel_surge_mm_s2,
+                          .accel_sway_mm_s2 = port->imu.accel_sway_mm_s2,
+                          .yaw_rate_mrad_s = port->imu.yaw_rate_mrad_s,
+                          .rotation_left = port->rotation.left,
+                          .rotation_right = port->rotation.right,
+                          .battery_mv = port->battery_mv,
+                          .x_um = port->reference.x_um,
+                          .y_um = port->reference.y_um,
+                          .heading_bam16 = port->reference.heading_bam16,
+                          .speed_mm_s_q4 = port->reference.speed_mm_s_q4,
+                          .true_yaw_rate_mrad_s = port->reference.yaw_rate_mrad_s};
+}
+
+int bp_loop_act(bp_loop *loop, short left_q15, short right_q15)
+{
+    flight_t *flight = &loop->flight;
+    double voltage[2];
+
+    if (flight->step >= loop->request.steps)
+        return BP_E_RANGE;
+    flight->port.left_q15 = left_q15;
+    flight->port.right_q15 = right_q15;
+    commanded_voltage(flight, voltage);
+    return act(flight, voltage, NULL);
+}
+
+void bp_loop_close(bp_loop *loop)
+{
+    free(loop);
 }

@@ -1,0 +1,158 @@
+#define _XOPEN_SOURCE 600
+#define _DEFAULT_SOURCE
+#include "brick/line.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+static void clear(line_t *line)
+{
+    line->fd = line->listening = line->slave = -1;
+    line->pending_size = 0;
+    line->address[0] = 0;
+}
+
+static int set_raw(int fd)
+{
+    struct termios settings;
+    if (tcgetattr(fd, &settings) != 0)
+        return -1;
+    cfmakeraw(&settings);
+    cfsetspeed(&settings, B115200);
+    return tcsetattr(fd, TCSANOW, &settings);
+}
+
+static int set_nonblocking(int fd)
+{
+    return fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK);
+}
+
+const char *line_open_pty(line_t *line)
+{
+    clear(line);
+    line->fd = posix_openpt(O_RDWR | O_NOCTTY);
+    if (line->fd < 0 || grantpt(line->fd) != 0 || unlockpt(line->fd) != 0)
+        return "no pseudo-terminal is to be had";
+    snprintf(line->address, sizeof line->address, "%s", ptsname(line->fd));
+    line->slave = open(line->address, O_RDWR | O_NOCTTY);
+    if (line->slave < 0 || set_raw(line->slave) != 0 || set_nonblocking(line->fd) != 0)
+        return "the pseudo-terminal does not open";
+    return NULL;
+}
+
+const char *line_open_serial(line_t *line, const char *path)
+{
+    clear(line);
+    if (strlen(path) >= sizeof line->address)
+        return "the path is too long";
+    snprintf(line->address, sizeof line->address, "%s", path);
+    line->fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK);
+    if (line->fd < 0)
+        return "it does not open";
+    if (set_raw(line->fd) != 0)
+        return "it is no serial port";
+    return NULL;
+}
+
+static const char *split(const char *host_and_port, char *host, size_t room, const char **port)
+{
+    const char *colon = strrchr(host_and_port, ':');
+    errno = 0;
+    if (colon == NULL || colon[1] == 0 || (size_t)(colon - host_and_port) >= room)
+        return "HOST:PORT is wanted";
+    memcpy(host, host_and_port, (size_t)(colon - host_and_port));
+    host[colon - host_and_port] = 0;
+    *port = colon + 1;
+    return NULL;
+}
+
+const char *line_listen(line_t *line, const char *host_and_port)
+{
+    const struct addrinfo wanted = {.ai_family = AF_INET, .ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE};
+    struct sockaddr_in bound;
+    socklen_t size = sizeof bound;
+    struct addrinfo *found;
+    char host[LINE_ADDRESS_MAX / 2];
+    const char *port;
+    const int yes = 1;
+    const char *trouble = split(host_and_port, host, sizeof host, &port);
+
+    clear(line);
+    if (trouble != NULL)
+        return trouble;
+    if (getaddrinfo(host, port, &wanted, &found) != 0)
+        return "no such host or port";
+    line->listening = socket(found->ai_family, found->ai_socktype, found->ai_protocol);
+    if (line->listening >= 0)
+        setsockopt(line->listening, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    if (line->listening < 0 || bind(line->listening, found->ai_addr, found->ai_addrlen) != 0 ||
+        listen(line->listening, 1) != 0 || set_nonblocking(line->listening) != 0 ||
+        getsockname(line->listening, (struct sockaddr *)&bound, &size) != 0)
+        trouble = "it cannot be listened on";
+    freeaddrinfo(found);
+    if (trouble == NULL)
+        snprintf(line->address, sizeof line->address, "%s:%u", host, (unsigned)ntohs(bound.sin_port));
+    return trouble;
+}
+
+void line_accept(line_t *line)
+{
+    const int yes = 1;
+    const int fd = accept(line->listening, NULL, NULL);
+
+    if (fd < 0)
+        return;
+    if (line->fd >= 0)
+        close(line->fd);
+    line->fd = fd;
+    line->pending_size = 0;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    set_nonblocking(fd);
+}
+
+int line_read(line_t *line, unsigned char *bytes, size_t room)
+{
+    const ssize_t got = read(line->fd, bytes, room);
+
+    if (got > 0)
+        return (int)got;
+    if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR))
+        return 0;
+    if (line->listening >= 0) {
+        close(line->fd);
+        line->fd = -1;
+        line->pending_size = 0;
+    }
+    return -1;
+}
+
+bool line_write(line_t *line, const unsigned char *bytes, size_t size)
+{
+    if (line->fd < 0 || size > LINE_PENDING - line->pending_size)
+        return false;
+    memcpy(line->pending + line->pending_size, bytes, size);
+    line->pending_size += size;
+    return true;
+}
+
+void line_flush(line_t *line)
+{
+    ssize_t sent;
+
+    if (line->fd < 0 || line->pending_size == 0)
+        return;
+    sent = write(line->fd, line->pending, line->pending_size);
+    if (sent <= 0)
+        return;
+    line->pending_size -= (size_t)sent;
+    memmove(line->pending, line->pending + sent, line->pending_size);
+}
