@@ -169,6 +169,8 @@ static uint8_t set_route(commands_t *commands, bool running, uint8_t count, uint
     route_t tried;
     route_status_t status;
 
+    if (count > 0 && count == commands->route.count && check == check_of_route(commands->waypoints, count))
+        return ROUTE_OK; /* asked again: the answer was lost */
     if (running)
         return ROUTE_BUSY;
     if (count > ROUTE_WAYPOINTS_MAX)

@@ -71,10 +71,15 @@ static void send_heartbeat(loop_state_t *state)
     (void)hal_link_write(&message);
 }
 
-void loop_start(loop_state_t *state)
+static void take_time(loop_state_t *state)
 {
     state->clock_ms = hal_clock_ms() - STEP_MS;
     state->started = true;
+}
+
+void loop_start(loop_state_t *state)
+{
+    take_time(state);
     hal_motors_write(0, 0);
 }
 
@@ -107,7 +112,7 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     signals_sensors_t sensors;
 
     if (!state->started)
-        loop_start(state);
+        take_time(state);
     now_ms = hal_clock_ms();
     elapsed_ms = now_ms - state->clock_ms;
     state->clock_ms = now_ms;

@@ -31,7 +31,7 @@ typedef struct {
     bool started;
 } loop_state_t;
 
-/* Takes the clock's time and stops the motors. Left out, the first tick does so. */
+/* Takes the clock's time and stops the motors. Left out, the first tick takes the time. */
 void loop_start(loop_state_t *state);
 
 /* Something valid has come over the link: the run goes on although no sensor is heard. */

@@ -1,4 +1,4 @@
-"""The RCX's own compiler (16-bit int) takes the firmware and what parses its messages, and leaves only the HAL to be linked."""
+"""The RCX's own compiler (16-bit int) takes firmware and message parsers, and leaves only the HAL to be linked."""
 
 from __future__ import annotations
 

@@ -132,7 +132,8 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
 def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
     cli.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
-    assert figures.keys() == {"full_loop", "plant"}
+    assert figures.keys() == {"full_loop", "plant", "lockstep_pty"}
+    assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the design's promise
     for figure in figures.values():
         assert figure.keys() == {"value", "unit", "peer", "ratio"}
         assert figure["value"] > 0

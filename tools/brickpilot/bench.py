@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -104,18 +105,32 @@ def _mujoco(seconds: float = 6.0) -> float:
     return seconds
 
 
-def host() -> dict[str, Figure]:
-    """The full loop (plant, sensors, controller) and the plant alone, 0.3 ms motor and 3 ms body steps, one core.
+def _lockstep_pty() -> float:
+    """Control steps per second of the mission's first 15 s, the brick a process at the other end of a pty."""
+    from brickpilot.hil import ends
+    from brickpilot.hil import fly as hil
 
-    The peer is MuJoCo where it is installed, else SciPy's LSODA.
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=15.0)
+    plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0)
+    with ends.both_ends("serial:pty") as link:
+        flown = hil.fly(link, "serial:pty", plan, pace="lockstep", telemetry_every=10, progress=lambda *_: None)
+    return flown.flight.times_real_time / flight.STEP_S
+
+
+def host() -> dict[str, Figure]:
+    """The full loop (plant, sensors, controller), the plant alone, 0.3 ms motor and 3 ms body steps, and a link.
+
+    The peer is MuJoCo where it is installed, else SciPy's LSODA; that of the link is real time.
     """
     model = rcx()
     if find_spec("mujoco"):
         peer, rate = "MuJoCo, planar body and two wheels without contacts, 0.3 ms", _best(_mujoco)
     else:
         peer, rate = "SciPy LSODA, the same equations, rtol 1e-6", _best(lambda: _scipy(model), 3)
+    steps = max(_lockstep_pty() for _ in range(3))
     full, alone = _best(_full_loop), _best(lambda: _plant_alone(model))
     return {
         "full_loop": Figure(full, "times real time", peer, full / rate),
         "plant": Figure(alone, "times real time", peer, alone / rate),
+        "lockstep_pty": Figure(steps, "steps/s", "real time, one step in 3 ms", steps * flight.STEP_S),
     }

@@ -15,7 +15,7 @@ from typing import Any
 import click
 from click.exceptions import NoArgsIsHelpError
 
-from brickpilot import __version__, cli_benchmark
+from brickpilot import __version__, cli_benchmark, cli_hil
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
 from brickpilot.terminal import as_json, progress_shown
@@ -375,6 +375,8 @@ def bench(target: str, as_json: bool) -> None:
 
 
 cli.add_command(cli_benchmark.benchmark)
+cli.add_command(cli_hil.hil)
+cli.add_command(cli_hil.brick)
 
 
 def main(arguments: list[str] | None = None) -> Any:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,9 +108,11 @@ def _drive(plan: Plan) -> Array:
     return drive
 
 
-def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> None:
+@contextmanager
+def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> Iterator[Any]:
+    """The plan as the C interface takes it, a ``bp_flight *``; what it points to lives as long as the context."""
     ffi: Any
-    ffi, library = plant.interface()
+    ffi, _ = plant.interface()
     request = ffi.new("bp_flight *")
     model = plant.build(plan.model)
     request.model = model
@@ -128,18 +131,29 @@ def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> Non
         request.compensation = told
     waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
     drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
+    held = [model, told, waypoints, drive]
     if drive is not None:
-        request.drive = ffi.from_buffer("double[]", drive)
+        held.append(ffi.from_buffer("double[]", drive))
+        request.drive = held[-1]
         request.stop_path = plan.scenario.stop_at or 0.0
     else:
         request.waypoint_count = len(waypoints)
-        request.waypoints = ffi.from_buffer("double[]", waypoints)
+        held.append(ffi.from_buffer("double[]", waypoints))
+        request.waypoints = held[-1]
     if log is not None:
-        request.log = ffi.from_buffer("double[]", log)
+        held.append(ffi.from_buffer("double[]", log))
+        request.log = held[-1]
     if motors is not None:
-        request.motors = ffi.from_buffer("short[]", motors)
-    if status := library.bp_fly(request):
-        raise SimulationError(f"{plan.scenario.name}: the flight broke off with status {status}")
+        held.append(ffi.from_buffer("short[]", motors))
+        request.motors = held[-1]
+    yield request
+    held.clear()
+
+
+def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> None:
+    with request(plan, log, motors) as asked:
+        if status := plant.interface()[1].bp_fly(asked):
+            raise SimulationError(f"{plan.scenario.name}: the flight broke off with status {status}")
 
 
 def log_names() -> list[str]:

@@ -1,0 +1,254 @@
+"""Hardware in the loop: the same motor stream over every link, what a brick refuses, and what happens without one."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import make_golden
+import numpy as np
+import pytest
+from brickpilot import cli, flight, scenario
+from brickpilot.compensation import FORMATS, Compensation
+from brickpilot.errors import InputError
+from brickpilot.hil import ends, fly
+from brickpilot.hil.messages import book
+from brickpilot.hil.session import LOCKSTEP, REALTIME, Session
+from brickpilot.model import rcx
+from command import brickpilot
+
+STARTED_HERE = ["serial:pty", "tcp", "can:slcan", "can:virtual"]
+
+
+def plan(sensors: str = "ideal", profile: str = "coupled", **changes: object) -> flight.Plan:
+    mission = scenario.load(scenario.packaged()["mission"])
+    mission = dataclasses.replace(mission, **changes)  # type: ignore[arg-type]
+    return flight.plan(mission, rcx(), profile=profile, sensors=sensors, seed=0)
+
+
+def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) -> fly.HilFlight:
+    with ends.both_ends(spec) as link:
+        return fly.fly(link, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None)
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with ends.both_ends("serial:pty") as link:
+        made = Session(link, "serial:pty")
+        made.open("coupled", LOCKSTEP)
+        yield made
+
+
+@pytest.mark.parametrize("sensors", ["ideal", "imu+encoders"])
+@pytest.mark.parametrize("spec", STARTED_HERE)
+def test_the_mission_over_every_link_is_bit_for_bit_the_golden_one(spec: str, sensors: str) -> None:
+    flown = over(spec, plan(sensors))
+    assert flight.summary(flown.flight)["motor_stream_sha256"] == make_golden.golden()[f"coupled/{sensors}"]
+    assert (flown.lost_frames, flown.late_ticks, flown.safe_stops, flown.broke_off) == (0, 0, 0, None)
+
+
+def test_the_paper_profile_over_a_pty_is_the_golden_one_too() -> None:
+    figures = flight.summary(over("serial:pty", plan(profile="paper")).flight)
+    assert figures["motor_stream_sha256"] == make_golden.golden()["paper/ideal"]
+
+
+def test_with_telemetry_every_step_the_whole_log_is_that_of_run() -> None:
+    wanted = plan("imu+encoders", duration=20.0)
+    alone, linked = flight.fly(wanted), over("serial:pty", wanted, every=1).flight
+    assert list(linked.log) == list(alone.log)
+    for column in alone.log:
+        np.testing.assert_allclose(linked.log[column], alone.log[column], rtol=1e-12, atol=0, err_msg=column)
+
+
+def test_cruise_and_compensation_reach_the_brick() -> None:
+    names = {"left_friction_mv": 120, "right_friction_mv": 110, "travel_scale_q15": 500, "battery_sags": 1}
+    told = Compensation("m", dict.fromkeys(FORMATS, 0) | names)
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=9.0, cruise={"coupled": 0.31})
+    wanted = flight.plan(mission, rcx(), sensors="imu+encoders", seed=3, compensation=told)
+    plain = dataclasses.replace(wanted, compensation=None)
+    assert np.array_equal(over("serial:pty", wanted).flight.motors, flight.fly(wanted).motors)
+    assert not np.array_equal(flight.fly(plain).motors, flight.fly(wanted).motors)
+
+
+def test_real_time_reaches_the_waypoint_and_counts_late_ticks() -> None:
+    flown = over("serial:pty", plan(duration=3.0, waypoints=((0.3, 0.0),)), REALTIME)
+    figures = flight.summary(flown.flight)
+    assert figures["waypoints_reached"] == 1
+    assert 0.9 < figures["times_real_time"] < 1.1
+    assert (flown.safe_stops, flown.broke_off) == (0, None)
+    assert flown.late_ticks < 0.5 * figures["steps"]
+
+
+def test_hil_writes_the_folder_and_the_keys_of_run(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n', encoding="utf-8"
+    )
+    alone = brickpilot("run", "s.toml", "--json", cwd=tmp_path)
+    done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures, wanted = json.loads(done.stdout), json.loads(alone.stdout)
+    assert figures.keys() >= wanted.keys() | {"link", "late_ticks", "lost_frames", "safe_stops"}
+    assert figures["motor_stream_sha256"] == wanted["motor_stream_sha256"]
+    assert figures["link"] == "serial:pty"
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["log.csv", "report.html", "summary.json"]
+    logs = [(tmp_path / folder / "log.csv").read_bytes() for folder in ("out", "runs/s-coupled-ideal")]
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize(
+    ("spec", "says"),
+    [
+        ("serial:/nowhere/tty9", "No such file"),
+        ("serial:/dev/null", "cannot be opened"),
+        ("serial:/dev/null@fast", "no baud rate"),
+        ("tcp:127.0.0.1:1", "no connection"),
+        ("tcp:nowhere", "HOST:PORT"),
+        ("tcp:127.0.0.1:99999", "HOST:PORT"),
+        ("can:slcan:/nowhere/tty9", "cannot be opened"),
+        ("can:socketcan:can9", "cannot be opened"),
+        ("can:nothing:1", "no link"),
+        ("carrier-pigeon", "no link"),
+        ("", "no link"),
+    ],
+)
+def test_a_bad_link_is_told_in_one_line(
+    spec: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["hil", "--link", spec, "--out", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    assert (ended.value.code, said.out, said.err.count("\n")) == (2, "", 1)
+    assert said.err.startswith(f"brickpilot: --link {spec}")
+    assert says in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("field", "says"), [("protocol", "speaks protocol 1"), ("crc", "another brickpilot.dbc")])
+def test_a_brick_of_another_version_is_told_in_one_line(
+    field: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(book(), field, getattr(book(), field) ^ 2)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["hil", "--link", "serial:pty", "--out", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    assert (ended.value.code, said.out, said.err.count("\n")) == (2, "", 1)
+    assert says in said.err
+
+
+def test_a_line_without_a_brick_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+    threading.Thread(target=server.accept, daemon=True).start()
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["hil", "--link", f"tcp:127.0.0.1:{server.getsockname()[1]}", "--out", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    server.close()
+    assert ended.value.code in (1, 2)  # it may close the connection before we give up
+    assert said.err.count("\n") == 1
+
+
+def test_a_manoeuvre_has_no_controller_to_put_at_the_other_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["hil", "fig4", "--link", "serial:pty", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    assert "manoeuvre" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spec", ["serial:pty", "tcp", "can:slcan"])
+def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_path: Path) -> None:
+    wanted = plan(duration=12.0)
+    process, address = ends.start_brick(ends.STARTED[spec])
+    link = ends.open_link(address)
+
+    def kill(done: int, _steps: int, _text: str) -> None:
+        if done == 1000:
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait()
+
+    flown = fly.fly(link, spec, wanted, pace=LOCKSTEP, telemetry_every=10, progress=kill)
+    link.close()
+    ends.end_brick(process)
+    assert flown.broke_off is not None
+    assert flown.safe_stops == 1
+    last = int(np.flatnonzero(flown.flight.motors.any(axis=1))[-1])
+    assert 990 <= last <= 1000
+    assert len(flown.flight.motors) == last + 1 + fly.GIVE_UP_STEPS
+    assert flown.flight.log["true_speed_m_s"][900] > 0.1
+    assert abs(flown.flight.log["true_speed_m_s"][-1]) < 0.01
+
+
+@pytest.mark.parametrize("pace", [LOCKSTEP, REALTIME])
+def test_a_brick_that_hears_nothing_stops_and_wants_a_reset(pace: str) -> None:
+    """Its plant falls silent for longer than it bears; then only reset and start drive again."""
+    silent_s = 1.3 if pace == LOCKSTEP else 0.3
+    wanted = plan(duration=9.0 if pace == LOCKSTEP else 3.0)
+    paused: list[int] = []
+
+    def pause(done: int, _steps: int, _text: str) -> None:
+        if done == 400 and not paused:
+            paused.append(done)
+            threading.Event().wait(silent_s)
+
+    with ends.both_ends("serial:pty") as link:
+        flown = fly.fly(link, "serial:pty", wanted, pace=pace, telemetry_every=1, progress=pause)
+    log = flown.flight.log
+    assert flown.flight.motors[390:400].any()
+    assert not flown.flight.motors[560:].any()
+    assert log["mode"][-1] == 3
+    assert log["fault"][-1] == 6
+    assert flown.safe_stops >= 1
+
+
+def test_settings_are_written_read_back_and_range_checked(session: Session) -> None:
+    assert session.read("speed_kp") == 1280
+    session.write("speed_kp", 2000)
+    assert session.read("speed_kp") == 2000
+    with pytest.raises(InputError, match=r"speed_kp: 32768 is out of range"):
+        session.write("speed_kp", 32768)
+    with pytest.raises(InputError, match="out of range"):
+        session.write("speed_kp", 2**40)
+    assert session.read("speed_kp") == 2000
+    for name in session.parameters():
+        session.write(name, session.read(name))
+
+
+def test_a_route_is_written_read_back_and_refused_as_a_whole(session: Session) -> None:
+    route = [(1000, -2000), (-30000, 30000), (0, 0)]
+    session.upload(route)
+    assert session.route() == route
+    for bad, says in (
+        ([(1, 1), (30001, 0)], "waypoint 1: .* out of range"),
+        ([(5, 5), (5, 5)], "repeated"),
+        ([(0, k) for k in range(33)], "waypoint 32: the brick knows none"),
+        ([], "empty"),
+        ([(99999, 0)], "out of range"),
+    ):
+        with pytest.raises(InputError, match=says):
+            session.upload(bad)
+        assert session.route() == route
+
+
+def test_a_command_that_leads_nowhere_is_refused(session: Session) -> None:
+    with pytest.raises(InputError, match="abort: means nothing in mode idle"):
+        session.command("abort")
+    session.command("start")
+
+
+def test_every_value_of_a_compensation_has_a_setting() -> None:
+    assert len({fly.parameter_of(name) for name in FORMATS}) == len(FORMATS)
+
+
+def test_two_runs_may_meet_the_same_brick_one_after_the_other() -> None:
+    process, address = ends.start_brick("--pty")
+    wanted = plan(duration=3.0)
+    streams = [over(address, wanted).flight.motors for _ in range(2)]
+    ends.end_brick(process)
+    assert np.array_equal(*streams)
+    assert np.array_equal(streams[0], flight.fly(wanted).motors)

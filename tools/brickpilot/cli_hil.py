@@ -1,0 +1,135 @@
+"""`brickpilot hil` and `brickpilot brick`: cli.py registers them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from brickpilot.errors import SimulationError
+
+
+@click.command()
+@click.argument("scenario_name", metavar="[SCENARIO]", required=False)
+@click.option(
+    "--link",
+    "spec",
+    required=True,
+    metavar="LINK",
+    help="serial:pty, tcp, can:slcan, can:virtual or can:udp_multicast start a brick here; serial:PORT, tcp:HOST:PORT, "
+    "can:slcan:PORT and can:socketcan:CHANNEL meet one that is there.",
+)
+@click.option(
+    "--lockstep/--realtime", default=True, help="Simulated time, a step per answer (default); or the clock's."
+)
+@click.option("--scenario", "scenario_file", metavar="FILE", help="A scenario file; the same as the argument.")
+@click.option(
+    "--profile", type=click.Choice(["coupled", "paper"]), help="Plant and controller constants; default coupled."
+)
+@click.option(
+    "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="What the robot feels; default ideal."
+)
+@click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot.")
+@click.option(
+    "--compensation", "compensation_file", metavar="FILE", help="Tell the firmware this compensation.toml of the robot."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Of the sensors' noise; default 0.")
+@click.option(
+    "--telemetry-every",
+    type=click.IntRange(1, 255),
+    metavar="N",
+    help="The brick reports every N steps; default 1 in lockstep, 10 in real time.",
+)
+@click.option("--out", metavar="DIR", help="The run folder; default runs/hil-SCENARIO-PROFILE-SENSORS.")
+@click.option("--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else.")
+def hil(
+    scenario_name: str | None,
+    spec: str,
+    lockstep: bool,
+    scenario_file: str | None,
+    profile: str | None,
+    sensors: str | None,
+    model_file: str | None,
+    compensation_file: str | None,
+    seed: int | None,
+    telemetry_every: int | None,
+    out: str | None,
+    as_json: bool,
+) -> None:
+    """Flies SCENARIO with the plant at one end of a link and the controller at the other.
+
+    Without SCENARIO the paper's eight waypoints are flown. In lockstep the motor commands are those of
+    `brickpilot run`, bit for bit. The run folder holds log.csv, summary.json and report.html.
+    """
+    from brickpilot import compensation, flight, model, run_folder, run_report, scenario
+    from brickpilot.errors import InputError
+    from brickpilot.hil import ends
+    from brickpilot.hil import fly as hil_fly
+    from brickpilot.hil.session import LOCKSTEP, REALTIME
+
+    if scenario_name is not None and scenario_file is not None:
+        raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
+    asked = scenario_name or scenario_file or "mission"
+    chosen = scenario.load(scenario.find(asked))
+    vehicle = model.load(Path(model_file)) if model_file else model.rcx()
+    told = compensation.load(Path(compensation_file)) if compensation_file else None
+    plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=told)
+    folder = Path(out) if out else Path("runs") / f"hil-{chosen.name}-{plan.controller}-{plan.sensors}"
+    pace = LOCKSTEP if lockstep else REALTIME
+    every = telemetry_every or (1 if lockstep else 10)
+    command = ["brickpilot", "hil", asked, "--link", spec, f"--{pace}", "--profile", plan.controller]
+    command += ["--sensors", plan.sensors, "--seed", str(plan.seed)]
+    command += ["--model", model_file] if model_file else []
+    command += ["--compensation", compensation_file] if compensation_file else []
+    quiet = as_json or not sys.stderr.isatty()
+    with (
+        tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
+        ends.both_ends(spec) as link,
+    ):
+
+        def show(done: int, _: int, text: str) -> None:
+            bar.n = done
+            bar.set_description_str(f"{done * flight.STEP_S:5.1f} s, {text}")
+
+        flown = hil_fly.fly(link, spec, plan, pace=pace, telemetry_every=every, progress=show)
+    figures = flight.summary(flown.flight) | {
+        "link": spec,
+        "pace": pace,
+        "late_ticks": flown.late_ticks,
+        "lost_frames": flown.lost_frames,
+        "safe_stops": flown.safe_stops,
+        "broke_off": flown.broke_off,
+    }
+    page = run_report.page(flown.flight, figures, shlex.join(command))
+    run_folder.write(flown.flight, figures, page, folder)
+    if as_json:
+        click.echo(json.dumps(figures))
+    else:
+        click.echo(
+            f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints in order, {plan.controller}, "
+            f"{plan.sensors}, {spec} in {pace}, {figures['times_real_time']:.1f} times real time\n"
+            f"late ticks: {flown.late_ticks} of {figures['steps']}, lost frames: {flown.lost_frames}, "
+            f"safe stops: {flown.safe_stops}\n"
+            f"motor stream: {figures['motor_stream_sha256']}\nreport: {folder / 'report.html'}"
+        )
+    if flown.broke_off:
+        raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("options", nargs=-1, type=click.UNPROCESSED)
+def brick(options: tuple[str, ...]) -> None:
+    """Runs a brick on this machine: the firmware at the end of a line, until it is interrupted.
+
+    OPTIONS: --pty, --serial PATH, --listen HOST:PORT, --slcan-pty or --slcan PATH. Its first line is
+    what `brickpilot hil --link` takes.
+    """
+    from brickpilot.hil.ends import PROGRAM
+
+    sys.stdout.flush()
+    os.execv(PROGRAM, [str(PROGRAM), *options])

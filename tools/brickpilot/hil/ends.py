@@ -1,0 +1,157 @@
+"""The two ends of a link: opens the plant's, and starts a brick at the other where the link asks for one here."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import can
+from cffi import FFI
+
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.links import CAN_KINDS, CanLink, Link, LinkGoneError, open_bus, open_serial, open_tcp
+
+PROGRAM = Path(__file__).parents[1] / "brick"
+
+STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
+"""Links whose brick is a process of its own -> its options."""
+
+IN_PROCESS = ("can:virtual", "can:udp_multicast")
+FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
+
+
+@cache
+def brick_interface() -> tuple[FFI, Any]:
+    """cffi's `ffi` and the library with a brick in it."""
+    folder = Path(__file__).parents[1]
+    header = (folder / "brickpilot_brick.h").read_text(encoding="utf-8")
+    ffi = FFI()
+    ffi.cdef("\n".join(line for line in header.splitlines() if not line.startswith("#")))
+    return ffi, ffi.dlopen(str(folder / "libbrickpilot_brick.so"))
+
+
+class BrickThread:
+    """A brick in this process, at one end of a CAN bus.
+
+    Args:
+        bus: shut down by ``stop``.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="brick", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        ffi: Any
+        ffi, library = brick_interface()
+        brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
+        identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
+        while not self._ended.is_set():
+            wait_us = library.bp_brick_time(brick, time.monotonic_ns() // 1000)
+            self._send(library, brick, identifier, data, ffi)
+            try:
+                message = self._bus.recv(min(wait_us * 1e-6, 0.1))
+            except (can.CanError, OSError):
+                return
+            if message is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
+                continue
+            library.bp_brick_take(brick, message.arbitration_id, bytes(message.data), len(message.data))
+            self._send(library, brick, identifier, data, ffi)
+
+    def _send(self, library: Any, brick: Any, identifier: Any, data: Any, ffi: Any) -> None:
+        while (size := library.bp_brick_give(brick, identifier, data)) >= 0:
+            payload = bytes(ffi.buffer(data, size))
+            self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
+
+    def stop(self) -> None:
+        """Ends the thread and shuts the bus down."""
+        self._ended.set()
+        self._thread.join(5.0)
+        self._bus.shutdown()
+
+
+def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
+    """Starts the process; it ends with its standard input. Returns it, and the link that meets it."""
+    process = subprocess.Popen(
+        [PROGRAM, *options.split(), "--until-eof"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+    )
+    assert process.stdout is not None
+    ready = select.select([process.stdout], [], [], 5.0)[0]
+    address = process.stdout.readline().decode().strip() if ready else ""
+    if not address:
+        end_brick(process)
+        raise SimulationError(f"{PROGRAM.name} {options}: did not start")
+    return process, address
+
+
+def end_brick(process: subprocess.Popen[bytes]) -> None:
+    """Closes its standard input, and waits for its end."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.close()
+    try:
+        process.wait(2.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    process.stdout.close()
+
+
+def open_link(spec: str) -> Link:
+    """Opens this end of a link to a brick that is already there.
+
+    Raises:
+        InputError: it cannot be opened, or is no link.
+    """
+    kind, _, rest = spec.partition(":")
+    if kind == "serial" and rest:
+        return open_serial(spec, rest)
+    if kind == "tcp" and rest:
+        return open_tcp(spec, rest)
+    name, _, channel = rest.partition(":")
+    if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
+        return CanLink(open_bus(spec, name, channel))
+    raise InputError(f"is no link; known: {', '.join(FORMS)}", field=f"--link {spec}")
+
+
+@contextmanager
+def both_ends(spec: str) -> Iterator[Link]:
+    """The plant's end of the link, open; with the brick at the other end where the link starts one here.
+
+    Raises:
+        InputError: no such link, or it cannot be opened.
+    """
+    process: subprocess.Popen[bytes] | None = None
+    thread: BrickThread | None = None
+    link: Link | None = None
+    try:
+        if spec in STARTED:
+            process, address = start_brick(STARTED[spec])
+            link = open_link(address)
+        elif spec in IN_PROCESS:
+            kind = spec.partition(":")[2]
+            channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
+            thread = BrickThread(open_bus(spec, kind, channel))
+            link = CanLink(open_bus(spec, kind, channel))
+        else:
+            link = open_link(spec)
+        yield link
+    except LinkGoneError as error:
+        raise SimulationError(f"{spec}: {error}") from error
+    finally:
+        if link is not None:
+            link.close()
+        if thread is not None:
+            thread.stop()
+        if process is not None:
+            end_brick(process)

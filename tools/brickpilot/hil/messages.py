@@ -1,0 +1,117 @@
+"""The messages of a link, from the DBC itself: raw integers to and from 8 bytes, and the checks that go with them.
+
+cantools decodes a message in some 20 us; a step in lockstep has a dozen of them. The layouts are therefore taken from
+the DBC once, and packed by `struct` or by shifts.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+import cantools
+from cantools.database.can import Database, Message
+
+CODES = {(8, False): "B", (8, True): "b", (16, False): "H", (16, True): "h", (32, False): "I", (32, True): "i"}
+SIZE = 8
+CHECK_AT = 6
+
+
+class Layout:
+    """One message: ``pack`` takes raw values in the order of ``names``, ``unpack`` gives them.
+
+    Args:
+        message: from the DBC: 8 bytes, little-endian signals that do not overlap.
+    """
+
+    def __init__(self, message: Message) -> None:
+        self.id = message.frame_id
+        self.name = message.name
+        signals = sorted(message.signals, key=lambda signal: signal.start)
+        self.names = tuple(signal.name for signal in signals)
+        self._fields = tuple((s.start, (1 << s.length) - 1, 1 << (s.length - 1) if s.is_signed else 0) for s in signals)
+        self._struct = _struct([(s.start, s.length, s.is_signed) for s in signals])
+        self.pack: Callable[..., bytes] = self._shift_in if self._struct is None else self._struct.pack
+        self.unpack: Callable[[bytes], tuple[int, ...]] = (
+            self._shift_out if self._struct is None else self._struct.unpack
+        )
+
+    def _shift_in(self, *values: int) -> bytes:
+        whole = 0
+        for value, (start, mask, _) in zip(values, self._fields, strict=True):
+            whole |= (value & mask) << start
+        return whole.to_bytes(SIZE, "little")
+
+    def _shift_out(self, data: bytes) -> tuple[int, ...]:
+        whole = int.from_bytes(data, "little")
+        return tuple((((whole >> start) & mask) ^ sign) - sign for start, mask, sign in self._fields)
+
+    def seal(self, *values: int) -> bytes:
+        """Packed, with the check of this message in its last two bytes; `values` leave it out."""
+        data = self.pack(*values, 0)
+        return data[:CHECK_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CHECK_AT]))
+
+    def sealed(self, data: bytes) -> bool:
+        """Whether the message has 8 bytes and its check holds."""
+        if len(data) != SIZE:
+            return False
+        return crc16(struct.pack("<H", self.id) + data[:CHECK_AT]) == data[6] | data[7] << 8
+
+
+def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
+    """For fields (start bit, bits, signed) that are whole bytes; else None."""
+    form, at = "<", 0
+    for start, bits, signed in fields:
+        if start % 8 or (bits, signed) not in CODES:
+            return None
+        form += "x" * (start // 8 - at) + CODES[bits, signed]
+        at = (start + bits) // 8
+    return struct.Struct(form + "x" * (SIZE - at))
+
+
+def crc16(data: bytes, start: int = 0xFFFF) -> int:
+    """CRC-16/CCITT-FALSE of `data`, going on from `start`."""
+    return binascii.crc_hqx(data, start)
+
+
+class Book:
+    """Every message, and what tells this DBC from another. ``by_name`` and ``by_id``: -> Layout."""
+
+    def __init__(self, raw: bytes) -> None:
+        database = cantools.database.load_string(raw.decode("utf-8"), "dbc")
+        assert isinstance(database, Database)
+        self.database = database
+        self.protocol = int(database.version or "")
+        self.crc = crc16(raw)
+        layouts = [Layout(message) for message in database.messages]
+        self.by_name = {layout.name: layout for layout in layouts}
+        self.by_id = {layout.id: layout for layout in layouts}
+
+    def choices(self, message: str, signal: str) -> dict[str, int]:
+        """Name -> number of a signal that stands for one of several things."""
+        choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
+        assert choices is not None
+        return {str(name): int(number) for number, name in choices.items()}
+
+    def scale(self, message: str, signal: str) -> float:
+        """SI per raw unit."""
+        return float(self.database.get_message_by_name(message).get_signal_by_name(signal).scale)
+
+
+@cache
+def book() -> Book:
+    """The packaged DBC."""
+    return Book(dbc_path().read_bytes())
+
+
+def dbc_path() -> Path:
+    """Where the packaged DBC stands: for cantools, SavvyCAN and others."""
+    return Path(__file__).parents[1] / "brickpilot.dbc"
+
+
+def set_check(sync: bytes, parts: Sequence[bytes]) -> int:
+    """CRC over SYNC's id and its first 6 bytes, then over the parts in the order of their ids."""
+    return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CHECK_AT], *parts)))

@@ -1,0 +1,108 @@
+"""Telemetry into the controller's columns of a flight's log."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.hil.messages import book
+
+Array = NDArray[np.float64]
+
+COLUMNS = {
+    "estimate_x_m": ("TELEMETRY_X", "x"),
+    "estimate_heading_rad": ("TELEMETRY_X", "heading"),
+    "waypoint": ("TELEMETRY_X", "waypoint"),
+    "estimate_y_m": ("TELEMETRY_Y", "y"),
+    "estimate_speed_m_s": ("TELEMETRY_Y", "speed"),
+    "overshoots": ("TELEMETRY_Y", "overshoots"),
+    "estimate_yaw_rate_rad_s": ("TELEMETRY_TRACK", "yaw_rate"),
+    "cross_track_m": ("TELEMETRY_TRACK", "cross_track"),
+    "heading_error_rad": ("TELEMETRY_TRACK", "heading_error"),
+    "mode": ("TELEMETRY_TRACK", "mode"),
+    "phase": ("TELEMETRY_TRACK", "phase"),
+    "at_rest": ("TELEMETRY_TRACK", "at_rest"),
+    "demand_speed_m_s": ("TELEMETRY_DEMAND", "speed"),
+    "demand_heading_rad": ("TELEMETRY_DEMAND", "heading"),
+    "fault": ("TELEMETRY_DEMAND", "fault"),
+    "surge_saturated": ("TELEMETRY_DEMAND", "surge_saturated"),
+    "yaw_saturated": ("TELEMETRY_DEMAND", "yaw_saturated"),
+    "speed_p_v": ("TELEMETRY_SPEED", "proportional"),
+    "speed_i_v": ("TELEMETRY_SPEED", "integral"),
+    "speed_d_v": ("TELEMETRY_SPEED", "derivative"),
+    "yaw_p_v": ("TELEMETRY_HEADING", "proportional"),
+    "yaw_i_v": ("TELEMETRY_HEADING", "integral"),
+    "yaw_d_v": ("TELEMETRY_HEADING", "derivative"),
+    "surge_effort_v": ("TELEMETRY_EFFORT", "surge"),
+    "yaw_effort_v": ("TELEMETRY_EFFORT", "yaw"),
+}
+"""Column of the log -> message and signal."""
+
+LAST = "TELEMETRY_EFFORT"
+STEP_MS = 3
+TICK_AT = 6
+
+
+class Telemetry:
+    """Collects what a brick reports. ``waypoint``, ``mode`` and ``fault`` are the newest, for a live view."""
+
+    def __init__(self) -> None:
+        self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
+        self._names = {layout.id: layout.name for layout in self._layouts.values()}
+        self._rows: dict[str, tuple[list[int], list[tuple[int, ...]]]] = {
+            name: ([], []) for name in self._names.values()
+        }
+        self.newest_step = -1
+        self.mode = 0
+        self.waypoint = 0
+
+    def take(self, identifier: int, data: bytes, step: int, *, lockstep: bool) -> bool:
+        """Keeps a message; false: it is none of these.
+
+        Args:
+            identifier: the message's id.
+            data: its bytes.
+            step: the control step of now.
+            lockstep: the brick's clock is the plant's: the low byte of its time says which step, up to 85 ago.
+        """
+        layout = self._layouts.get(identifier)
+        if layout is None:
+            return False
+        if len(data) != 8:
+            return True
+        if lockstep:
+            age_ms = (STEP_MS * step - data[TICK_AT]) & 255
+            step -= age_ms // STEP_MS
+        steps, values = self._rows[layout.name]
+        steps.append(max(step, 0))
+        values.append(layout.unpack(data))
+        if layout.name == LAST:
+            self.newest_step = step
+        elif layout.name == "TELEMETRY_TRACK":
+            self.mode = values[-1][layout.names.index("mode")]
+        elif layout.name == "TELEMETRY_X":
+            self.waypoint = values[-1][layout.names.index("waypoint")]
+        return True
+
+    def columns(self, steps: int) -> dict[str, Array]:
+        """Each of COLUMNS, (steps,); between reports the last one holds, before the first it is 0."""
+        found = {}
+        for column, (message, signal) in COLUMNS.items():
+            at, rows = self._rows[message]
+            layout = book().by_name[message]
+            found[column] = _held(at, [row[layout.names.index(signal)] for row in rows], steps)
+            found[column] = found[column] * book().scale(message, signal)
+        return found
+
+
+def _held(at: list[int], values: list[int], steps: int) -> Array:
+    column = np.zeros(steps)
+    if not at:
+        return column
+    newest = np.full(steps, -1)
+    inside = np.asarray(at) < steps
+    newest[np.asarray(at)[inside]] = np.flatnonzero(inside)
+    newest = np.maximum.accumulate(newest)
+    known = newest >= 0
+    column[known] = np.asarray(values, dtype=np.float64)[newest[known]]
+    return column
