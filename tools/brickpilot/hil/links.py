@@ -45,7 +45,7 @@ class Link(Protocol):
 
 
 def encode_frame(identifier: int, data: bytes) -> bytes:
-    """A message as it stands on a serial line: hal/wire/frame.h."""
+    """A message as it stands on a serial line, see hal/wire/frame."""
     raw = struct.pack("<HB", identifier, len(data)) + data
     return bytes(cobs.encode(raw + struct.pack("<H", crc16(raw)))) + b"\0"
 

@@ -1,0 +1,220 @@
+/* hal_contract.c: what hal.h promises, for every port. */
+#include <string.h>
+
+#include "port.h"
+#include "unity.h"
+#include "wire/codecs_gen.h"
+
+static const port_world_t WORLD = {
+    .imu = {1, -2, 3}, .rotation = {65535, 7}, .battery_mv = 8765, .reference = {-123456, 654321, 40000, -321, 99}};
+static const port_world_t ENDS = {.imu = {32767, -32767, 32767},
+                                  .rotation = {0, 65535},
+                                  .battery_mv = 20000,
+                                  .reference = {2000000000, -2000000000, 65535, -32767, 32767}};
+
+void setUp(void)
+{
+    port_begin();
+}
+void tearDown(void)
+{
+    port_end();
+}
+
+static void gives(const port_world_t *world, unsigned devices)
+{
+    hal_imu_t imu;
+    hal_rotation_t rotation;
+    hal_reference_t reference;
+    uint16_t battery_mv;
+
+    if (devices & PORT_IMU) {
+        TEST_ASSERT_EQUAL(HAL_OK, hal_imu_read(&imu));
+        TEST_ASSERT_EQUAL_INT16(world->imu.accel_surge_mm_s2, imu.accel_surge_mm_s2);
+        TEST_ASSERT_EQUAL_INT16(world->imu.accel_sway_mm_s2, imu.accel_sway_mm_s2);
+        TEST_ASSERT_EQUAL_INT16(world->imu.yaw_rate_mrad_s, imu.yaw_rate_mrad_s);
+    }
+    if (devices & PORT_ROTATION) {
+        TEST_ASSERT_EQUAL(HAL_OK, hal_rotation_read(&rotation));
+        TEST_ASSERT_EQUAL_UINT16(world->rotation.left, rotation.left);
+        TEST_ASSERT_EQUAL_UINT16(world->rotation.right, rotation.right);
+    }
+    if (devices & PORT_BATTERY) {
+        TEST_ASSERT_EQUAL(HAL_OK, hal_battery_read(&battery_mv));
+        TEST_ASSERT_EQUAL_UINT16(world->battery_mv, battery_mv);
+    }
+    if (devices & PORT_REFERENCE) {
+        TEST_ASSERT_EQUAL(HAL_OK, hal_reference_read(&reference));
+        TEST_ASSERT_EQUAL_INT32(world->reference.x_um, reference.x_um);
+        TEST_ASSERT_EQUAL_INT32(world->reference.y_um, reference.y_um);
+        TEST_ASSERT_EQUAL_UINT16(world->reference.heading_bam16, reference.heading_bam16);
+        TEST_ASSERT_EQUAL_INT16(world->reference.speed_mm_s_q4, reference.speed_mm_s_q4);
+        TEST_ASSERT_EQUAL_INT16(world->reference.yaw_rate_mrad_s, reference.yaw_rate_mrad_s);
+    }
+}
+
+/* Every read gives this status and leaves what it was given as it was. */
+static void gives_nothing(hal_status_t status, unsigned devices)
+{
+    hal_imu_t imu = {11, 12, 13};
+    hal_rotation_t rotation = {14, 15};
+    hal_reference_t reference = {16, 17, 18, 19, 20};
+    uint16_t battery_mv = 21;
+
+    if (devices & PORT_IMU)
+        TEST_ASSERT_EQUAL(status, hal_imu_read(&imu));
+    if (devices & PORT_ROTATION)
+        TEST_ASSERT_EQUAL(status, hal_rotation_read(&rotation));
+    if (devices & PORT_BATTERY)
+        TEST_ASSERT_EQUAL(status, hal_battery_read(&battery_mv));
+    if (devices & PORT_REFERENCE)
+        TEST_ASSERT_EQUAL(status, hal_reference_read(&reference));
+    TEST_ASSERT_EQUAL_INT16(13, imu.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(15, rotation.right);
+    TEST_ASSERT_EQUAL_INT32(16, reference.x_um);
+    TEST_ASSERT_EQUAL_UINT16(21, battery_mv);
+}
+
+static void test_readings_are_what_the_world_shows_to_the_last_unit(void)
+{
+    port_step(3, port_devices(), 0, &WORLD);
+    gives(&WORLD, port_devices());
+    gives(&WORLD, port_devices()); /* in the same step once more */
+    port_step(3, port_devices(), 0, &ENDS);
+    gives(&ENDS, port_devices());
+}
+
+static void test_a_silent_device_is_stale_and_recovers(void)
+{
+    port_step(3, port_devices(), 0, &WORLD);
+    port_step(3, 0, port_devices(), &WORLD);
+    gives_nothing(HAL_STALE, port_devices());
+    port_step(3, port_devices(), 0, &ENDS);
+    gives(&ENDS, port_devices());
+}
+
+static void test_one_silent_device_does_not_silence_the_others(void)
+{
+    for (unsigned device = 1; device <= PORT_REFERENCE; device <<= 1) {
+        if ((device & port_devices()) == 0)
+            continue;
+        port_step(3, port_devices() & ~device, device, &WORLD);
+        gives(&WORLD, port_devices() & ~device);
+        gives_nothing(HAL_STALE, device);
+    }
+}
+
+static void test_a_device_that_is_not_there_is_absent(void)
+{
+    port_step(3, 0, 0, &WORLD);
+    gives_nothing(HAL_ABSENT, PORT_IMU | PORT_ROTATION | PORT_BATTERY | PORT_REFERENCE);
+}
+
+static void test_the_clock_follows_the_time_that_passes(void)
+{
+    port_step(3, port_devices(), 0, &WORLD);
+    const uint32_t began_ms = hal_clock_ms();
+    uint32_t before_ms = began_ms;
+    for (int i = 0; i < 100; i++) {
+        port_step(3, port_devices(), 0, &WORLD);
+        TEST_ASSERT_GREATER_OR_EQUAL_UINT32(before_ms, hal_clock_ms());
+        before_ms = hal_clock_ms();
+    }
+    TEST_ASSERT_UINT32_WITHIN(2, 300, before_ms - began_ms);
+}
+
+static void test_the_motors_get_what_is_written_and_hold_it(void)
+{
+    static const int16_t DUTIES[][2] = {{0, 0}, {1, -1}, {32767, -32767}, {-32767, 32767}, {-12345, 6789}, {0, 0}};
+    int16_t left, right;
+
+    port_step(3, port_devices(), 0, &WORLD);
+    for (size_t i = 0; i < sizeof DUTIES / sizeof *DUTIES; i++) {
+        hal_motors_write(DUTIES[i][0], DUTIES[i][1]);
+        for (int step = 0; step < 3; step++) {
+            port_motors(&left, &right);
+            TEST_ASSERT_EQUAL_INT16(DUTIES[i][0], left);
+            TEST_ASSERT_EQUAL_INT16(DUTIES[i][1], right);
+            port_step(3, port_devices(), 0, &WORLD);
+        }
+    }
+}
+
+static message_t numbered(uint8_t number)
+{
+    message_t message = {.id = (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + number % 7), .size = 8};
+    for (uint8_t i = 0; i < 8; i++)
+        message.data[i] = (uint8_t)(number + i);
+    return message;
+}
+
+static void same(const message_t *wanted, const message_t *got)
+{
+    TEST_ASSERT_EQUAL_HEX16(wanted->id, got->id);
+    TEST_ASSERT_EQUAL_UINT8(wanted->size, got->size);
+    TEST_ASSERT_EQUAL_MEMORY(wanted->data, got->data, 8);
+}
+
+static void test_messages_leave_whole_in_order_and_once(void)
+{
+    message_t got;
+    for (uint8_t i = 0; i < 8; i++) {
+        const message_t message = numbered(i);
+        TEST_ASSERT_TRUE(hal_link_write(&message));
+    }
+    for (uint8_t i = 0; i < 8; i++) {
+        const message_t message = numbered(i);
+        TEST_ASSERT_TRUE(port_host_receive(&got));
+        same(&message, &got);
+    }
+    TEST_ASSERT_FALSE(port_host_receive(&got));
+}
+
+static void test_messages_come_whole_in_order_and_once(void)
+{
+    message_t got;
+    TEST_ASSERT_FALSE(hal_link_read(&got));
+    for (uint8_t i = 0; i < 8; i++) {
+        const message_t message = numbered(i);
+        TEST_ASSERT_TRUE(port_host_send(&message));
+    }
+    for (uint8_t i = 0; i < 8; i++) {
+        const message_t message = numbered(i);
+        TEST_ASSERT_TRUE(hal_link_read(&got));
+        same(&message, &got);
+    }
+    TEST_ASSERT_FALSE(hal_link_read(&got));
+}
+
+static void test_a_link_that_is_full_refuses_and_recovers(void)
+{
+    const message_t message = numbered(1);
+    message_t got;
+    int written = 0, received = 0;
+
+    while (written < 10000 && hal_link_write(&message))
+        written++;
+    TEST_ASSERT_LESS_THAN_INT(10000, written);
+    TEST_ASSERT_FALSE(hal_link_write(&message));
+    while (port_host_receive(&got)) {
+        same(&message, &got);
+        received++;
+    }
+    TEST_ASSERT_EQUAL_INT(written, received);
+    TEST_ASSERT_TRUE(hal_link_write(&message));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_readings_are_what_the_world_shows_to_the_last_unit);
+    RUN_TEST(test_a_silent_device_is_stale_and_recovers);
+    RUN_TEST(test_one_silent_device_does_not_silence_the_others);
+    RUN_TEST(test_a_device_that_is_not_there_is_absent);
+    RUN_TEST(test_the_clock_follows_the_time_that_passes);
+    RUN_TEST(test_the_motors_get_what_is_written_and_hold_it);
+    RUN_TEST(test_messages_leave_whole_in_order_and_once);
+    RUN_TEST(test_messages_come_whole_in_order_and_once);
+    RUN_TEST(test_a_link_that_is_full_refuses_and_recovers);
+    return UNITY_END();
+}
