@@ -120,10 +120,13 @@ static set_status_t settle(set_t *set)
         set_count_bad(set);
         return SET_MORE;
     }
-    if (set->any && (int32_t)(sync.time - set->time_ms) < 0) {
+    if (set->stale_in_a_row == SET_STALE_MOST || (set->any && (int32_t)(sync.time - set->time_ms) < 0)) {
         set->stale = count(set->stale);
+        if (set->stale_in_a_row < SET_STALE_MOST)
+            set->stale_in_a_row++;
         return SET_MORE;
     }
+    set->stale_in_a_row = 0;
     if (set->any && sync.time == set->time_ms) {
         set->sequence = sync.sequence;
         return SET_AGAIN;

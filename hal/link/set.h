@@ -2,7 +2,9 @@
  *
  * A set is what one SYNC announces: every part whose status is ok, with the SYNC's sequence and the low byte of its time,
  * under one CRC. It counts as a whole or not at all. Parts and SYNC may come in any order, twice, damaged or not at all;
- * a set older than the newest one taken is refused.
+ * a set older than the newest one taken is refused. SET_STALE_MOST of those in a row are no latecomers: whoever sends them
+ * has begun anew, and would be believed again once its clock has caught up. From then on every set is refused, until a new
+ * session.
  */
 #ifndef BRICKPILOT_HAL_LINK_SET_H
 #define BRICKPILOT_HAL_LINK_SET_H
@@ -10,7 +12,7 @@
 #include "hal.h"
 #include "wire/codecs_gen.h"
 
-enum { SET_PARTS = 6 };
+enum { SET_PARTS = 6, SET_STALE_MOST = 8 };
 
 /* All zero to begin with, and again for a new session. */
 typedef struct {
@@ -23,6 +25,7 @@ typedef struct {
     bool any;
     uint32_t time_ms;
     uint8_t sequence;
+    uint8_t stale_in_a_row; /* stays at SET_STALE_MOST until a new session */
     hal_status_t imu_status, rotation_status, battery_status, reference_status;
     hal_imu_t imu;
     hal_rotation_t rotation;

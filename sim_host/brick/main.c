@@ -3,6 +3,7 @@
  *   brick --pty | --serial PATH | --listen HOST:PORT | --slcan-pty | --slcan PATH   [--until-eof]
  *
  * Its first line on stdout is what to give to `brickpilot hil --link`. With --until-eof it ends with its standard input.
+ * SIGUSR1 switches it off and on, and it says so in a line.
  */
 #define _XOPEN_SOURCE 600
 #define _GNU_SOURCE
@@ -29,6 +30,14 @@ typedef struct {
     slcan_decoder_t lines;
     bool until_eof;
 } process_t;
+
+static volatile sig_atomic_t to_restart;
+
+static void ask_for_restart(int number)
+{
+    (void)number;
+    to_restart = 1;
+}
 
 static int64_t now_us(void)
 {
@@ -92,9 +101,27 @@ static bool stdin_has_ended(void)
     return read(STDIN_FILENO, bytes, sizeof bytes) <= 0;
 }
 
+static void restart(process_t *process)
+{
+    to_restart = 0;
+    brick_start(&process->brick);
+    printf("restarted\n");
+    fflush(stdout);
+}
+
+/* The signal comes only while ppoll() waits, so that none is missed. */
 static int run(process_t *process)
 {
+    sigset_t blocked, before;
+    const struct sigaction action = {.sa_handler = ask_for_restart};
+
+    sigemptyset(&blocked);
+    sigaddset(&blocked, SIGUSR1);
+    sigprocmask(SIG_BLOCK, &blocked, &before);
+    sigaction(SIGUSR1, &action, NULL);
     for (;;) {
+        if (to_restart)
+            restart(process);
         line_t *line = &process->line;
         const int64_t wait_us = brick_time(&process->brick, now_us());
         const struct timespec wait = {.tv_sec = (time_t)(wait_us / 1000000),
@@ -105,8 +132,11 @@ static int run(process_t *process)
             {.fd = process->until_eof ? STDIN_FILENO : -1, .events = POLLIN}};
 
         send_all(process);
-        if (ppoll(watched, 3, &wait, NULL) < 0 && errno != EINTR)
-            return 1;
+        if (ppoll(watched, 3, &wait, &before) < 0) {
+            if (errno != EINTR)
+                return 1;
+            continue;
+        }
         process->brick.now_us = now_us();
         if (watched[0].revents != 0 && !read_line(process))
             return 0;

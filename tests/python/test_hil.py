@@ -33,14 +33,14 @@ def plan(sensors: str = "ideal", profile: str = "coupled", **changes: object) ->
 
 
 def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) -> fly.HilFlight:
-    with ends.both_ends(spec) as link:
-        return fly.fly(link, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None)
+    with ends.both_ends(spec) as both:
+        return fly.fly(both, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None)
 
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    with ends.both_ends("serial:pty") as link:
-        made = Session(link, "serial:pty")
+    with ends.both_ends("serial:pty") as both:
+        made = Session(both.link, "serial:pty")
         made.open("coupled", LOCKSTEP)
         yield made
 
@@ -172,7 +172,7 @@ def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_p
             os.kill(process.pid, signal.SIGKILL)
             process.wait()
 
-    flown = fly.fly(link, spec, wanted, pace=LOCKSTEP, telemetry_every=10, progress=kill)
+    flown = fly.fly(ends.Ends(link, None), spec, wanted, pace=LOCKSTEP, telemetry_every=10, progress=kill)
     link.close()
     ends.end_brick(process)
     assert flown.broke_off is not None
@@ -196,8 +196,8 @@ def test_a_brick_that_hears_nothing_stops_and_wants_a_reset(pace: str) -> None:
             paused.append(done)
             threading.Event().wait(silent_s)
 
-    with ends.both_ends("serial:pty") as link:
-        flown = fly.fly(link, "serial:pty", wanted, pace=pace, telemetry_every=1, progress=pause)
+    with ends.both_ends("serial:pty") as both:
+        flown = fly.fly(both, "serial:pty", wanted, pace=pace, telemetry_every=1, progress=pause)
     log = flown.flight.log
     assert flown.flight.motors[390:400].any()
     assert not flown.flight.motors[560:].any()

@@ -112,8 +112,8 @@ def _lockstep_pty() -> float:
 
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=15.0)
     plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0)
-    with ends.both_ends("serial:pty") as link:
-        flown = hil.fly(link, "serial:pty", plan, pace="lockstep", telemetry_every=10, progress=lambda *_: None)
+    with ends.both_ends("serial:pty") as both:
+        flown = hil.fly(both, "serial:pty", plan, pace="lockstep", telemetry_every=10, progress=lambda *_: None)
     return flown.flight.times_real_time / flight.STEP_S
 
 

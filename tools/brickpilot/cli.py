@@ -85,6 +85,8 @@ def run(
     ]
     command += ["--model", model_file] if model_file else []
     command += ["--compensation", compensation_file] if compensation_file else []
+    if chosen.faults:
+        raise InputError("act on a link, and run has none: brickpilot hil flies them", file=asked, field="faults")
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     flown = flight.fly(plan)
     figures = flight.summary(flown)

@@ -89,14 +89,14 @@ def hil(
     quiet = as_json or not sys.stderr.isatty()
     with (
         tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
-        ends.both_ends(spec) as link,
+        ends.both_ends(spec) as both,
     ):
 
         def show(done: int, _: int, text: str) -> None:
             bar.n = done
             bar.set_description_str(f"{done * flight.STEP_S:5.1f} s, {text}")
 
-        flown = hil_fly.fly(link, spec, plan, pace=pace, telemetry_every=every, progress=show)
+        flown = hil_fly.fly(both, spec, plan, pace=pace, telemetry_every=every, progress=show)
     figures = flight.summary(flown.flight) | {
         "link": spec,
         "pace": pace,

@@ -14,6 +14,8 @@ from typing import Any
 
 from brickpilot import plant
 from brickpilot.errors import InputError
+from brickpilot.hil import faults
+from brickpilot.hil.faults import Fault
 from brickpilot.tomlfile import TomlFile
 
 PROFILES = ("coupled", "paper")
@@ -21,9 +23,9 @@ SENSORS = ("ideal", "imu", "imu+encoders")
 
 _KEYS = {
     "name", "title", "kind", "duration_s", "start", "start_at_s", "waypoints_m", "cruise_m_s", "segments", "stop_at_m",
-    "profile", "sensors", "seed", "parameters", "effects",
+    "profile", "sensors", "seed", "parameters", "effects", "faults",
 }  # fmt: skip
-_ONLY = {"mission": {"waypoints_m", "cruise_m_s", "start_at_s"}, "manoeuvre": {"segments", "stop_at_m"}}
+_ONLY = {"mission": {"waypoints_m", "cruise_m_s", "start_at_s", "faults"}, "manoeuvre": {"segments", "stop_at_m"}}
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class Scenario:
         default_factory=dict
     )  # the plant's, where it differs from the controller's belief
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()  # between plant and controller, where a link is between them
     packaged: bool = False  # comes with the package
 
 
@@ -118,6 +121,7 @@ def load(path: Path) -> Scenario:
         seed=seed,
         parameters=_parameters(toml, data.get("parameters", {})),
         effects=_effects(toml, data.get("effects", {})),
+        faults=faults.parse(toml, data["faults"], duration) if "faults" in data else (),
         packaged=path in packaged().values(),
     )
 

@@ -112,6 +112,20 @@ static void test_set_older_than_the_newest_is_refused_and_counted(void)
     TEST_ASSERT_EQUAL(SET_WHOLE, take_at(303, 3));
 }
 
+static void test_sets_of_a_plant_that_has_begun_anew_are_refused_for_good(void)
+{
+    TEST_ASSERT_EQUAL(SET_WHOLE, take_at(300, 1));
+    for (uint8_t i = 0; i < SET_STALE_MOST - 1; i++)
+        TEST_ASSERT_EQUAL(SET_MORE, take_at(3U * i, i));
+    TEST_ASSERT_EQUAL(SET_WHOLE, take_at(303, 2)); /* latecomers, after all */
+    for (uint8_t i = 0; i < SET_STALE_MOST; i++)
+        TEST_ASSERT_EQUAL(SET_MORE, take_at(3U * i, i));
+    TEST_ASSERT_EQUAL(SET_MORE, take_at(303, 3));
+    TEST_ASSERT_EQUAL(SET_MORE, take_at(306, 4));
+    memset(&set, 0, sizeof set);
+    TEST_ASSERT_EQUAL(SET_WHOLE, take_at(3, 1));
+}
+
 static void test_set_sent_again_is_told_from_a_new_one(void)
 {
     TEST_ASSERT_EQUAL(SET_WHOLE, take_at(300, 1));
@@ -171,6 +185,7 @@ int main(void)
     RUN_TEST(test_set_with_any_bit_turned_is_not_taken);
     RUN_TEST(test_set_of_parts_from_two_sets_is_not_taken);
     RUN_TEST(test_set_older_than_the_newest_is_refused_and_counted);
+    RUN_TEST(test_sets_of_a_plant_that_has_begun_anew_are_refused_for_good);
     RUN_TEST(test_set_sent_again_is_told_from_a_new_one);
     RUN_TEST(test_set_order_survives_a_clock_that_wraps);
     RUN_TEST(test_set_without_sensors_is_still_a_set);

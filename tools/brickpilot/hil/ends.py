@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +50,7 @@ class BrickThread:
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
         self._ended = threading.Event()
+        self._restart = threading.Event()
         self._thread = threading.Thread(target=self._run, name="brick", daemon=True)
         self._thread.start()
 
@@ -57,6 +60,9 @@ class BrickThread:
         brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
         identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
         while not self._ended.is_set():
+            if self._restart.is_set():
+                brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
+                self._restart.clear()
             wait_us = library.bp_brick_time(brick, time.monotonic_ns() // 1000)
             self._send(library, brick, identifier, data, ffi)
             try:
@@ -72,6 +78,12 @@ class BrickThread:
         while (size := library.bp_brick_give(brick, identifier, data)) >= 0:
             payload = bytes(ffi.buffer(data, size))
             self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
+
+    def restart(self) -> None:
+        """Switches the brick off and on; returns when it is done."""
+        self._restart.set()
+        while self._restart.is_set() and self._thread.is_alive():
+            time.sleep(0.001)
 
     def stop(self) -> None:
         """Ends the thread and shuts the bus down."""
@@ -124,8 +136,24 @@ def open_link(spec: str) -> Link:
     raise InputError(f"is no link; known: {', '.join(FORMS)}", field=f"--link {spec}")
 
 
+def _restart_process(process: subprocess.Popen[bytes]) -> None:
+    """It answers SIGUSR1 with a line, when it has begun afresh."""
+    assert process.stdout is not None
+    process.send_signal(signal.SIGUSR1)
+    if select.select([process.stdout], [], [], 2.0)[0]:
+        process.stdout.readline()
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The plant's end of a link, and how to switch the brick off and on: None where it is not ours."""
+
+    link: Link
+    restart: Callable[[], None] | None
+
+
 @contextmanager
-def both_ends(spec: str) -> Iterator[Link]:
+def both_ends(spec: str) -> Iterator[Ends]:
     """The plant's end of the link, open; with the brick at the other end where the link starts one here.
 
     Raises:
@@ -134,18 +162,21 @@ def both_ends(spec: str) -> Iterator[Link]:
     process: subprocess.Popen[bytes] | None = None
     thread: BrickThread | None = None
     link: Link | None = None
+    restart: Callable[[], None] | None = None
     try:
         if spec in STARTED:
             process, address = start_brick(STARTED[spec])
             link = open_link(address)
+            restart = partial(_restart_process, process)
         elif spec in IN_PROCESS:
             kind = spec.partition(":")[2]
             channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
             thread = BrickThread(open_bus(spec, kind, channel))
+            restart = thread.restart
             link = CanLink(open_bus(spec, kind, channel))
         else:
             link = open_link(spec)
-        yield link
+        yield Ends(link, restart)
     except LinkGoneError as error:
         raise SimulationError(f"{spec}: {error}") from error
     finally:

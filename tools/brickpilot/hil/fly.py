@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from brickpilot import flight
 from brickpilot.errors import InputError
+from brickpilot.hil.ends import Ends
+from brickpilot.hil.faults import FaultyLink, controller_restarts
 from brickpilot.hil.links import Link, LinkGoneError
 from brickpilot.hil.messages import book
 from brickpilot.hil.plant_end import PlantEnd, open_plant
@@ -47,12 +49,18 @@ class HilFlight:
 class _Run:
     """What one flight accumulates."""
 
-    def __init__(self, link: Link, spec: str, plan: flight.Plan, pace: str, progress: Progress) -> None:
-        self.link = link
+    def __init__(
+        self, ends: Ends, spec: str, plan: flight.Plan, pace: str, answer_s: float, progress: Progress
+    ) -> None:
+        self.restart = ends.restart
+        self.answer_s = answer_s
+        self.faulty = FaultyLink(ends.link, plan.scenario.faults, plan.seed)
+        self.link: Link = self.faulty if plan.scenario.faults else ends.link
+        link = self.link
         self.plan = plan
         self.lockstep = pace == LOCKSTEP
         self.progress = progress
-        self.session = Session(link, spec, self.take)
+        self.session = Session(link, spec, self.take, answer_s)
         self.telemetry = Telemetry()
         self.step = 0
         self.late = 0
@@ -82,6 +90,14 @@ class _Run:
         elif identifier in self._reports and len(data) == 8:
             layout = book().by_id[identifier]
             setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
+
+    def begin_step(self) -> None:
+        """Faults of the ends, at the beginning of a step."""
+        self.faulty.step = self.step
+        if self.plan.scenario.faults and controller_restarts(self.plan.scenario.faults, self.step):
+            assert self.restart is not None
+            self.restart()
+            self.safe_stops += 1
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
         """Sends the step's set until it is answered, and takes the answer; false: it was not."""
@@ -135,11 +151,12 @@ def parameter_of(compensation: str) -> str:
 def _fly_lockstep(run: _Run, end: PlantEnd) -> None:
     lost_since: int | None = None
     while run.step < run.plan.steps:
+        run.begin_step()
         end.sense()
         try:
             if run.step == run.plan.start_step:
                 run.session.command("start")
-            answered = run.exchange(end, *((TRIES, ANSWER_S) if lost_since is None else (1, STEP_MS * 1e-3)))
+            answered = run.exchange(end, *((TRIES, run.answer_s) if lost_since is None else (1, STEP_MS * 1e-3)))
         except (LinkGoneError, NoAnswerError) as error:
             run.broke_off = str(error)
             answered = False
@@ -188,6 +205,7 @@ def _fly_realtime(run: _Run, end: PlantEnd) -> None:
             for frame in run.link.receive(left):
                 run.take(*frame)
         run.late += -left > STEP_MS * 1e-3
+        run.begin_step()
         end.sense()
         run.sent_sequence = run.session.next_sequence()
         frames = end.messages(run.sent_sequence)
@@ -206,16 +224,26 @@ def _fly_realtime(run: _Run, end: PlantEnd) -> None:
         run.step += 1
 
 
-def fly(link: Link, spec: str, plan: flight.Plan, *, pace: str, telemetry_every: int, progress: Progress) -> HilFlight:
+def fly(
+    ends: Ends,
+    spec: str,
+    plan: flight.Plan,
+    *,
+    pace: str,
+    telemetry_every: int,
+    progress: Progress,
+    answer_s: float = ANSWER_S,
+) -> HilFlight:
     """Flies the plan with the brick at the other end of the link.
 
     Args:
-        link: open.
+        ends: the link, open.
         spec: the link as the user named it, for messages.
-        plan: of a mission.
+        plan: of a mission; the faults of its scenario act.
         pace: LOCKSTEP or REALTIME.
         telemetry_every: the brick reports every so many steps, 1..255; the log holds its last report in between.
         progress: called as (steps done, steps in all, text).
+        answer_s: how long an answer may take, s of the clock, before the question is repeated.
 
     Raises:
         InputError: no brick answers, or it refuses; or the plan is of a manoeuvre.
@@ -225,7 +253,11 @@ def fly(link: Link, spec: str, plan: flight.Plan, *, pace: str, telemetry_every:
         raise InputError(
             "is a manoeuvre, in which no controller takes part; hil flies missions", field=plan.scenario.name
         )
-    run = _Run(link, spec, plan, pace, progress)
+    if ends.restart is None and any(
+        fault.kind in ("controller_restart", "brown_out") for fault in plan.scenario.faults
+    ):
+        raise InputError("a brick that is not started here cannot be switched off and on", field=f"--link {spec}")
+    run = _Run(ends, spec, plan, pace, answer_s, progress)
     prepare(run.session, plan, pace, telemetry_every)
     names = flight.log_names()
     log = np.zeros((plan.steps, len(names)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brickpilot import flight, plant
 from brickpilot.errors import SimulationError
+from brickpilot.hil.faults import SensorFaults
 from brickpilot.hil.links import Frame
 from brickpilot.hil.messages import book, set_check
 
@@ -20,7 +21,9 @@ OK = 0
 class PlantEnd:
     """One closed loop whose controller is elsewhere; made by ``open_plant``."""
 
-    def __init__(self, library: Any, loop: Any, sensed: Any) -> None:
+    def __init__(self, library: Any, loop: Any, sensed: Any, faults: SensorFaults) -> None:
+        self._faults = faults
+        self._step = 0
         self._library = library
         self._loop = loop
         self._sensed = sensed
@@ -29,6 +32,8 @@ class PlantEnd:
     def sense(self) -> None:
         """Reads the sensors: once per step."""
         self._library.bp_loop_sense(self._loop, self._sensed)
+        self._faults.act(self._sensed, self._step)
+        self._step += 1
 
     def messages(self, sequence: int) -> list[Frame]:
         """The readings as a set, under this sequence number."""
@@ -82,6 +87,6 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
         if loop == ffi.NULL:
             raise SimulationError(f"{plan.scenario.name}: the flight does not begin, status {status[0]}")
         try:
-            yield PlantEnd(library, loop, ffi.new("bp_sensed *"))
+            yield PlantEnd(library, loop, ffi.new("bp_sensed *"), SensorFaults(plan.scenario.faults))
         finally:
             library.bp_loop_close(loop)

@@ -33,12 +33,20 @@ class Session:
         link: open.
         spec: the link as the user named it, for messages.
         other: called with (id, data) of every message that is not the answer waited for.
+        answer_s: how long an answer may take before the request is repeated, s.
     """
 
-    def __init__(self, link: Link, spec: str, other: Callable[[int, bytes], None] = lambda _id, _data: None) -> None:
+    def __init__(
+        self,
+        link: Link,
+        spec: str,
+        other: Callable[[int, bytes], None] = lambda _id, _data: None,
+        answer_s: float = ANSWER_S,
+    ) -> None:
         self.link = link
         self.spec = spec
         self.other = other
+        self.answer_s = answer_s
         self.repeated = 0  # requests that had to be sent again
         self._book = book()
         self._sequence = 0
@@ -69,7 +77,7 @@ class Session:
         for attempt in range(tries):
             sequence = self.next_sequence()
             self.link.send([(out.id, out.seal(sequence, *values))])
-            data = self.wait(back.id, partial(_answers, back, sequence), ANSWER_S)
+            data = self.wait(back.id, partial(_answers, back, sequence), self.answer_s)
             self.repeated += attempt > 0
             if data is not None:
                 return dict(zip(back.names, back.unpack(data), strict=True))

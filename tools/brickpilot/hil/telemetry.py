@@ -52,6 +52,15 @@ class Telemetry:
         self._rows: dict[str, tuple[list[int], list[tuple[int, ...]]]] = {
             name: ([], []) for name in self._names.values()
         }
+        self._choices = {
+            message.name: [
+                (self._layouts[message.frame_id].names.index(one.name), len(one.choices))
+                for one in message.signals
+                if one.choices
+            ]
+            for message in book().database.messages
+            if message.frame_id in self._layouts
+        }
         self.newest_step = -1
         self.mode = 0
         self.waypoint = 0
@@ -73,9 +82,12 @@ class Telemetry:
         if lockstep:
             age_ms = (STEP_MS * step - data[TICK_AT]) & 255
             step -= age_ms // STEP_MS
+        row = layout.unpack(data)
+        if any(row[at] >= count for at, count in self._choices[layout.name]):
+            return True  # damaged on a carrier without a check
         steps, values = self._rows[layout.name]
         steps.append(max(step, 0))
-        values.append(layout.unpack(data))
+        values.append(row)
         if layout.name == LAST:
             self.newest_step = step
         elif layout.name == "TELEMETRY_TRACK":

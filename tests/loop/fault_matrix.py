@@ -1,0 +1,129 @@
+"""Every fault by every carrier, many seeds: what must hold, and the table of hal/README.md.
+
+    python tests/loop/fault_matrix.py [RUNS]      default 1000
+
+A run is the mission's first 1.5 s in lockstep; its fault acts from 0.6 s to 0.9 s, on a share of the messages that the
+seed draws. It holds when the flight ends by itself, and the motor stream is, step for step, that of a flight without
+faults until a safe stop, where it is 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from brickpilot import flight, scenario
+from brickpilot.hil import ends, fly
+from brickpilot.hil.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
+from brickpilot.model import rcx
+from numpy.typing import NDArray
+
+CARRIERS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
+BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
+ANSWER_S = 0.03
+STOPS_WITHIN = 100
+"""Steps from the fault's beginning until motors are off, where it must stop them: 0.25 s and what it takes to notice."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run: ``trouble`` says what did not hold, "" where everything did."""
+
+    trouble: str
+    stopped: bool  # a safe stop
+    lost_frames: int
+
+
+def plan(kind: str, seed: int, carrier: str) -> flight.Plan:
+    """The flight of a cell, the dice thrown for rate, direction and sensor."""
+    dice = random.Random(f"{seed} {kind}")
+    sensors = dice.choice(("ideal", "imu+encoders"))
+    fault = Fault(kind, BEGIN_S, END_S)
+    if kind in MESSAGE_KINDS and kind != "disconnect":
+        rate = dice.choice((0.002, 0.02, 0.2, 1.0))
+        fault = dataclasses.replace(fault, rate=rate, direction=dice.choice(("both", "to_brick", "from_brick")))
+    if kind in SENSOR_KINDS:
+        there = ("battery", "reference") if sensors == "ideal" else ("imu", "rotation", "battery")
+        fault = dataclasses.replace(fault, sensor=dice.choice(there), to_s=DURATION_S)
+    mission = dataclasses.replace(
+        scenario.load(scenario.packaged()["mission"]), duration=DURATION_S, start_at=0.1, faults=(fault,)
+    )
+    return flight.plan(mission, rcx(), sensors=sensors, seed=seed)
+
+
+def unharmed(wanted: flight.Plan) -> NDArray[np.int16]:
+    """The motor stream without faults."""
+    calm = dataclasses.replace(wanted.scenario, faults=())
+    return flight.fly(dataclasses.replace(wanted, scenario=calm)).motors
+
+
+def run(kind: str, seed: int, carrier: str) -> Outcome:
+    """Flies one cell once, and judges it."""
+    wanted = plan(kind, seed, carrier)
+    with ends.both_ends(carrier) as both:
+        flown = fly.fly(
+            both,
+            carrier,
+            wanted,
+            pace="lockstep",
+            telemetry_every=10,
+            progress=lambda *_: None,
+            answer_s=ANSWER_S,
+        )
+    return Outcome(judge(wanted, flown), flown.safe_stops > 0, flown.lost_frames)
+
+
+def judge(wanted: flight.Plan, flown: fly.HilFlight) -> str:
+    """What does not hold, or ""."""
+    (fault,) = wanted.scenario.faults
+    motors, calm = flown.flight.motors, unharmed(wanted)[: len(flown.flight.motors)]
+    begin = round(fault.from_s / flight.STEP_S)
+    if not np.array_equal(motors[:begin], calm[:begin]):
+        return "differs before the fault"
+    if fault.kind in MESSAGE_KINDS:
+        return _judge_messages(fault, flown, motors, calm)
+    if fault.kind in END_KINDS or (fault.kind == "missing_sensor" and fault.sensor in ("imu", "reference")):
+        late = begin + STOPS_WITHIN + (round((END_S - BEGIN_S) / flight.STEP_S) if fault.kind == "brown_out" else 0)
+        return "" if not motors[late:].any() else "the motors were not stopped in time"
+    return ""
+
+
+def _judge_messages(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int16], calm: NDArray[np.int16]) -> str:
+    differs = np.flatnonzero((motors != calm).any(axis=1))
+    if fault.kind == "disconnect":
+        held = motors[round(fault.from_s / flight.STEP_S) : round(fault.to_s / flight.STEP_S)]
+        return "" if not held.any() and flown.safe_stops else "the motors ran on a link that was gone"
+    if len(differs) == 0:
+        return ""
+    if flown.safe_stops == 0:
+        return "another motor command than that of the controller"
+    return "" if not motors[differs[0]].any() else "it is not a stop that makes the difference"
+
+
+def main() -> int:
+    """Flies the matrix and prints its table; status 1 where anything did not hold."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    cells = [(kind, carrier) for kind in KINDS for carrier in CARRIERS]
+    found: dict[tuple[str, str], list[Outcome]] = {cell: [] for cell in cells}
+    for number in range(runs):
+        kind, carrier = cells[number % len(cells)]
+        outcome = run(kind, number // len(cells), carrier)
+        found[kind, carrier].append(outcome)
+        if outcome.trouble:
+            print(f"{kind} over {carrier}, seed {number // len(cells)}: {outcome.trouble}", file=sys.stderr)
+    print(f"| fault | {' | '.join(CARRIERS)} |\n|---|{'---|' * len(CARRIERS)}")
+    for kind in KINDS:
+        texts = []
+        for carrier in CARRIERS:
+            held = found[kind, carrier]
+            good, stops = sum(not each.trouble for each in held), sum(each.stopped for each in held)
+            texts.append(f"{good} of {len(held)}, {stops} stopped")
+        print(f"| `{kind}` | {' | '.join(texts)} |")
+    return 1 if any(outcome.trouble for cell in found.values() for outcome in cell) else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
