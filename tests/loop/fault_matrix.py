@@ -25,7 +25,7 @@ CARRIERS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
 ANSWER_S = 0.03
 STOPS_WITHIN = 100
-"""Steps from the fault's beginning until motors are off, where it must stop them: 0.25 s and what it takes to notice."""
+"""Steps from the fault's beginning until motors are off, where it must stop them: 0.25 s, and time to notice."""
 
 
 @dataclass(frozen=True)

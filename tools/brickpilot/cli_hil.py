@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import shlex
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import click
@@ -45,6 +47,10 @@ from brickpilot.errors import SimulationError
     metavar="N",
     help="The brick reports every N steps; default 1 in lockstep, 10 in real time.",
 )
+@click.option(
+    "--record", "record_file", metavar="FILE", help="Write the link's traffic: .asc, .blf or .log (candump's)."
+)
+@click.option("--replay", "replay_file", metavar="FILE", help="Send a recorded flight to the brick again, and compare.")
 @click.option("--out", metavar="DIR", help="The run folder; default runs/hil-SCENARIO-PROFILE-SENSORS.")
 @click.option("--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else.")
 def hil(
@@ -58,6 +64,8 @@ def hil(
     compensation_file: str | None,
     seed: int | None,
     telemetry_every: int | None,
+    record_file: str | None,
+    replay_file: str | None,
     out: str | None,
     as_json: bool,
 ) -> None:
@@ -70,8 +78,12 @@ def hil(
     from brickpilot.errors import InputError
     from brickpilot.hil import ends
     from brickpilot.hil import fly as hil_fly
+    from brickpilot.hil.record import RecordingLink
     from brickpilot.hil.session import LOCKSTEP, REALTIME
 
+    if replay_file is not None:
+        _replay(spec, Path(replay_file), as_json)
+        return
     if scenario_name is not None and scenario_file is not None:
         raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
     asked = scenario_name or scenario_file or "mission"
@@ -90,12 +102,16 @@ def hil(
     with (
         tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
         ends.both_ends(spec) as both,
+        ExitStack() as closing,
     ):
 
         def show(done: int, _: int, text: str) -> None:
             bar.n = done
             bar.set_description_str(f"{done * flight.STEP_S:5.1f} s, {text}")
 
+        if record_file:
+            both = dataclasses.replace(both, link=RecordingLink(both.link, Path(record_file)))
+            closing.callback(both.link.close)
         flown = hil_fly.fly(both, spec, plan, pace=pace, telemetry_every=every, progress=show)
     figures = flight.summary(flown.flight) | {
         "link": spec,
@@ -119,6 +135,19 @@ def hil(
         )
     if flown.broke_off:
         raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+def _replay(spec: str, file: Path, as_json: bool) -> None:
+    from brickpilot.hil import ends, record
+
+    with ends.both_ends(spec) as both:
+        found = record.replay(both.link, spec, file)
+    if as_json:
+        click.echo(json.dumps({"link": spec, "replay": str(file), **dataclasses.asdict(found)}))
+    else:
+        click.echo(f"{found.steps} steps replayed, {found.differing} motor commands differ")
+    if found.differing:
+        raise SimulationError(f"{file}: the brick answers step {found.first} otherwise than was recorded")
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
