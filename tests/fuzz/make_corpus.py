@@ -1,0 +1,68 @@
+"""Writes corpus/: where the fuzzers begin. The messages are those of a short flight, as the host sends them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from brickpilot import flight, scenario
+from brickpilot.hil import ends, fly
+from brickpilot.hil.links import Frame, Link, encode_frame
+from brickpilot.hil.messages import book
+from brickpilot.model import rcx
+
+CORPUS = Path(__file__).with_name("corpus")
+STEPS = 12
+
+
+class Listener:
+    """A link that keeps what is sent."""
+
+    def __init__(self, link: Link) -> None:
+        self.damaged = 0
+        self.sent: list[Frame] = []
+        self._link = link
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self.sent += frames
+        self._link.send(frames)
+
+    def receive(self, timeout: float) -> list[Frame]:
+        return self._link.receive(timeout)
+
+    def close(self) -> None: ...
+
+
+def flown(sensors: str) -> list[Frame]:
+    """What a host sends in a flight of STEPS steps."""
+    mission = scenario.load(scenario.packaged()["mission"])
+    mission = dataclasses.replace(mission, duration=STEPS * flight.STEP_S, start_at=0.0)
+    with ends.both_ends("tcp") as both:
+        link = Listener(both.link)
+        plan = flight.plan(mission, rcx(), sensors=sensors, seed=0)
+        fly.fly(ends.Ends(link, None), "tcp", plan, pace="lockstep", telemetry_every=1, progress=lambda *_: None)
+    return link.sent
+
+
+def record(frame: Frame) -> bytes:
+    """As fuzz_brick.c reads it: sealed as it stands, or anew where the fuzzer has changed it."""
+    identifier, data = frame
+    sync = identifier == book().by_name["SYNC"].id
+    return bytes([2 if sync else 1]) + identifier.to_bytes(2, "little") + data
+
+
+def main() -> None:
+    """Writes all files."""
+    for name in ("carriers", "brick"):
+        (CORPUS / name).mkdir(parents=True, exist_ok=True)
+    for sensors in ("ideal", "imu+encoders"):
+        frames = flown(sensors)
+        slcan = b"\rO\r" + b"".join(f"t{i:03X}{len(d)}{d.hex().upper()}\r".encode() for i, d in frames)
+        (CORPUS / "brick" / f"flight-{sensors}").write_bytes(b"".join(map(record, frames)))
+        (CORPUS / "carriers" / f"serial-{sensors}").write_bytes(b"".join(encode_frame(i, d) for i, d in frames))
+        (CORPUS / "carriers" / f"slcan-{sensors}").write_bytes(slcan)
+
+
+if __name__ == "__main__":
+    main()
