@@ -118,29 +118,6 @@ static inline uint32_t unpack_right_shift_u32(
     return (uint32_t)((uint32_t)(value & mask) >> shift);
 }
 
-int wire_open_pack(
-    uint8_t *dst_p,
-    const struct wire_open_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[1] |= pack_left_shift_u8(src_p->protocol, 0u, 0xffu);
-    dst_p[2] |= pack_left_shift_u16(src_p->dbc, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u16(src_p->dbc, 8u, 0xffu);
-    dst_p[4] |= pack_left_shift_u8(src_p->profile, 0u, 0xffu);
-    dst_p[5] |= pack_left_shift_u8(src_p->pace, 0u, 0xffu);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
-}
-
 int wire_open_unpack(
     struct wire_open_t *dst_p,
     const uint8_t *src_p,
@@ -179,46 +156,6 @@ int wire_hello_pack(
     dst_p[3] |= pack_right_shift_u16(src_p->dbc, 8u, 0xffu);
     dst_p[4] |= pack_left_shift_u8(src_p->profile, 0u, 0xffu);
     dst_p[5] |= pack_left_shift_u8(src_p->status, 0u, 0xffu);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
-}
-
-int wire_hello_unpack(
-    struct wire_hello_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
-    dst_p->protocol = unpack_right_shift_u8(src_p[1], 0u, 0xffu);
-    dst_p->dbc = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    dst_p->dbc |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->profile = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
-    dst_p->status = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
-int wire_mode_command_pack(
-    uint8_t *dst_p,
-    const struct wire_mode_command_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[1] |= pack_left_shift_u8(src_p->command, 0u, 0xffu);
     dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
     dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
 
@@ -264,56 +201,6 @@ int wire_mode_reply_pack(
     return (8);
 }
 
-int wire_mode_reply_unpack(
-    struct wire_mode_reply_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
-    dst_p->command = unpack_right_shift_u8(src_p[1], 0u, 0xffu);
-    dst_p->mode = unpack_right_shift_u8(src_p[2], 0u, 0x0fu);
-    dst_p->fault = unpack_right_shift_u8(src_p[2], 4u, 0xf0u);
-    dst_p->status = unpack_right_shift_u8(src_p[3], 0u, 0xffu);
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
-int wire_imu_pack(
-    uint8_t *dst_p,
-    const struct wire_imu_t *src_p,
-    size_t size)
-{
-    uint16_t accel_surge;
-    uint16_t accel_sway;
-    uint16_t yaw_rate;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    accel_surge = (uint16_t)src_p->accel_surge;
-    dst_p[0] |= pack_left_shift_u16(accel_surge, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u16(accel_surge, 8u, 0xffu);
-    accel_sway = (uint16_t)src_p->accel_sway;
-    dst_p[2] |= pack_left_shift_u16(accel_sway, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u16(accel_sway, 8u, 0xffu);
-    yaw_rate = (uint16_t)src_p->yaw_rate;
-    dst_p[4] |= pack_left_shift_u16(yaw_rate, 0u, 0xffu);
-    dst_p[5] |= pack_right_shift_u16(yaw_rate, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
-}
-
 int wire_imu_unpack(
     struct wire_imu_t *dst_p,
     const uint8_t *src_p,
@@ -342,27 +229,6 @@ int wire_imu_unpack(
     return (0);
 }
 
-int wire_rotation_pack(
-    uint8_t *dst_p,
-    const struct wire_rotation_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u16(src_p->left, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u16(src_p->left, 8u, 0xffu);
-    dst_p[2] |= pack_left_shift_u16(src_p->right, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u16(src_p->right, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
-}
-
 int wire_rotation_unpack(
     struct wire_rotation_t *dst_p,
     const uint8_t *src_p,
@@ -382,25 +248,6 @@ int wire_rotation_unpack(
     return (0);
 }
 
-int wire_battery_pack(
-    uint8_t *dst_p,
-    const struct wire_battery_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u16(src_p->voltage, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u16(src_p->voltage, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
-}
-
 int wire_battery_unpack(
     struct wire_battery_t *dst_p,
     const uint8_t *src_p,
@@ -416,34 +263,6 @@ int wire_battery_unpack(
     dst_p->tick_ms = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
 
     return (0);
-}
-
-int wire_reference_x_pack(
-    uint8_t *dst_p,
-    const struct wire_reference_x_t *src_p,
-    size_t size)
-{
-    uint16_t heading;
-    uint32_t x;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    x = (uint32_t)src_p->x;
-    dst_p[0] |= pack_left_shift_u32(x, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u32(x, 8u, 0xffu);
-    dst_p[2] |= pack_right_shift_u32(x, 16u, 0xffu);
-    dst_p[3] |= pack_right_shift_u32(x, 24u, 0xffu);
-    heading = (uint16_t)src_p->heading;
-    dst_p[4] |= pack_left_shift_u16(heading, 0u, 0xffu);
-    dst_p[5] |= pack_right_shift_u16(heading, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
 }
 
 int wire_reference_x_unpack(
@@ -472,34 +291,6 @@ int wire_reference_x_unpack(
     return (0);
 }
 
-int wire_reference_y_pack(
-    uint8_t *dst_p,
-    const struct wire_reference_y_t *src_p,
-    size_t size)
-{
-    uint16_t speed;
-    uint32_t y;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    y = (uint32_t)src_p->y;
-    dst_p[0] |= pack_left_shift_u32(y, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u32(y, 8u, 0xffu);
-    dst_p[2] |= pack_right_shift_u32(y, 16u, 0xffu);
-    dst_p[3] |= pack_right_shift_u32(y, 24u, 0xffu);
-    speed = (uint16_t)src_p->speed;
-    dst_p[4] |= pack_left_shift_u16(speed, 0u, 0xffu);
-    dst_p[5] |= pack_right_shift_u16(speed, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
-}
-
 int wire_reference_y_unpack(
     struct wire_reference_y_t *dst_p,
     const uint8_t *src_p,
@@ -526,28 +317,6 @@ int wire_reference_y_unpack(
     return (0);
 }
 
-int wire_reference_turn_pack(
-    uint8_t *dst_p,
-    const struct wire_reference_turn_t *src_p,
-    size_t size)
-{
-    uint16_t yaw_rate;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    yaw_rate = (uint16_t)src_p->yaw_rate;
-    dst_p[0] |= pack_left_shift_u16(yaw_rate, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u16(yaw_rate, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[7] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
-
-    return (8);
-}
-
 int wire_reference_turn_unpack(
     struct wire_reference_turn_t *dst_p,
     const uint8_t *src_p,
@@ -566,32 +335,6 @@ int wire_reference_turn_unpack(
     dst_p->tick_ms = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
 
     return (0);
-}
-
-int wire_sync_pack(
-    uint8_t *dst_p,
-    const struct wire_sync_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u32(src_p->time, 0u, 0xffu);
-    dst_p[1] |= pack_right_shift_u32(src_p->time, 8u, 0xffu);
-    dst_p[2] |= pack_right_shift_u32(src_p->time, 16u, 0xffu);
-    dst_p[3] |= pack_right_shift_u32(src_p->time, 24u, 0xffu);
-    dst_p[4] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[5] |= pack_left_shift_u8(src_p->imu, 0u, 0x03u);
-    dst_p[5] |= pack_left_shift_u8(src_p->rotation, 2u, 0x0cu);
-    dst_p[5] |= pack_left_shift_u8(src_p->battery, 4u, 0x30u);
-    dst_p[5] |= pack_left_shift_u8(src_p->reference, 6u, 0xc0u);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
 }
 
 int wire_sync_unpack(
@@ -646,59 +389,6 @@ int wire_motors_pack(
     return (8);
 }
 
-int wire_motors_unpack(
-    struct wire_motors_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t left;
-    uint16_t right;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    left = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    left |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->left = (int16_t)left;
-    right = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    right |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->right = (int16_t)right;
-    dst_p->sequence = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
-int wire_parameter_request_pack(
-    uint8_t *dst_p,
-    const struct wire_parameter_request_t *src_p,
-    size_t size)
-{
-    uint32_t value;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[1] |= pack_left_shift_u8(src_p->parameter, 0u, 0x3fu);
-    dst_p[1] |= pack_left_shift_u8(src_p->write, 6u, 0x40u);
-    value = (uint32_t)src_p->value;
-    dst_p[2] |= pack_left_shift_u32(value, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u32(value, 8u, 0xffu);
-    dst_p[4] |= pack_right_shift_u32(value, 16u, 0xffu);
-    dst_p[5] |= pack_right_shift_u32(value, 24u, 0xffu);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
-}
-
 int wire_parameter_request_unpack(
     struct wire_parameter_request_t *dst_p,
     const uint8_t *src_p,
@@ -745,60 +435,6 @@ int wire_parameter_pack(
     dst_p[3] |= pack_right_shift_u32(value, 8u, 0xffu);
     dst_p[4] |= pack_right_shift_u32(value, 16u, 0xffu);
     dst_p[5] |= pack_right_shift_u32(value, 24u, 0xffu);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
-}
-
-int wire_parameter_unpack(
-    struct wire_parameter_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint32_t value;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
-    dst_p->parameter = unpack_right_shift_u8(src_p[1], 0u, 0x3fu);
-    dst_p->status = unpack_right_shift_u8(src_p[1], 6u, 0xc0u);
-    value = unpack_right_shift_u32(src_p[2], 0u, 0xffu);
-    value |= unpack_left_shift_u32(src_p[3], 8u, 0xffu);
-    value |= unpack_left_shift_u32(src_p[4], 16u, 0xffu);
-    value |= unpack_left_shift_u32(src_p[5], 24u, 0xffu);
-    dst_p->value = (int32_t)value;
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
-int wire_waypoint_request_pack(
-    uint8_t *dst_p,
-    const struct wire_waypoint_request_t *src_p,
-    size_t size)
-{
-    uint16_t x;
-    uint16_t y;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[1] |= pack_left_shift_u8(src_p->index, 0u, 0x3fu);
-    dst_p[1] |= pack_left_shift_u8(src_p->write, 6u, 0x40u);
-    x = (uint16_t)src_p->x;
-    dst_p[2] |= pack_left_shift_u16(x, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u16(x, 8u, 0xffu);
-    y = (uint16_t)src_p->y;
-    dst_p[4] |= pack_left_shift_u16(y, 0u, 0xffu);
-    dst_p[5] |= pack_right_shift_u16(y, 8u, 0xffu);
     dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
     dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
 
@@ -861,55 +497,6 @@ int wire_waypoint_pack(
     return (8);
 }
 
-int wire_waypoint_unpack(
-    struct wire_waypoint_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t x;
-    uint16_t y;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
-    dst_p->index = unpack_right_shift_u8(src_p[1], 0u, 0x3fu);
-    dst_p->status = unpack_right_shift_u8(src_p[1], 6u, 0xc0u);
-    x = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    x |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->x = (int16_t)x;
-    y = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    y |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->y = (int16_t)y;
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
-int wire_route_request_pack(
-    uint8_t *dst_p,
-    const struct wire_route_request_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    clear(dst_p, 8u);
-
-    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
-    dst_p[1] |= pack_left_shift_u8(src_p->count, 0u, 0x3fu);
-    dst_p[1] |= pack_left_shift_u8(src_p->write, 6u, 0x40u);
-    dst_p[2] |= pack_left_shift_u16(src_p->route_check, 0u, 0xffu);
-    dst_p[3] |= pack_right_shift_u16(src_p->route_check, 8u, 0xffu);
-    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
-    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
-
-    return (8);
-}
-
 int wire_route_request_unpack(
     struct wire_route_request_t *dst_p,
     const uint8_t *src_p,
@@ -952,26 +539,6 @@ int wire_route_pack(
     return (8);
 }
 
-int wire_route_unpack(
-    struct wire_route_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
-    dst_p->count = unpack_right_shift_u8(src_p[1], 0u, 0xffu);
-    dst_p->route_check = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    dst_p->route_check |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->status = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
-    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
-}
-
 int wire_heartbeat_pack(
     uint8_t *dst_p,
     const struct wire_heartbeat_t *src_p,
@@ -996,28 +563,6 @@ int wire_heartbeat_pack(
     return (8);
 }
 
-int wire_heartbeat_unpack(
-    struct wire_heartbeat_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->tick = unpack_right_shift_u32(src_p[0], 0u, 0xffu);
-    dst_p->tick |= unpack_left_shift_u32(src_p[1], 8u, 0xffu);
-    dst_p->tick |= unpack_left_shift_u32(src_p[2], 16u, 0xffu);
-    dst_p->tick |= unpack_left_shift_u32(src_p[3], 24u, 0xffu);
-    dst_p->late_ticks = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    dst_p->late_ticks |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->mode = unpack_right_shift_u8(src_p[6], 0u, 0x0fu);
-    dst_p->fault = unpack_right_shift_u8(src_p[6], 4u, 0xf0u);
-    dst_p->aborted = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-
-    return (0);
-}
-
 int wire_faults_pack(
     uint8_t *dst_p,
     const struct wire_faults_t *src_p,
@@ -1039,27 +584,6 @@ int wire_faults_pack(
     dst_p[7] |= pack_right_shift_u16(src_p->lost, 8u, 0xffu);
 
     return (8);
-}
-
-int wire_faults_unpack(
-    struct wire_faults_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    dst_p->bad = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    dst_p->bad |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->incomplete = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    dst_p->incomplete |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->stale = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    dst_p->stale |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->lost = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-    dst_p->lost |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
-
-    return (0);
 }
 
 int wire_telemetry_x_pack(
@@ -1090,32 +614,6 @@ int wire_telemetry_x_pack(
     return (8);
 }
 
-int wire_telemetry_x_unpack(
-    struct wire_telemetry_x_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t heading;
-    uint32_t x;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    x = unpack_right_shift_u32(src_p[0], 0u, 0xffu);
-    x |= unpack_left_shift_u32(src_p[1], 8u, 0xffu);
-    x |= unpack_left_shift_u32(src_p[2], 16u, 0xffu);
-    x |= unpack_left_shift_u32(src_p[3], 24u, 0xffu);
-    dst_p->x = (int32_t)x;
-    heading = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    heading |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->heading = (int16_t)heading;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-    dst_p->waypoint = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-
-    return (0);
-}
-
 int wire_telemetry_y_pack(
     uint8_t *dst_p,
     const struct wire_telemetry_y_t *src_p,
@@ -1142,32 +640,6 @@ int wire_telemetry_y_pack(
     dst_p[7] |= pack_left_shift_u8(src_p->overshoots, 0u, 0xffu);
 
     return (8);
-}
-
-int wire_telemetry_y_unpack(
-    struct wire_telemetry_y_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t speed;
-    uint32_t y;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    y = unpack_right_shift_u32(src_p[0], 0u, 0xffu);
-    y |= unpack_left_shift_u32(src_p[1], 8u, 0xffu);
-    y |= unpack_left_shift_u32(src_p[2], 16u, 0xffu);
-    y |= unpack_left_shift_u32(src_p[3], 24u, 0xffu);
-    dst_p->y = (int32_t)y;
-    speed = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    speed |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->speed = (int16_t)speed;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-    dst_p->overshoots = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-
-    return (0);
 }
 
 int wire_telemetry_track_pack(
@@ -1201,37 +673,6 @@ int wire_telemetry_track_pack(
     dst_p[7] |= pack_left_shift_u8(src_p->valid, 6u, 0x40u);
 
     return (8);
-}
-
-int wire_telemetry_track_unpack(
-    struct wire_telemetry_track_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t cross_track;
-    uint16_t heading_error;
-    uint16_t yaw_rate;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    yaw_rate = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    yaw_rate |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->yaw_rate = (int16_t)yaw_rate;
-    cross_track = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    cross_track |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->cross_track = (int16_t)cross_track;
-    heading_error = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    heading_error |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->heading_error = (int16_t)heading_error;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-    dst_p->mode = unpack_right_shift_u8(src_p[7], 0u, 0x03u);
-    dst_p->phase = unpack_right_shift_u8(src_p[7], 2u, 0x1cu);
-    dst_p->at_rest = unpack_right_shift_u8(src_p[7], 5u, 0x20u);
-    dst_p->valid = unpack_right_shift_u8(src_p[7], 6u, 0x40u);
-
-    return (0);
 }
 
 int wire_telemetry_demand_pack(
@@ -1268,48 +709,6 @@ int wire_telemetry_demand_pack(
     return (8);
 }
 
-int wire_telemetry_demand_unpack(
-    struct wire_telemetry_demand_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t heading;
-    uint16_t speed;
-    uint8_t surge_saturated;
-    uint8_t yaw_saturated;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    speed = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    speed |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->speed = (int16_t)speed;
-    heading = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    heading |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->heading = (int16_t)heading;
-    dst_p->battery = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    dst_p->battery |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-    dst_p->fault = unpack_right_shift_u8(src_p[7], 0u, 0x0fu);
-    surge_saturated = unpack_right_shift_u8(src_p[7], 4u, 0x30u);
-
-    if ((surge_saturated & (1u << 1)) != 0u) {
-        surge_saturated |= 0xfcu;
-    }
-
-    dst_p->surge_saturated = (int8_t)surge_saturated;
-    yaw_saturated = unpack_right_shift_u8(src_p[7], 6u, 0xc0u);
-
-    if ((yaw_saturated & (1u << 1)) != 0u) {
-        yaw_saturated |= 0xfcu;
-    }
-
-    dst_p->yaw_saturated = (int8_t)yaw_saturated;
-
-    return (0);
-}
-
 int wire_telemetry_speed_pack(
     uint8_t *dst_p,
     const struct wire_telemetry_speed_t *src_p,
@@ -1337,33 +736,6 @@ int wire_telemetry_speed_pack(
     dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
 
     return (8);
-}
-
-int wire_telemetry_speed_unpack(
-    struct wire_telemetry_speed_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t derivative;
-    uint16_t integral;
-    uint16_t proportional;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    proportional = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    proportional |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->proportional = (int16_t)proportional;
-    integral = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    integral |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->integral = (int16_t)integral;
-    derivative = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    derivative |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->derivative = (int16_t)derivative;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-
-    return (0);
 }
 
 int wire_telemetry_heading_pack(
@@ -1395,33 +767,6 @@ int wire_telemetry_heading_pack(
     return (8);
 }
 
-int wire_telemetry_heading_unpack(
-    struct wire_telemetry_heading_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t derivative;
-    uint16_t integral;
-    uint16_t proportional;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    proportional = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    proportional |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->proportional = (int16_t)proportional;
-    integral = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    integral |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->integral = (int16_t)integral;
-    derivative = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
-    derivative |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
-    dst_p->derivative = (int16_t)derivative;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-
-    return (0);
-}
-
 int wire_telemetry_effort_pack(
     uint8_t *dst_p,
     const struct wire_telemetry_effort_t *src_p,
@@ -1445,27 +790,4 @@ int wire_telemetry_effort_pack(
     dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
 
     return (8);
-}
-
-int wire_telemetry_effort_unpack(
-    struct wire_telemetry_effort_t *dst_p,
-    const uint8_t *src_p,
-    size_t size)
-{
-    uint16_t surge;
-    uint16_t yaw;
-
-    if (size < 8u) {
-        return (-EINVAL);
-    }
-
-    surge = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
-    surge |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
-    dst_p->surge = (int16_t)surge;
-    yaw = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
-    yaw |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
-    dst_p->yaw = (int16_t)yaw;
-    dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
-
-    return (0);
 }

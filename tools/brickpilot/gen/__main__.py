@@ -17,10 +17,11 @@ def generate(root: Path) -> dict[Path, str]:
     vehicle = tomllib.loads((root / VEHICLE).read_text(encoding="utf-8"))
     nominal = {name: float(entry["value"]) for name, entry in vehicle["parameters"].items()}
     step = float(vehicle["rates"]["body_step"]["value"])
-    codecs_header, codecs_source = codecs.render(root / MESSAGES)
+    codecs_header, of_brick, of_host = codecs.render(root / MESSAGES)
     return {
         root / "hal/wire/codecs_gen.h": codecs_header,
-        root / "hal/wire/codecs_gen.c": codecs_source,
+        root / "hal/wire/codecs_gen.c": of_brick,
+        root / "tests/unit/link/host_codecs_gen.c": of_host,
         root / "sim_host/models/rcx_gen.h": plant_presets.render(root / VEHICLE),
         root / "firmware/app/params_gen.h": params_header.render(vehicle),
         root / "tests/numeric/controllers_gen.h": controllers_header.render(vehicle),

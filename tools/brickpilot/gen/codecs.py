@@ -1,4 +1,7 @@
-"""hal/wire/codecs_gen.[ch]: the DBC's messages to and from 8 bytes, in C, by cantools."""
+"""hal/wire/codecs_gen.[ch]: the DBC's messages to and from 8 bytes, in C, by cantools.
+
+A brick packs what it sends and unpacks what the host sends, and has no room for more; the other half is for the tests.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ _FUNCTION_AWAY = re.compile(r"^(?:int|bool) \w+_(?:init|is_in_range)\([^)]*\)\n\
 _DECLARATION_AWAY = re.compile(
     r"/\*\*(?:(?!\*/).)*?\*/\n(?:int|bool) \w+_(?:init|is_in_range)\([^)]*\);\n\n?", re.DOTALL
 )
+_FUNCTION = re.compile(r"^int (\w+_(?:un)?pack)\([^)]*\)\n\{.*?^\}\n\n?", re.MULTILINE | re.DOTALL)
 _NAMES_AWAY = re.compile(r"^#define \w+_NAME \"\w+\"\n", re.MULTILINE)
 
 _CLEAR = """static inline void clear(uint8_t *bytes, uint8_t size)
@@ -26,8 +30,8 @@ _CLEAR = """static inline void clear(uint8_t *bytes, uint8_t size)
 }"""
 
 
-def render(dbc: Path) -> tuple[str, str]:
-    """Text of the header and of the source.
+def render(dbc: Path) -> tuple[str, str, str]:
+    """Text of the header, of the brick's half of the source, and of the host's.
 
     The firmware calls no library, so that the generator's memset becomes a loop, and what nobody needs goes: range
     checks, initialisers, names as text. The date goes too.
@@ -55,4 +59,10 @@ def render(dbc: Path) -> tuple[str, str]:
     source = _FUNCTION_AWAY.sub("", source).replace("#include <string.h>\n\n", "")
     source = source.replace('#include "wire/codecs_gen.h"\n', f'#include "wire/codecs_gen.h"\n\n{_CLEAR}\n', 1)
     source = re.sub(r"memset\(&dst_p\[0\], 0, (\d+)\);", r"clear(dst_p, \1u);", source)
-    return header.rstrip("\n") + "\n", source.rstrip("\n") + "\n"
+    of_brick = {
+        f"{PREFIX}_{message.name.lower()}_{'pack' if message.senders == ['BRICK'] else 'unpack'}"
+        for message in database.messages
+    }
+    brick = _FUNCTION.sub(lambda found: found[0] if found[1] in of_brick else "", source)
+    host = _FUNCTION.sub(lambda found: "" if found[1] in of_brick else found[0], source)
+    return tuple(text.rstrip("\n") + "\n" for text in (header, brick, host))  # type: ignore[return-value]
