@@ -221,6 +221,27 @@ def test_settings_are_written_read_back_and_range_checked(session: Session) -> N
         session.write(name, session.read(name))
 
 
+def test_settings_are_listed_and_written_by_the_command(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\nkind = "mission"\nduration_s = 0.6\nwaypoints_m = [[0.5, 0.0]]\n', encoding="utf-8"
+    )
+    listed = brickpilot("hil", "--link", "tcp", "--settings", "--json", cwd=tmp_path)
+    assert json.loads(listed.stdout)["speed_kp"] == 1280
+    fast, slow = (
+        brickpilot("hil", "s.toml", "--link", "tcp", "--json", "--out", "out", *options, cwd=tmp_path)
+        for options in ((), ("--set", "speed_kp=100", "--set", "cruise=800"))
+    )
+    assert slow.returncode == 0, slow.stderr
+    logs = [json.loads(done.stdout)["motor_stream_sha256"] for done in (fast, slow)]
+    assert logs[0] != logs[1]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "--set speed_kp=100 --set cruise=800" in page
+    for pair, says in (("speed_kp=x", "whole number"), ("sped=1", "is no setting"), ("speed_kp=-1", "out of range")):
+        done = brickpilot("hil", "s.toml", "--link", "tcp", "--set", pair, cwd=tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert says in done.stderr
+
+
 def test_a_route_is_written_read_back_and_refused_as_a_whole(session: Session) -> None:
     route = [(1000, -2000), (-30000, 30000), (0, 0)]
     session.upload(route)

@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from brickpilot.errors import SimulationError
+from brickpilot.errors import InputError, SimulationError
 
 
 @click.command()
@@ -48,6 +48,14 @@ from brickpilot.errors import SimulationError
     help="The brick reports every N steps; default 1 in lockstep, 10 in real time.",
 )
 @click.option(
+    "--set",
+    "written",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Write this setting before the flight, raw; repeatable.",
+)
+@click.option("--settings", "list_settings", is_flag=True, help="Fly nothing: list the brick's settings, raw.")
+@click.option(
     "--record", "record_file", metavar="FILE", help="Write the link's traffic: .asc, .blf or .log (candump's)."
 )
 @click.option("--replay", "replay_file", metavar="FILE", help="Send a recorded flight to the brick again, and compare.")
@@ -64,6 +72,8 @@ def hil(
     compensation_file: str | None,
     seed: int | None,
     telemetry_every: int | None,
+    written: tuple[str, ...],
+    list_settings: bool,
     record_file: str | None,
     replay_file: str | None,
     out: str | None,
@@ -75,7 +85,6 @@ def hil(
     `brickpilot run`, bit for bit. The run folder holds log.csv, summary.json and report.html.
     """
     from brickpilot import compensation, flight, model, run_folder, run_report, scenario
-    from brickpilot.errors import InputError
     from brickpilot.hil import ends
     from brickpilot.hil import fly as hil_fly
     from brickpilot.hil.record import RecordingLink
@@ -84,6 +93,10 @@ def hil(
     if replay_file is not None:
         _replay(spec, Path(replay_file), as_json)
         return
+    if list_settings:
+        _list_settings(spec, profile or "coupled", as_json)
+        return
+    settings = _parse_settings(written)
     if scenario_name is not None and scenario_file is not None:
         raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
     asked = scenario_name or scenario_file or "mission"
@@ -96,6 +109,7 @@ def hil(
     every = telemetry_every or (1 if lockstep else 10)
     command = ["brickpilot", "hil", asked, "--link", spec, f"--{pace}", "--profile", plan.controller]
     command += ["--sensors", plan.sensors, "--seed", str(plan.seed)]
+    command += [word for pair in written for word in ("--set", pair)]
     command += ["--model", model_file] if model_file else []
     command += ["--compensation", compensation_file] if compensation_file else []
     quiet = as_json or not sys.stderr.isatty()
@@ -112,7 +126,7 @@ def hil(
         if record_file:
             both = dataclasses.replace(both, link=RecordingLink(both.link, Path(record_file)))
             closing.callback(both.link.close)
-        flown = hil_fly.fly(both, spec, plan, pace=pace, telemetry_every=every, progress=show)
+        flown = hil_fly.fly(both, spec, plan, pace=pace, telemetry_every=every, progress=show, settings=settings)
     figures = flight.summary(flown.flight) | {
         "link": spec,
         "pace": pace,
@@ -135,6 +149,31 @@ def hil(
         )
     if flown.broke_off:
         raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+def _parse_settings(written: tuple[str, ...]) -> dict[str, int]:
+    found = {}
+    for pair in written:
+        name, _, value = pair.partition("=")
+        try:
+            found[name] = int(value)
+        except ValueError:
+            raise InputError("needs NAME=VALUE, a whole number", field=f"--set {pair}") from None
+    return found
+
+
+def _list_settings(spec: str, profile: str, as_json: bool) -> None:
+    from brickpilot.hil import ends
+    from brickpilot.hil.session import LOCKSTEP, Session
+
+    with ends.both_ends(spec) as both:
+        session = Session(both.link, spec)
+        session.open(profile, LOCKSTEP)
+        found = {name: session.read(name) for name in session.parameters()}
+    if as_json:
+        click.echo(json.dumps(found))
+    else:
+        click.echo("\n".join(f"{name:20}{value:12}" for name, value in found.items()))
 
 
 def _replay(spec: str, file: Path, as_json: bool) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +127,7 @@ class _Run:
         return self.unanswered + self.link.damaged + seen
 
 
-def prepare(session: Session, plan: flight.Plan, pace: str, telemetry_every: int) -> None:
+def prepare(session: Session, plan: flight.Plan, pace: str, telemetry_every: int, settings: Mapping[str, int]) -> None:
     """Opens a session and tells the brick all that the flight needs: settings, what is known of the robot, the route.
 
     Raises:
@@ -139,6 +140,8 @@ def prepare(session: Session, plan: flight.Plan, pace: str, telemetry_every: int
     if plan.compensation is not None:
         for name, raw in plan.compensation.raw.items():
             session.write(parameter_of(name), raw)
+    for name, raw in settings.items():
+        session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
 
 
@@ -233,6 +236,7 @@ def fly(
     telemetry_every: int,
     progress: Progress,
     answer_s: float = ANSWER_S,
+    settings: Mapping[str, int] = MappingProxyType({}),
 ) -> HilFlight:
     """Flies the plan with the brick at the other end of the link.
 
@@ -243,6 +247,7 @@ def fly(
         pace: LOCKSTEP or REALTIME.
         telemetry_every: the brick reports every so many steps, 1..255; the log holds its last report in between.
         progress: called as (steps done, steps in all, text).
+        settings: written before the flight, raw; they win over the plan's.
         answer_s: how long an answer may take, s of the clock, before the question is repeated.
 
     Raises:
@@ -258,7 +263,7 @@ def fly(
     ):
         raise InputError("a brick that is not started here cannot be switched off and on", field=f"--link {spec}")
     run = _Run(ends, spec, plan, pace, answer_s, progress)
-    prepare(run.session, plan, pace, telemetry_every)
+    prepare(run.session, plan, pace, telemetry_every, settings)
     names = flight.log_names()
     log = np.zeros((plan.steps, len(names)))
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)

@@ -116,21 +116,28 @@ class Session:
         return tuple(self._book.choices("PARAMETER_REQUEST", "parameter"))
 
     def read(self, name: str) -> int:
-        """A setting, raw. Raises KeyError where there is none of that name."""
+        """A setting, raw.
+
+        Raises:
+            InputError: there is none of that name.
+        """
         return self._parameter(name, 0, 0)
 
     def write(self, name: str, value: int) -> None:
         """Writes a setting, raw.
 
         Raises:
-            InputError: out of its range, or not to be written while the robot drives.
+            InputError: there is none of that name, or the value is out of its range, or not while the robot drives.
         """
         if not -(2**31) < value < 2**31:
             raise InputError(f"{value} is out of range", field=name)
         self._parameter(name, 1, value)
 
     def _parameter(self, name: str, write: int, value: int) -> int:
-        number = self._book.choices("PARAMETER_REQUEST", "parameter")[name]
+        numbers = self._book.choices("PARAMETER_REQUEST", "parameter")
+        if name not in numbers:
+            raise InputError(f"is no setting; known: {', '.join(numbers)}", field=name)
+        number = numbers[name]
         answer = self._ask("PARAMETER_REQUEST", "PARAMETER", (number, write, value))
         self._check(answer["status"], name, value)
         return answer["value"]
