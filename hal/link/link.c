@@ -144,9 +144,11 @@ void hal_motors_write(int16_t left_q15, int16_t right_q15)
 
 bool hal_link_write(const message_t *message)
 {
-    if (bound->out_size == LINK_OUT)
-        return false;
+    const bool room = bound->out_size < LINK_OUT;
+
     send(bound, message);
+    if (!room)
+        return false;
     if (message->id == WIRE_HEARTBEAT_FRAME_ID)
         send_faults(bound);
     return true;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
@@ -193,9 +194,10 @@ def _drain(run: _Run) -> None:
     """Takes what the brick still has to say of the last step."""
     last = run.step = run.step - 1
     until = time.monotonic() + 0.1
-    while run.telemetry.newest_step < last and (left := until - time.monotonic()) > 0:
-        for frame in run.link.receive(left):
-            run.take(*frame)
+    with contextlib.suppress(LinkGoneError):  # the flight is over; what is missing of the log is held
+        while run.telemetry.newest_step < last and (left := until - time.monotonic()) > 0:
+            for frame in run.link.receive(left):
+                run.take(*frame)
     run.step = last + 1
 
 
