@@ -186,6 +186,21 @@ def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_p
     assert abs(flown.flight.log["true_speed_m_s"][-1]) < 0.01
 
 
+def test_a_lost_link_is_told_with_status_1_and_what_was_flown_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[0.3, 0.1]]\n'
+        '[[faults]]\nkind = "plant_restart"\nfrom_s = 0.3\n',
+        encoding="utf-8",
+    )
+    done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "no answer, 0.300 s into the flight; the motors were stopped" in done.stderr
+    figures = json.loads(done.stdout)
+    assert figures["steps"] == 100 + fly.GIVE_UP_STEPS
+    assert figures["safe_stops"] >= 1
+    assert "The link was lost" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("pace", [LOCKSTEP, REALTIME])
 def test_a_brick_that_hears_nothing_stops_and_wants_a_reset(pace: str) -> None:
     """Its plant falls silent for longer than it bears; then only reset and start drive again."""
@@ -236,6 +251,7 @@ def test_settings_are_listed_and_written_by_the_command(tmp_path: Path) -> None:
     assert logs[0] != logs[1]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "--set speed_kp=100 --set cruise=800" in page
+    assert "Flown over tcp in lockstep: 0 late ticks, 0 lost frames, 0 safe stops" in page
     for pair, says in (("speed_kp=x", "whole number"), ("sped=1", "is no setting"), ("speed_kp=-1", "out of range")):
         done = brickpilot("hil", "s.toml", "--link", "tcp", "--set", pair, cwd=tmp_path)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
