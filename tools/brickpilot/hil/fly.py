@@ -32,7 +32,7 @@ LOST_STEPS = 33
 GIVE_UP_STEPS = 667
 """A flight whose link stays lost ends after so many steps, 2 s, with the motors off."""
 
-SEQUENCE_AT = 4  # in MOTORS
+SEQUENCE_AT = 4  # in MOTORS; the tick follows
 
 Progress = Callable[[int, int, str], None]
 
@@ -73,6 +73,7 @@ class _Run:
         self.motors = (0, 0)
         self.heard_at = 0  # the step in which the motors were commanded last
         self.sent_sequence = 0
+        self.awaited = b""  # sequence and tick of the answer
         self.started = False
         self.broke_off: str | None = None
         by = book().by_name
@@ -105,6 +106,7 @@ class _Run:
         """Sends the step's set until it is answered, and takes the answer; false: it was not."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
+            self.awaited = bytes((self.sent_sequence, end.tick_ms))
             self.link.send(end.messages(self.sent_sequence))
             data = self.session.wait(self._motors.id, self._is_answer, timeout)
             if data is not None:
@@ -115,7 +117,7 @@ class _Run:
         return False
 
     def _is_answer(self, data: bytes) -> bool:
-        return self._motors.sealed(data) and data[SEQUENCE_AT] == self.sent_sequence
+        return self._motors.sealed(data) and data[SEQUENCE_AT : SEQUENCE_AT + 2] == self.awaited
 
     def show(self) -> None:
         if self.step % 100 == 0:

@@ -35,6 +35,11 @@ class PlantEnd:
         self._faults.act(self._sensed, self._step)
         self._step += 1
 
+    @property
+    def tick_ms(self) -> int:
+        """Low byte of the readings' time: an answer carries it."""
+        return int(self._sensed.time_ms) & 255
+
     def messages(self, sequence: int) -> list[Frame]:
         """The readings as a set, under this sequence number."""
         now, by = self._sensed, self._layouts
