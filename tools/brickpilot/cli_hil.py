@@ -14,6 +14,7 @@ import click
 from tqdm import tqdm
 
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.terminal import as_json
 
 
 @click.command()
@@ -60,7 +61,7 @@ from brickpilot.errors import InputError, SimulationError
 )
 @click.option("--replay", "replay_file", metavar="FILE", help="Send a recorded flight to the brick again, and compare.")
 @click.option("--out", metavar="DIR", help="The run folder; default runs/hil-SCENARIO-PROFILE-SENSORS.")
-@click.option("--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else.")
+@as_json
 def hil(
     scenario_name: str | None,
     spec: str,
