@@ -1,4 +1,7 @@
-"""Writes corpus/: where the fuzzers begin. The messages are those of a short flight, as the host sends them."""
+"""Writes those files of corpus/ that are named after flights: the messages of a short one, as the host sends them.
+
+Those named by a hash were found by fuzzing: the fewest that reach as much (-set_cover_merge=1 -use_counters=0).
+"""
 
 from __future__ import annotations
 

@@ -7,6 +7,8 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -360,3 +362,19 @@ def test_a_recording_in_real_time_is_not_replayed(tmp_path: Path) -> None:
     done = brickpilot("hil", "--link", "serial:pty", "--replay", "r.log", cwd=tmp_path)
     assert done.returncode == 2
     assert "real time" in done.stderr
+
+
+def test_priority_is_what_the_system_grants() -> None:
+    """In a process of its own: this one keeps what it has."""
+    code = (
+        "import os; from brickpilot.hil.ends import claim_priority as c; print(c() is (os.sched_getscheduler(0) == 1))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "True\n"
+
+
+def test_without_real_time_priority_the_flight_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert not ends.claim_priority()

@@ -114,6 +114,7 @@ def hil(
     command += ["--model", model_file] if model_file else []
     command += ["--compensation", compensation_file] if compensation_file else []
     quiet = as_json or not sys.stderr.isatty()
+    hurried = not lockstep and ends.claim_priority()
     with (
         tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
         ends.both_ends(spec) as both,
@@ -131,6 +132,7 @@ def hil(
     figures = flight.summary(flown.flight) | {
         "link": spec,
         "pace": pace,
+        "realtime_priority": hurried,
         "late_ticks": flown.late_ticks,
         "lost_frames": flown.lost_frames,
         "safe_stops": flown.safe_stops,
@@ -148,6 +150,8 @@ def hil(
             f"safe stops: {flown.safe_stops}\n"
             f"motor stream: {figures['motor_stream_sha256']}\nreport: {folder / 'report.html'}"
         )
+        if not lockstep and not hurried:
+            click.echo("note: the system grants no real-time priority (ulimit -r); other work makes ticks late")
     if flown.broke_off:
         raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
 
