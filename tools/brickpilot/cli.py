@@ -18,7 +18,7 @@ from click.exceptions import NoArgsIsHelpError
 from brickpilot import __version__, cli_benchmark, cli_hil
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
-from brickpilot.terminal import as_json, progress_shown
+from brickpilot.terminal import as_json, flight_options, progress_shown
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -32,19 +32,7 @@ def _metres(value: float | None) -> str:
 
 
 @cli.command()
-@click.argument("scenario_name", metavar="[SCENARIO]", required=False)
-@click.option("--scenario", "scenario_file", metavar="FILE", help="A scenario file; the same as the argument.")
-@click.option(
-    "--profile", type=click.Choice(["coupled", "paper"]), help="Plant and controller constants; default coupled."
-)
-@click.option(
-    "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="What the robot feels; default ideal."
-)
-@click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot.")
-@click.option(
-    "--compensation", "compensation_file", metavar="FILE", help="Tell the firmware this compensation.toml of the robot."
-)
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Of the sensors' noise; default 0.")
+@flight_options
 @click.option("--out", metavar="DIR", help="The run folder; default runs/SCENARIO-PROFILE-SENSORS.")
 @as_json
 def run(

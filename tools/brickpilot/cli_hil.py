@@ -14,11 +14,11 @@ import click
 from tqdm import tqdm
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.terminal import as_json
+from brickpilot.terminal import as_json, flight_options
 
 
 @click.command()
-@click.argument("scenario_name", metavar="[SCENARIO]", required=False)
+@flight_options
 @click.option(
     "--link",
     "spec",
@@ -30,18 +30,6 @@ from brickpilot.terminal import as_json
 @click.option(
     "--lockstep/--realtime", default=True, help="Simulated time, a step per answer (default); or the clock's."
 )
-@click.option("--scenario", "scenario_file", metavar="FILE", help="A scenario file; the same as the argument.")
-@click.option(
-    "--profile", type=click.Choice(["coupled", "paper"]), help="Plant and controller constants; default coupled."
-)
-@click.option(
-    "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="What the robot feels; default ideal."
-)
-@click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot.")
-@click.option(
-    "--compensation", "compensation_file", metavar="FILE", help="Tell the firmware this compensation.toml of the robot."
-)
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Of the sensors' noise; default 0.")
 @click.option(
     "--telemetry-every",
     type=click.IntRange(1, 255),

@@ -1,4 +1,4 @@
-"""What commands share on a terminal: the option for one machine-readable object, and the progress bar."""
+"""What commands share on a terminal: options, and the progress bar."""
 
 from __future__ import annotations
 
@@ -12,6 +12,33 @@ from tqdm import tqdm
 as_json = click.option(
     "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else."
 )
+
+
+_FLIGHT = (
+    click.argument("scenario_name", metavar="[SCENARIO]", required=False),
+    click.option("--scenario", "scenario_file", metavar="FILE", help="A scenario file; the same as the argument."),
+    click.option(
+        "--profile", type=click.Choice(["coupled", "paper"]), help="Plant and controller constants; default coupled."
+    ),
+    click.option(
+        "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="What the robot feels; default ideal."
+    ),
+    click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot."),
+    click.option(
+        "--compensation",
+        "compensation_file",
+        metavar="FILE",
+        help="Tell the firmware this compensation.toml of the robot.",
+    ),
+    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Of the sensors' noise; default 0."),
+)
+
+
+def flight_options(command: Callable[..., None]) -> Callable[..., None]:
+    """What to fly and in which robot, as `run` and `hil` share it."""
+    for option in reversed(_FLIGHT):
+        command = option(command)
+    return command
 
 
 @contextmanager
