@@ -1,5 +1,7 @@
 #include "app/commands.h"
 
+#include <stddef.h>
+
 #include "app/params_gen.h"
 #include "core/bytes.h"
 #include "core/fix.h"
@@ -13,10 +15,30 @@ enum {
     ROUTE_DIFFERS = WIRE_ROUTE_STATUS_DIFFERS_CHOICE
 };
 
+#ifdef BODY_ONLY
+enum { FIRST_PROFILE = BODY_ONLY };
+#else
+enum { FIRST_PROFILE = BODY_COUPLED };
+#endif
+
+/* NULL for a profile that is not in this image. */
+static const loop_config_t *constants(uint8_t profile)
+{
+#ifndef BODY_WITHOUT_COUPLED
+    if (profile == BODY_COUPLED)
+        return &PARAMS_COUPLED;
+#endif
+#ifndef BODY_WITHOUT_PAPER
+    if (profile == BODY_PAPER)
+        return &PARAMS_PAPER;
+#endif
+    return NULL;
+}
+
 void commands_start(commands_t *commands)
 {
     bytes_clear(commands, sizeof *commands);
-    parameters_start(&commands->parameters, &PARAMS_COUPLED);
+    parameters_start(&commands->parameters, constants(FIRST_PROFILE));
 }
 
 mode_command_t commands_next(commands_t *commands)
@@ -47,7 +69,7 @@ static commands_result_t open_session(commands_t *commands, const message_t *mes
         hello.status = WIRE_HELLO_STATUS_PROTOCOL_DIFFERS_CHOICE;
     else if (asked.dbc != WIRE_DBC)
         hello.status = WIRE_HELLO_STATUS_DBC_DIFFERS_CHOICE;
-    else if (asked.profile > WIRE_OPEN_PROFILE_PAPER_CHOICE)
+    else if (constants(asked.profile) == NULL)
         hello.status = WIRE_HELLO_STATUS_NO_SUCH_PROFILE_CHOICE;
     else if (asked.pace > WIRE_OPEN_PACE_REALTIME_CHOICE)
         hello.status = WIRE_HELLO_STATUS_NO_SUCH_PACE_CHOICE;
@@ -58,8 +80,7 @@ static commands_result_t open_session(commands_t *commands, const message_t *mes
     if (hello.status != WIRE_HELLO_STATUS_OK_CHOICE)
         return COMMANDS_ANSWERED;
     commands_start(commands);
-    if (asked.profile == WIRE_OPEN_PROFILE_PAPER_CHOICE)
-        parameters_start(&commands->parameters, &PARAMS_PAPER);
+    parameters_start(&commands->parameters, constants(asked.profile));
     commands->open = true;
     commands->realtime = asked.pace == WIRE_OPEN_PACE_REALTIME_CHOICE;
     return COMMANDS_OPENED;

@@ -22,7 +22,7 @@ typedef struct {
     uint16_t refused;                           /* messages whose check failed; stays at 65535 */
 } commands_t;
 
-/* As before any session: the constants of `coupled`, no route. */
+/* As before any session: no route, the constants of `coupled`, or of the profile that the image holds (model/body.h). */
 void commands_start(commands_t *commands);
 
 typedef enum {

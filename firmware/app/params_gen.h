@@ -5,6 +5,7 @@
 
 #include "app/loop.h"
 
+#ifndef BODY_WITHOUT_COUPLED
 static const loop_config_t PARAMS_COUPLED = {
     .step = {
         .model = {
@@ -91,7 +92,9 @@ static const loop_config_t PARAMS_COUPLED = {
     .silent_ms = 100,
     .telemetry_every = 10,
 };
+#endif
 
+#ifndef BODY_WITHOUT_PAPER
 static const loop_config_t PARAMS_PAPER = {
     .step = {
         .model = {
@@ -178,5 +181,6 @@ static const loop_config_t PARAMS_PAPER = {
     .silent_ms = 100,
     .telemetry_every = 10,
 };
+#endif
 
 #endif

@@ -1,5 +1,9 @@
 #include "core/fix.h"
 
+#ifdef FIX_OUT_OF_LINE
+#include "core/fix_small.h"
+#endif
+
 #define BIT31 0x80000000UL
 
 int32_t fix_add32(int32_t a, int32_t b)

@@ -11,94 +11,48 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The forms without library calls; a test defines it to run them on the host. */
+/* FIX_WITHOUT_LIBRARY: the forms without library calls; a test defines it to run them on the host. FIX_INLINE: what stands
+ * before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
 #define FIX_WITHOUT_LIBRARY
+#define FIX_OUT_OF_LINE
+#define FIX_INLINE
+#else
+#define FIX_INLINE static inline
 #endif
 
 #define FIX_INT16_MAX 32767
 #define FIX_INT32_MAX 2147483647L
 
 /* Exact 16 x 16 -> 32 bit product of magnitudes; any operands. */
-static inline uint32_t fix_mul_u16(uint16_t a, uint16_t b)
-{
-#ifdef FIX_WITHOUT_LIBRARY
-    /* Four 8 x 8 -> 16 bit products, each one MULXU.B. */
-    const uint8_t ah = (uint8_t)(a >> 8), al = (uint8_t)a, bh = (uint8_t)(b >> 8), bl = (uint8_t)b;
-    const uint16_t low = (uint16_t)((uint16_t)al * bl), high = (uint16_t)((uint16_t)ah * bh);
-    const uint32_t middle = (uint32_t)(uint16_t)((uint16_t)ah * bl) + (uint16_t)((uint16_t)al * bh);
-    return (((uint32_t)high << 16) | low) + (middle << 8);
-#else
-    return (uint32_t)a * b;
-#endif
-}
+FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
 
-static inline uint16_t fix_abs_u16(int16_t value)
-{
-    return value < 0 ? (uint16_t)(0U - (uint16_t)value) : (uint16_t)value;
-}
-static inline uint32_t fix_abs_u32(int32_t value)
-{
-    return value < 0 ? 0UL - (uint32_t)value : (uint32_t)value;
-}
+FIX_INLINE uint16_t fix_abs_u16(int16_t value);
+FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 
 /* Exact signed product. Any operands: at most 2^30 in magnitude. */
-static inline int32_t fix_mul(int16_t a, int16_t b)
-{
-#ifdef FIX_WITHOUT_LIBRARY
-    const uint32_t magnitude = fix_mul_u16(fix_abs_u16(a), fix_abs_u16(b));
-    return (a < 0) != (b < 0) ? -(int32_t)magnitude : (int32_t)magnitude;
-#else
-    return (int32_t)a * b;
-#endif
-}
+FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
 
 /* Saturating conversions and sums; any operands. */
-static inline int16_t fix_sat16(int32_t value)
-{
-    return value > 32767L ? (int16_t)32767 : value < -32767L ? (int16_t)-32767 : (int16_t)value;
-}
+FIX_INLINE int16_t fix_sat16(int32_t value);
 int32_t fix_add32(int32_t a, int32_t b); /* saturates at +-(2^31 - 1) */
 int32_t fix_sub32(int32_t a, int32_t b);
-static inline int16_t fix_add16(int16_t a, int16_t b)
-{
-    return fix_sat16((int32_t)a + b);
-}
-static inline int16_t fix_sub16(int16_t a, int16_t b)
-{
-    return fix_sat16((int32_t)a - b);
-}
+FIX_INLINE int16_t fix_add16(int16_t a, int16_t b);
+FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b);
 
 /* `value` limited to -limit..limit; limit 0..2^31-1. */
-static inline int32_t fix_clamp32(int32_t value, int32_t limit)
-{
-    return value > limit ? limit : value < -limit ? -limit : value;
-}
-static inline int16_t fix_clamp16(int16_t value, int16_t limit)
-{
-    return value > limit ? limit : value < -limit ? (int16_t)-limit : value;
-}
+FIX_INLINE int32_t fix_clamp32(int32_t value, int32_t limit);
+FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit);
 
 /* value / 2^bits, rounded to the nearest, halves away from zero: fix_round_shift(-v, n) = -fix_round_shift(v, n).
  * Any value; bits 1..30, a constant. */
-static inline int32_t fix_round_shift(int32_t value, uint8_t bits)
-{
-    const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
-    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
-}
+FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
 /* The next count: one more, but 65535 stays. */
-static inline uint16_t fix_count_u16(uint16_t count)
-{
-    return count < 65535U ? (uint16_t)(count + 1U) : count;
-}
+FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 
 /* Sum that stays at 65535. */
-static inline uint16_t fix_add_u16(uint16_t a, uint16_t b)
-{
-    const uint16_t sum = (uint16_t)(a + b);
-    return sum < a ? (uint16_t)65535U : sum;
-}
+FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 
 /* (a * b) >> 16 with the full 48-bit product, rounded towards minus infinity. Any operands: the result always fits. */
 int32_t fix_mul_q16(int32_t a, int16_t b);
@@ -125,9 +79,10 @@ int32_t fix_div(int32_t dividend, uint16_t divisor);
 uint16_t fix_sqrt_u32(uint32_t value);
 
 /* Difference of two binary angles, wrapped: -32768..32767 for a - b. */
-static inline int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b)
-{
-    return (int16_t)(uint16_t)(a - b);
-}
+FIX_INLINE int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b);
+
+#ifndef FIX_OUT_OF_LINE
+#include "core/fix_small.h"
+#endif
 
 #endif

@@ -160,7 +160,7 @@ void body_step(const body_coefficients_t *coefficients, body_state_t *state, int
 {
     left_mv = fix_clamp16(left_mv, MOTOR_VOLTAGE_LIMIT_MV);
     right_mv = fix_clamp16(right_mv, MOTOR_VOLTAGE_LIMIT_MV);
-    if (coefficients->profile == BODY_PAPER)
+    if (BODY_IS_PAPER(coefficients))
         step_paper(coefficients, state, left_mv, right_mv);
     else
         step_coupled(coefficients, state, left_mv, right_mv);
@@ -168,7 +168,7 @@ void body_step(const body_coefficients_t *coefficients, body_state_t *state, int
 
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
 {
-    if (coefficients->profile == BODY_PAPER) {
+    if (BODY_IS_PAPER(coefficients)) {
         const direction_t ahead = direction_of(body_heading_bam16(state));
         state->velocity_x_mm_s_q17 = clamp_speed(state->velocity_x_mm_s_q17 + part(change_mm_s_q17, ahead.cos_q15, 0));
         state->velocity_y_mm_s_q17 = clamp_speed(state->velocity_y_mm_s_q17 + part(change_mm_s_q17, ahead.sin_q15, 0));
@@ -186,7 +186,8 @@ void body_wheels(const body_coefficients_t *coefficients, const body_state_t *st
 {
     const motor_state_t *const first = &state->motor[0];
     const motor_state_t *const second = &state->motor[1];
-    const bool paper = coefficients->profile == BODY_PAPER;
+    const bool paper = BODY_IS_PAPER(coefficients);
+    (void)coefficients;
     wheels->left_current_ua_q7 = paper ? first->current_ua_q7 : first->current_ua_q7 + second->current_ua_q7;
     wheels->right_current_ua_q7 = paper ? second->current_ua_q7 : first->current_ua_q7 - second->current_ua_q7;
     wheels->left_mrad_s_q13 = paper ? first->speed_mrad_s_q13 : first->speed_mrad_s_q13 + second->speed_mrad_s_q13;

@@ -24,6 +24,18 @@
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 
+/* An image for a brick with little room holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Coefficients of the
+ * other must not come to it. */
+#if defined(BODY_WITHOUT_PAPER)
+#define BODY_ONLY BODY_COUPLED
+#define BODY_IS_PAPER(coefficients) false
+#elif defined(BODY_WITHOUT_COUPLED)
+#define BODY_ONLY BODY_PAPER
+#define BODY_IS_PAPER(coefficients) true
+#else
+#define BODY_IS_PAPER(coefficients) ((coefficients)->profile == BODY_PAPER)
+#endif
+
 /* Made by the generator from SI values, which also proves that nothing overflows. Units of value and result in
  * brackets. */
 typedef struct {

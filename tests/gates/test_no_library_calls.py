@@ -15,12 +15,20 @@ FLAGS = ["-std=gnu99", "-O2", "-fno-builtin", "-fomit-frame-pointer", "-Wall", "
 HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text()))
 
 
-def undefined_after_linking(sources: list[Path], folder: Path) -> set[str]:
+def undefined_after_linking(sources: list[Path], folder: Path, *defines: str) -> set[str]:
     """Symbols that stay undefined when all of `sources` are compiled for the H8/300 and put together."""
     objects = []
     for number, source in enumerate(sources):
         objects.append(folder / f"{number}_{source.stem}.o")
-        command = ["h8300-hms-gcc", *FLAGS, f"-I{SHIM}", f"-I{ROOT}/firmware", f"-I{ROOT}/hal/include", f"-I{ROOT}/hal"]
+        command = [
+            "h8300-hms-gcc",
+            *FLAGS,
+            *defines,
+            f"-I{SHIM}",
+            f"-I{ROOT}/firmware",
+            f"-I{ROOT}/hal/include",
+            f"-I{ROOT}/hal",
+        ]
         subprocess.run([*command, "-c", str(source), "-o", str(objects[-1])], check=True)
     whole = folder / "whole.o"
     subprocess.run(["h8300-hms-ld", "-r", "-o", str(whole), *map(str, objects)], check=True)
@@ -33,11 +41,12 @@ def _compiler() -> None:
     assert shutil.which("h8300-hms-gcc"), "no h8300-hms-gcc: tests/run installs it"
 
 
-def test_firmware_needs_nothing_but_the_hal(tmp_path: Path) -> None:
+@pytest.mark.parametrize("defines", [(), ("-DBODY_WITHOUT_PAPER",), ("-DBODY_WITHOUT_COUPLED",)])
+def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, ...]) -> None:
     sources = sorted((ROOT / "firmware").rglob("*.c")) + sorted((ROOT / "hal/wire").glob("*.c"))
     sources += [ROOT / "hal/link/set.c"]
     assert len(sources) > 10
-    missing = undefined_after_linking(sources, tmp_path)
+    missing = undefined_after_linking(sources, tmp_path, *defines)
     assert missing <= HAL, f"library calls: {sorted(missing - HAL)}"
 
 

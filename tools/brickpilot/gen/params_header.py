@@ -138,7 +138,9 @@ def render(vehicle: Mapping[str, Any]) -> str:
         QuantisationError: a value that the firmware's format cannot hold.
     """
     blocks = "\n".join(
+        f"#ifndef BODY_WITHOUT_{profile.upper()}\n"
         f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle), 0)};\n"
+        f"#endif\n"
         for profile in PROFILES
     )
     return f"""/* params_gen.h: generated from sim_host/models/rcx.toml by `python -m brickpilot.gen`.
