@@ -2,7 +2,13 @@
 
 #include "wire/check.h"
 
-static __thread link_port_t *bound;
+#ifdef __H8300__
+#define LINK_THREAD /* has none */
+#else
+#define LINK_THREAD __thread
+#endif
+
+static LINK_THREAD link_port_t *bound;
 
 void link_bind(link_port_t *port)
 {

@@ -17,15 +17,36 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.terminal import as_json, flight_options
 
 
+def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
+    """What `--link` and `--target` together mean to hil.ends."""
+    from brickpilot.hil import ends
+
+    if target == "host":
+        if spec is None:
+            raise InputError("is missing: which link?", field="--link")
+        return spec
+    if spec is not None:
+        raise InputError("has a stream of its own: leave --link out", field=f"--target {target}")
+    if not lockstep:
+        raise InputError("runs in lockstep only: a simulator has no clock", field=f"--target {target}")
+    return ends.H8SIM
+
+
 @click.command()
 @flight_options
 @click.option(
     "--link",
     "spec",
-    required=True,
     metavar="LINK",
     help="serial:pty, tcp, can:slcan, can:virtual or can:udp_multicast start a brick here; serial:PORT, tcp:HOST:PORT, "
     "can:slcan:PORT and can:socketcan:CHANNEL meet one that is there.",
+)
+@click.option(
+    "--target",
+    type=click.Choice(["host", "h8sim"]),
+    default="host",
+    help="What the brick is: a program of this machine (default), or the RCX's on a simulator of its processor, in "
+    "lockstep and without --link.",
 )
 @click.option(
     "--lockstep/--realtime", default=True, help="Simulated time, a step per answer (default); or the clock's."
@@ -52,7 +73,8 @@ from brickpilot.terminal import as_json, flight_options
 @as_json
 def hil(
     scenario_name: str | None,
-    spec: str,
+    spec: str | None,
+    target: str,
     lockstep: bool,
     scenario_file: str | None,
     profile: str | None,
@@ -79,6 +101,7 @@ def hil(
     from brickpilot.hil.record import RecordingLink
     from brickpilot.hil.session import LOCKSTEP, REALTIME
 
+    spec = _link_of(spec, target, lockstep)
     if replay_file is not None:
         _replay(spec, Path(replay_file), as_json)
         return

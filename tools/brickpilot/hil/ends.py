@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import signal
+import socket
 import subprocess
 import threading
 import time
@@ -19,13 +20,20 @@ import can
 from cffi import FFI
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.hil.links import CAN_KINDS, CanLink, Link, LinkGoneError, open_bus, open_serial, open_tcp
+from brickpilot.hil.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
+from brickpilot.hil.session import ANSWER_S
 
 PROGRAM = Path(__file__).parents[1] / "brick"
 
 _PRIORITY = 20  # of 99: below what keeps the machine itself going
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
 """Links whose brick is a process of its own -> its options."""
+
+H8SIM = "h8sim"
+"""The RCX's program on the simulator of its processor, by a stream to its standard input and output."""
+
+H8SIM_ANSWER_S = 10.0
+"""A simulated instruction takes microseconds, and the simulator seconds to start."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
 FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
@@ -124,12 +132,54 @@ def end_brick(process: subprocess.Popen[bytes]) -> None:
     assert process.stdin is not None
     assert process.stdout is not None
     process.stdin.close()
+    _end(process)
+    process.stdout.close()
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
     try:
         process.wait(2.0)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-    process.stdout.close()
+
+
+def h8_simulator() -> tuple[str, str]:
+    """The simulator and the RCX's program for it, both built by the project's scripts if need be.
+
+    Raises:
+        InputError: no checkout here or above, or one of them cannot be built.
+    """
+    folder = next((folder / "hal/h8sim" for folder in _here_and_above() if (folder / "hal/h8sim/build").exists()), None)
+    if folder is None:
+        raise InputError("needs a checkout of the project, here or above", field=f"--target {H8SIM}")
+    paths = []
+    for script in ("simulator", "build"):
+        done = subprocess.run([folder / script], stdout=subprocess.PIPE, text=True, check=False)
+        if done.returncode != 0:
+            raise InputError(f"hal/h8sim/{script} failed", field=f"--target {H8SIM}")
+        paths.append(done.stdout.strip())
+    return paths[0], paths[1]
+
+
+def _here_and_above() -> tuple[Path, ...]:
+    here = Path.cwd()
+    return (here, *here.parents)
+
+
+def start_h8() -> tuple[subprocess.Popen[bytes], Link]:
+    """Starts the program on the simulator; it ends with its standard input. Returns it, and the link to it."""
+    simulator, image = h8_simulator()
+    ours, theirs = socket.socketpair()
+    with theirs:
+        process = subprocess.Popen(
+            ["stdbuf", "-o0", simulator, image],
+            bufsize=0,
+            stdin=theirs.fileno(),
+            stdout=theirs.fileno(),
+            stderr=subprocess.DEVNULL,
+        )
+    return process, StreamLink(ours)
 
 
 def open_link(spec: str) -> Link:
@@ -159,10 +209,14 @@ def _restart_process(process: subprocess.Popen[bytes]) -> None:
 
 @dataclass(frozen=True)
 class Ends:
-    """The plant's end of a link, and how to switch the brick off and on: None where it is not ours."""
+    """The plant's end of a link, and how to switch the brick off and on: None where it is not ours.
+
+    ``answer_s``: in lockstep, how long an answer may take, s of the clock, before the question is repeated.
+    """
 
     link: Link
     restart: Callable[[], None] | None
+    answer_s: float = ANSWER_S
 
 
 @contextmanager
@@ -173,6 +227,7 @@ def both_ends(spec: str) -> Iterator[Ends]:
         InputError: no such link, or it cannot be opened.
     """
     process: subprocess.Popen[bytes] | None = None
+    simulator: subprocess.Popen[bytes] | None = None
     thread: BrickThread | None = None
     link: Link | None = None
     restart: Callable[[], None] | None = None
@@ -181,6 +236,8 @@ def both_ends(spec: str) -> Iterator[Ends]:
             process, address = start_brick(STARTED[spec])
             link = open_link(address)
             restart = partial(_restart_process, process)
+        elif spec == H8SIM:
+            simulator, link = start_h8()
         elif spec in IN_PROCESS:
             kind = spec.partition(":")[2]
             channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
@@ -189,7 +246,7 @@ def both_ends(spec: str) -> Iterator[Ends]:
             link = CanLink(open_bus(spec, kind, channel))
         else:
             link = open_link(spec)
-        yield Ends(link, restart)
+        yield Ends(link, restart, H8SIM_ANSWER_S if spec == H8SIM else ANSWER_S)
     except LinkGoneError as error:
         raise SimulationError(f"{spec}: {error}") from error
     finally:
@@ -199,3 +256,5 @@ def both_ends(spec: str) -> Iterator[Ends]:
             thread.stop()
         if process is not None:
             end_brick(process)
+        if simulator is not None:
+            _end(simulator)

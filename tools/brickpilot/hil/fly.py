@@ -22,7 +22,6 @@ from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.hil.session import LOCKSTEP, REALTIME, NoAnswerError, Session
 from brickpilot.hil.telemetry import STEP_MS, Telemetry
 
-ANSWER_S = 0.25
 TRIES = 4
 """In lockstep a set is sent so often before the link counts as lost."""
 
@@ -239,7 +238,7 @@ def fly(
     pace: str,
     telemetry_every: int,
     progress: Progress,
-    answer_s: float = ANSWER_S,
+    answer_s: float | None = None,
     settings: Mapping[str, int] = MappingProxyType({}),
 ) -> HilFlight:
     """Flies the plan with the brick at the other end of the link.
@@ -252,7 +251,7 @@ def fly(
         telemetry_every: the brick reports every so many steps, 1..255; the log holds its last report in between.
         progress: called as (steps done, steps in all, text).
         settings: written before the flight, raw; they win over the plan's.
-        answer_s: how long an answer may take, s of the clock, before the question is repeated.
+        answer_s: how long an answer may take, s of the clock, before the question is repeated; default the ends' own.
 
     Raises:
         InputError: no brick answers, or it refuses; or the plan is of a manoeuvre.
@@ -266,7 +265,7 @@ def fly(
         fault.kind in ("controller_restart", "brown_out") for fault in plan.scenario.faults
     ):
         raise InputError("a brick that is not started here cannot be switched off and on", field=f"--link {spec}")
-    run = _Run(ends, spec, plan, pace, answer_s, progress)
+    run = _Run(ends, spec, plan, pace, ends.answer_s if answer_s is None else answer_s, progress)
     prepare(run.session, plan, pace, telemetry_every, settings)
     names = flight.log_names()
     log = np.zeros((plan.steps, len(names)))

@@ -1,0 +1,90 @@
+/* main.c: the firmware on the H8/300 instruction-set simulator: frames of wire/frame.h on its standard input and output, in
+ * lockstep: a step as soon as a set of readings is whole. It ends with its input. */
+#include "app/serve.h"
+#include "link/link.h"
+#include "wire/frame.h"
+
+enum { STDIN = 0, STDOUT = 1, READ_MOST = 128, WRITE_MOST = 240 };
+
+/* System calls, in start.s: bytes done, 0 at the end, below 0 on error. */
+int16_t h8sim_read(int16_t descriptor, uint8_t *bytes, uint16_t size);
+int16_t h8sim_write(int16_t descriptor, const uint8_t *bytes, uint16_t size);
+
+/* The compiler copies and clears structs of the link port with these: the simulator has no library. */
+void *memcpy(void *to, const void *from, uint16_t size);
+void *memset(void *what, int value, uint16_t size);
+
+static link_port_t port;
+static commands_t commands;
+static loop_state_t loop;
+static uint8_t output[WRITE_MOST];
+static uint8_t output_size;
+
+void *memcpy(void *to, const void *from, uint16_t size)
+{
+    uint8_t *at = (uint8_t *)to;
+    const uint8_t *read = (const uint8_t *)from;
+    while (size-- > 0)
+        *at++ = *read++;
+    return to;
+}
+
+void *memset(void *what, int value, uint16_t size)
+{
+    uint8_t *at = (uint8_t *)what;
+    while (size-- > 0)
+        *at++ = (uint8_t)value;
+    return what;
+}
+
+static void flush(void)
+{
+    uint8_t done = 0;
+    while (done < output_size) {
+        const int16_t written = h8sim_write(STDOUT, &output[done], (uint16_t)(output_size - done));
+        if (written <= 0)
+            break;
+        done = (uint8_t)(done + written);
+    }
+    output_size = 0;
+}
+
+static void take(const message_t *message)
+{
+    const link_event_t event = link_take(&port, message);
+    message_t answer;
+
+    if (event != LINK_NOTHING)
+        serve(&commands, &loop);
+    if (event == LINK_STEP) {
+        loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
+        link_stepped(&port);
+    }
+    while (link_give(&port, &answer)) {
+        if (output_size > WRITE_MOST - FRAME_SIZE_MAX)
+            flush();
+        output_size = (uint8_t)(output_size + frame_encode(&answer, &output[output_size]));
+    }
+}
+
+int main(void)
+{
+    static frame_decoder_t decoder;
+    static uint8_t input[READ_MOST];
+    message_t message;
+    int16_t size;
+
+    link_bind(&port);
+    commands_start(&commands);
+    while ((size = h8sim_read(STDIN, input, READ_MOST)) > 0) {
+        for (int16_t i = 0; i < size; i++) {
+            const frame_status_t status = frame_take(&decoder, input[i], &message);
+            if (status == FRAME_MESSAGE)
+                take(&message);
+            else if (status == FRAME_BAD)
+                link_count_bad(&port);
+        }
+        flush();
+    }
+    return 0;
+}
