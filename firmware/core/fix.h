@@ -63,6 +63,9 @@ int32_t fix_mul_q15(int32_t a, int16_t b);
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
 int32_t fix_share_q15(int32_t value, int16_t factor_q15);
 
+/* value / 2^bits rounded down; bits 0..31. */
+uint32_t fix_shift_right(uint32_t value, uint8_t bits);
+
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);
 

@@ -64,7 +64,11 @@ FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit)
 
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
 {
+#ifdef FIX_OUT_OF_LINE
+    const uint32_t magnitude = (fix_shift_right(fix_abs_u32(value), (uint8_t)(bits - 1)) + 1) >> 1;
+#else
     const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
+#endif
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 

@@ -10,11 +10,7 @@ static int32_t with_sign(uint32_t magnitude, int negative)
 /* value / 2^bits, rounded to the nearest, halves up; bits 1 or more, value below 2^32 - 1. */
 static uint32_t shift_right(uint32_t value, uint8_t bits)
 {
-    for (; bits > 8; bits = (uint8_t)(bits - 8))
-        value >>= 8;
-    for (; bits > 1; bits--)
-        value >>= 1;
-    return (value + 1) >> 1;
+    return (fix_shift_right(value, (uint8_t)(bits - 1)) + 1) >> 1;
 }
 
 int32_t scale_apply(const scale_t *scale, int32_t value)
@@ -23,7 +19,9 @@ int32_t scale_apply(const scale_t *scale, int32_t value)
     const uint16_t mantissa = fix_abs_u16(scale->mantissa);
     const uint32_t high = fix_mul_u16((uint16_t)(magnitude >> 16), mantissa); /* below 2^30 */
     const uint32_t low = fix_mul_u16((uint16_t)magnitude, mantissa);          /* below 2^31 */
-    const uint32_t twice = (high << 2) + (low >> 14);
+    const uint32_t low_q1 = low << 1;
+    const uint32_t twice =
+        (high << 2) + ((uint32_t)(uint16_t)(low_q1 >> 16) << 1) + ((low_q1 & 0x8000U) != 0 ? 1U : 0U);
     return with_sign(shift_right(twice, (uint8_t)(scale->shift + 1)), (value < 0) != (scale->mantissa < 0));
 }
 
