@@ -5,7 +5,7 @@
 _start:
 	mov.w	#_stack,r7
 	jsr	@_main
-	mov.w	#0,r0		; the status, in the high byte
+	mov.b	r0l,r0h		; the status, in the high byte
 	mov.w	#0xdead,r1	; with these a sleep is the end
 	mov.w	#0xbeef,r2
 	sleep
