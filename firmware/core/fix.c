@@ -1,6 +1,7 @@
 #include "core/fix.h"
 
 #ifdef FIX_OUT_OF_LINE
+#include "core/fix_h8.h"
 #include "core/fix_small.h"
 #endif
 

@@ -4,6 +4,7 @@
 
 #include "core/fix.h"
 
+#ifndef FIX_OUT_OF_LINE
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b)
 {
 #ifdef FIX_WITHOUT_LIBRARY
@@ -16,6 +17,7 @@ FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b)
     return (uint32_t)a * b;
 #endif
 }
+#endif
 
 FIX_INLINE uint16_t fix_abs_u16(int16_t value)
 {
@@ -27,6 +29,7 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value)
     return value < 0 ? 0UL - (uint32_t)value : (uint32_t)value;
 }
 
+#ifndef FIX_OUT_OF_LINE
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
 {
 #ifdef FIX_WITHOUT_LIBRARY
@@ -36,6 +39,7 @@ FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
     return (int32_t)a * b;
 #endif
 }
+#endif
 
 FIX_INLINE int16_t fix_sat16(int32_t value)
 {

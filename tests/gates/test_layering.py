@@ -24,7 +24,7 @@ ALLOWED = {
     "hal/wire": {"wire"},
     "hal/sil": {"hal.h", "wire", "sil"},
     "hal/link": {"hal.h", "wire", "link"},
-    "hal/h8sim": {"app", "wire", "link"},
+    "hal/h8sim": {"app", "core", "wire", "link"},
     "sim_host/include": set(),
     "sim_host/models": set(),
     "sim_host/plant": {"plant", "effects", "brickpilot_sim.h", "models"},
