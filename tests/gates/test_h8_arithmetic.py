@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = "/usr/h8300-hitachi-coff/lib/ldscripts/h8300.x"
 FLAGS = ["-std=gnu99", "-Os", "-fno-builtin", "-fomit-frame-pointer", "-Wall", "-Wextra", "-Werror"]
-INCLUDES = [f"-I{ROOT}/{folder}" for folder in ("tests/gates/h8_include", "firmware")]
+INCLUDES = [f"-I{ROOT}/{folder}" for folder in ("hal/h8_include", "firmware")]
 
 
 def status_of(fix: str, folder: Path) -> int:
