@@ -1,12 +1,12 @@
 #include "core/fix.h"
 
 #ifdef FIX_OUT_OF_LINE
-#include "core/fix_h8.h"
 #include "core/fix_small.h"
 #endif
 
 #define BIT31 0x80000000UL
 
+#ifndef FIX_IN_ASSEMBLY
 int32_t fix_add32(int32_t a, int32_t b)
 {
     const uint32_t sum = (uint32_t)a + (uint32_t)b;
@@ -24,6 +24,7 @@ int32_t fix_sub32(int32_t a, int32_t b)
         return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
     return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
 }
+#endif
 
 /* The product of a number without and one with a sign: at most 2^31 - 2^15 in magnitude. */
 static int32_t mul_u16_s16(uint16_t a, int16_t b)
@@ -45,43 +46,12 @@ int32_t fix_mul_q15(int32_t a, int16_t b)
     return product == BIT31 ? FIX_INT32_MAX : (int32_t)product;
 }
 
-#ifdef FIX_WITHOUT_LIBRARY
-/* One half of a long division: the quotient of (remainder, half) by the divisor, whose remainder is left; remainder below
- * divisor, unless that is 0. */
-static uint16_t divide_half(uint16_t *remainder, uint16_t half, uint16_t divisor)
-{
-    uint16_t rest = *remainder;
-    for (uint8_t round = 16; round > 0; round--) {
-        const bool carry = (rest & 0x8000U) != 0;
-        rest = (uint16_t)(rest << 1);
-        if ((half & 0x8000U) != 0)
-            rest++;
-        half = (uint16_t)(half << 1);
-        if (carry || rest >= divisor) {
-            rest = (uint16_t)(rest - divisor);
-            half++;
-        }
-    }
-    *remainder = rest;
-    return half;
-}
-#endif
-
+#ifndef FIX_IN_ASSEMBLY
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
 {
-#ifdef FIX_WITHOUT_LIBRARY
-    uint16_t remainder = 0, high = (uint16_t)(dividend >> 16);
-    if (high < divisor) {
-        remainder = high;
-        high = 0;
-    } else {
-        high = divide_half(&remainder, high, divisor);
-    }
-    return ((uint32_t)high << 16) | divide_half(&remainder, (uint16_t)dividend, divisor);
-#else
     return divisor == 0 ? UINT32_MAX : dividend / divisor;
-#endif
 }
+#endif
 
 int32_t fix_div(int32_t dividend, uint16_t divisor)
 {
@@ -90,6 +60,7 @@ int32_t fix_div(int32_t dividend, uint16_t divisor)
     return dividend < 0 ? -magnitude : magnitude;
 }
 
+#ifndef FIX_IN_ASSEMBLY
 uint16_t fix_sqrt_u32(uint32_t value)
 {
     uint32_t root = 0;
@@ -108,25 +79,16 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 {
     const uint32_t whole = fix_abs_u32(value);
     const uint16_t factor = fix_abs_u16(factor_q15);
-    int32_t magnitude;
-    if (whole == BIT31 || factor == 0x8000U) {
-        magnitude = fix_mul_q15((int32_t)whole, (int16_t)factor);
-    } else {
-        const uint32_t high = fix_mul_u16((uint16_t)(whole >> 16), factor);
-        const uint32_t low = fix_mul_u16((uint16_t)whole, factor);
-        magnitude = (int32_t)((high << 1) + (uint16_t)((low << 1) >> 16));
-    }
+    const uint32_t high = fix_mul_u16((uint16_t)(whole >> 16), factor);
+    const uint32_t low = fix_mul_u16((uint16_t)whole, factor);
+    const uint32_t share = (high << 1) + (uint16_t)((low << 1) >> 16);
+    const int32_t magnitude = share < BIT31 ? (int32_t)share : FIX_INT32_MAX;
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
-/* By bytes first: the RCX's processor shifts by one bit at a time. */
 uint32_t fix_shift_right(uint32_t value, uint8_t bits)
 {
-    for (; bits >= 8; bits = (uint8_t)(bits - 8))
-        value >>= 8;
-    for (; bits > 0; bits--)
-        value >>= 1;
-    return value;
+    return value >> bits;
 }
 
 int32_t fix_fraction(int32_t value, uint8_t bits)
@@ -134,6 +96,7 @@ int32_t fix_fraction(int32_t value, uint8_t bits)
     const int32_t magnitude = (int32_t)fix_shift_right(fix_abs_u32(value), bits);
     return value < 0 ? -magnitude : magnitude;
 }
+#endif
 
 uint16_t fix_round_bam16(uint32_t angle_bam32)
 {

@@ -1,4 +1,4 @@
-/* fix.h: saturating fixed-point arithmetic without a single library call.
+/* fix.h: saturating fixed-point arithmetic, on the RCX without a single library call.
  *
  * The RCX's compiler turns every `*` wider than 8 x 8 bits and every `/` into a call the brick cannot answer, so all
  * products and quotients of variables in firmware/ go through here. Shifts are by constants. Right shifts of negative
@@ -11,10 +11,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_WITHOUT_LIBRARY: the forms without library calls; a test defines it to run them on the host. FIX_INLINE: what stands
- * before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
+/* FIX_IN_ASSEMBLY: a step's most frequent arithmetic stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
+ * stands before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
-#define FIX_WITHOUT_LIBRARY
+#define FIX_IN_ASSEMBLY
 #define FIX_OUT_OF_LINE
 #define FIX_INLINE
 #else
@@ -72,13 +72,13 @@ int32_t fix_fraction(int32_t value, uint8_t bits);
 /* A 2^32th of a turn to the nearest 65536th, halves away from zero. */
 uint16_t fix_round_bam16(uint32_t angle_bam32);
 
-/* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. On the RCX 32 rounds of subtract and shift. */
+/* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. */
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor);
 
 /* dividend / divisor, rounded towards zero, saturated; divisor 1..65535. */
 int32_t fix_div(int32_t dividend, uint16_t divisor);
 
-/* Integer square root, rounded down. Any operand; 16 rounds. */
+/* Integer square root, rounded down. Any operand. */
 uint16_t fix_sqrt_u32(uint32_t value);
 
 /* Difference of two binary angles, wrapped: -32768..32767 for a - b. */

@@ -4,18 +4,10 @@
 
 #include "core/fix.h"
 
-#ifndef FIX_OUT_OF_LINE
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b)
 {
-#ifdef FIX_WITHOUT_LIBRARY
-    /* Four 8 x 8 -> 16 bit products, each one MULXU.B. */
-    const uint8_t ah = (uint8_t)(a >> 8), al = (uint8_t)a, bh = (uint8_t)(b >> 8), bl = (uint8_t)b;
-    const uint16_t low = (uint16_t)((uint16_t)al * bl), high = (uint16_t)((uint16_t)ah * bh);
-    const uint32_t middle = (uint32_t)(uint16_t)((uint16_t)ah * bl) + (uint16_t)((uint16_t)al * bh);
-    return (((uint32_t)high << 16) | low) + (middle << 8);
-#else
     return (uint32_t)a * b;
-#endif
 }
 #endif
 
@@ -29,15 +21,10 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value)
     return value < 0 ? 0UL - (uint32_t)value : (uint32_t)value;
 }
 
-#ifndef FIX_OUT_OF_LINE
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
 {
-#ifdef FIX_WITHOUT_LIBRARY
-    const uint32_t magnitude = fix_mul_u16(fix_abs_u16(a), fix_abs_u16(b));
-    return (a < 0) != (b < 0) ? -(int32_t)magnitude : (int32_t)magnitude;
-#else
     return (int32_t)a * b;
-#endif
 }
 #endif
 
@@ -66,15 +53,13 @@ FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit)
     return value > limit ? limit : value < -limit ? (int16_t)-limit : value;
 }
 
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
 {
-#ifdef FIX_OUT_OF_LINE
-    const uint32_t magnitude = (fix_shift_right(fix_abs_u32(value), (uint8_t)(bits - 1)) + 1) >> 1;
-#else
     const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
-#endif
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
+#endif
 
 FIX_INLINE uint16_t fix_count_u16(uint16_t count)
 {

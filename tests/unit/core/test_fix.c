@@ -140,6 +140,10 @@ static void test_fix_share_and_fraction_round_towards_zero_on_both_sides(void)
     TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(-5, 16384));
     TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(5, -16384));
     TEST_ASSERT_EQUAL_INT32(2, fix_share_q15(-5, -16384));
+    TEST_ASSERT_EQUAL_INT32(-100, fix_share_q15(100, -32768));
+    TEST_ASSERT_EQUAL_INT32(100, fix_share_q15(-100, -32768));
+    TEST_ASSERT_EQUAL_INT32(-1073741824L, fix_share_q15(INT32_MIN, 16384));
+    TEST_ASSERT_EQUAL_INT32(FIX_INT32_MAX, fix_share_q15(INT32_MIN, -32768));
     TEST_ASSERT_EQUAL_INT32(3, fix_fraction(31, 3));
     TEST_ASSERT_EQUAL_INT32(-3, fix_fraction(-31, 3));
     TEST_ASSERT_EQUAL_INT32(-31, fix_fraction(-31, 0));
