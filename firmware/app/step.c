@@ -4,11 +4,11 @@
 
 static int16_t round_q17_to_q4(int32_t value_q17)
 {
-    return fix_sat16((value_q17 + 4096) >> 13);
+    return fix_sat16(fix_round_shift(value_q17, 13));
 }
 static int16_t round_q12(int32_t value_q12)
 {
-    return fix_sat16((value_q12 + 2048) >> 12);
+    return fix_sat16(fix_round_shift(value_q12, 12));
 }
 
 /* The duty was made for the battery's last reading; this one says what the motors had. */
@@ -35,7 +35,7 @@ static void estimate(const step_config_t *config, step_state_t *state, const sig
 
     state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
     for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
-        body_step(&config->model, &state->model, state->drive.left_mv, state->drive.right_mv);
+        body_predict(&config->model, &state->model, state->drive.left_mv, state->drive.right_mv);
 
     turned.sensors = sensors;
     turned.predicted_speed_mm_s_q4 = round_q17_to_q4(state->model.surge_mm_s_q17);
@@ -75,7 +75,7 @@ static void no_output(pid_output_t *output)
 
 static int16_t feedforward(const step_config_t *config, int16_t speed_mm_s_q4)
 {
-    return fix_sat16((fix_mul(config->feedforward_mv_q10, speed_mm_s_q4) + 512) >> 10);
+    return fix_sat16(fix_round_shift(fix_mul(config->feedforward_mv_q10, speed_mm_s_q4), 10));
 }
 
 static void control_speed(const step_config_t *config, step_state_t *state, uint8_t period_ms, step_output_t *out)

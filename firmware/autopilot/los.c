@@ -7,7 +7,6 @@
 typedef struct {
     int16_t x_mm;
     int16_t y_mm;
-    uint16_t distance_mm;
     uint32_t distance_squared_mm2;
     uint16_t bearing_bam16;
 } sight_t;
@@ -15,7 +14,7 @@ typedef struct {
 /* By magnitude, so that both directions round alike; 16777 / 2^24 is 1/1000, low by 13 parts in a million. */
 static int16_t mm_from_um(int32_t um)
 {
-    const int32_t magnitude = fix_round_shift(fix_mul_q16((int32_t)fix_abs_u32(um), 16777), 8);
+    const int32_t magnitude = fix_round_shift((int32_t)fix_mul_u32_q16(fix_abs_u32(um), 16777), 8);
     return fix_sat16(um < 0 ? -magnitude : magnitude);
 }
 
@@ -32,21 +31,32 @@ static void look(sight_t *sight, const route_waypoint_t *waypoint, const signals
     sight->y_mm = mm_from_um(y_um);
     sight->distance_squared_mm2 =
         (uint32_t)fix_mul(sight->x_mm, sight->x_mm) + (uint32_t)fix_mul(sight->y_mm, sight->y_mm);
-    sight->distance_mm = fix_sqrt_u32(sight->distance_squared_mm2);
     sight->bearing_bam16 = trig_atan2_bam16(y_um, x_um);
 }
 
-/* How far the waypoint is ahead, and how far to the left, of who looks along `direction`. */
-static int16_t ahead_mm(const sight_t *sight, uint16_t direction_bam16)
+static void look_along(los_direction_t *direction, uint16_t bearing_bam16)
 {
-    const int32_t x = fix_mul(sight->x_mm, trig_cos_q15(direction_bam16));
-    return fix_sat16(fix_round_shift(x + fix_mul(sight->y_mm, trig_sin_q15(direction_bam16)), 15));
+    direction->cos_q15 = trig_cos_q15(bearing_bam16);
+    direction->sin_q15 = trig_sin_q15(bearing_bam16);
 }
 
-static int16_t left_mm(const sight_t *sight, uint16_t direction_bam16)
+/* How far the waypoint is ahead, and how far to the left, of who looks along `direction`. */
+static int16_t ahead_mm(const sight_t *sight, const los_direction_t *direction)
 {
-    const int32_t x = fix_mul(sight->x_mm, trig_sin_q15(direction_bam16));
-    return fix_sat16(fix_round_shift(x - fix_mul(sight->y_mm, trig_cos_q15(direction_bam16)), 15));
+    const int32_t x = fix_mul(sight->x_mm, direction->cos_q15);
+    return fix_sat16(fix_round_shift(x + fix_mul(sight->y_mm, direction->sin_q15), 15));
+}
+
+static int16_t left_mm(const sight_t *sight, const los_direction_t *direction)
+{
+    const int32_t x = fix_mul(sight->x_mm, direction->sin_q15);
+    return fix_sat16(fix_round_shift(x - fix_mul(sight->y_mm, direction->cos_q15), 15));
+}
+
+/* Rounded down to mm, the waypoint is farther than that. */
+static bool beyond(const sight_t *sight, uint16_t distance_mm)
+{
+    return sight->distance_squared_mm2 > fix_mul_u16(distance_mm, distance_mm) + 2UL * distance_mm;
 }
 
 static uint16_t heading_error_bam16(const los_state_t *state, const signals_state_t *signals)
@@ -68,7 +78,7 @@ static void enter_brake(los_state_t *state, const signals_state_t *signals)
 
 static void enter_drive(los_state_t *state, const sight_t *sight)
 {
-    state->pass_bearing_bam16 = sight->bearing_bam16;
+    look_along(&state->pass, sight->bearing_bam16);
     state->passing = true;
     enter(state, LOS_DRIVE);
 }
@@ -103,7 +113,7 @@ static void reach(const los_config_t *config, const route_t *route, los_state_t 
     const route_waypoint_t *from = &route->waypoints[state->waypoint];
     state->waypoint++;
     const route_waypoint_t *to = &route->waypoints[state->waypoint];
-    state->leg_bearing_bam16 = trig_atan2_bam16((int32_t)to->y_mm - from->y_mm, (int32_t)to->x_mm - from->x_mm);
+    look_along(&state->leg, trig_atan2_bam16((int32_t)to->y_mm - from->y_mm, (int32_t)to->x_mm - from->x_mm));
     look(sight, to, signals);
     begin_leg(config, state, sight, signals);
 }
@@ -118,7 +128,7 @@ static void fail(const los_config_t *config, const route_t *route, los_state_t *
     state->skipped++;
     state->waypoint++;
     look(sight, &route->waypoints[state->waypoint], signals);
-    state->leg_bearing_bam16 = sight->bearing_bam16;
+    look_along(&state->leg, sight->bearing_bam16);
     begin_leg(config, state, sight, signals);
 }
 
@@ -126,7 +136,7 @@ static void fail(const los_config_t *config, const route_t *route, los_state_t *
 static bool overshoots(const los_config_t *config, los_state_t *state, const sight_t *sight,
                        const signals_state_t *signals)
 {
-    if (!state->passing || ahead_mm(sight, state->pass_bearing_bam16) >= -(int32_t)config->overshoot_mm)
+    if (!state->passing || ahead_mm(sight, &state->pass) >= -(int32_t)config->overshoot_mm)
         return false;
     state->passing = false;
     state->overshoots = fix_count_u16(state->overshoots);
@@ -172,7 +182,7 @@ static void move(const los_config_t *config, los_state_t *state, const sight_t *
         brake(config, state, sight, signals, period_ms);
         return;
     }
-    if (sight->distance_mm > config->bearing_hold_mm)
+    if (beyond(sight, config->bearing_hold_mm))
         state->bearing_bam16 = sight->bearing_bam16;
     if (state->phase == LOS_TURN)
         turn(config, state, sight, signals, period_ms);
@@ -180,12 +190,14 @@ static void move(const los_config_t *config, los_state_t *state, const sight_t *
         enter_brake(state, signals);
 }
 
-static int16_t approach_speed_mm_s_q4(const los_config_t *config, uint16_t distance_mm)
+/* The speed from which the robot can still brake: the square root of 2 decel distance. */
+static int16_t approach_speed_mm_s_q4(const los_config_t *config, const sight_t *sight)
 {
-    const uint32_t squared_mm2_s2 = fix_mul_u16(config->decel_mm_s2, distance_mm) << 1;
-    const uint16_t braking_q4 = squared_mm2_s2 < (1UL << 24) ? fix_sqrt_u32(squared_mm2_s2 << 8) : 65535U;
-    if (braking_q4 >= (uint16_t)config->cruise_mm_s_q4)
+    const uint32_t squared_mm2_s2 = fix_mul_u16(config->decel_mm_s2, fix_sqrt_u32(sight->distance_squared_mm2)) << 1;
+    const uint16_t cruise = (uint16_t)config->cruise_mm_s_q4;
+    if (squared_mm2_s2 >= (1UL << 24) || squared_mm2_s2 << 8 >= fix_mul_u16(cruise, cruise))
         return config->cruise_mm_s_q4;
+    const uint16_t braking_q4 = fix_sqrt_u32(squared_mm2_s2 << 8);
     return braking_q4 > (uint16_t)config->creep_mm_s_q4 ? (int16_t)braking_q4 : config->creep_mm_s_q4;
 }
 
@@ -193,13 +205,12 @@ static void report(const los_config_t *config, const los_state_t *state, const s
                    const signals_state_t *signals, los_output_t *output)
 {
     output->demand.drive = state->phase != LOS_END;
-    output->demand.speed_mm_s_q4 = state->phase == LOS_DRIVE ? approach_speed_mm_s_q4(config, sight->distance_mm) : 0;
+    output->demand.speed_mm_s_q4 = state->phase == LOS_DRIVE ? approach_speed_mm_s_q4(config, sight) : 0;
     output->demand.heading_bam16 = state->phase == LOS_BRAKE ? state->hold_heading_bam16 : state->bearing_bam16;
     output->status = state->status;
     output->phase = state->phase;
     output->waypoint = state->waypoint;
-    output->distance_mm = sight->distance_mm;
-    output->cross_track_mm = left_mm(sight, state->leg_bearing_bam16);
+    output->cross_track_mm = left_mm(sight, &state->leg);
     output->heading_error_bam16 = fix_angle_diff_bam16(state->bearing_bam16, signals->heading_bam16);
     output->overshoots = state->overshoots;
     output->skipped = state->skipped;
@@ -239,7 +250,7 @@ void los_step(const los_config_t *config, const route_t *route, los_state_t *sta
     sight_t sight;
     look(&sight, &route->waypoints[state->waypoint], signals);
     if (state->phase == LOS_BEGIN) {
-        state->leg_bearing_bam16 = sight.bearing_bam16;
+        look_along(&state->leg, sight.bearing_bam16);
         begin_leg(config, state, &sight, signals);
     }
     if (state->phase != LOS_END)

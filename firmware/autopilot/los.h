@@ -38,6 +38,12 @@ typedef enum {
     LOS_OVERSHOT = 3
 } los_status_t;
 
+/* A direction in the arena that stays for many steps, by what takes time to compute. */
+typedef struct {
+    int16_t cos_q15;
+    int16_t sin_q15;
+} los_direction_t;
+
 /* All zero: the next step begins the route at its first waypoint, from wherever the robot is. */
 typedef struct {
     los_phase_t phase;
@@ -47,8 +53,8 @@ typedef struct {
     uint8_t leg_overshoots;      /* on this leg */
     bool passing;                /* since the last DRIVE the waypoint has not been overshot */
     uint16_t bearing_bam16;      /* to the waypoint, held near it */
-    uint16_t pass_bearing_bam16; /* at the beginning of DRIVE: normal to the plane of the overshoot rule */
-    uint16_t leg_bearing_bam16;  /* from the waypoint before to this one: cross-track error is measured from it */
+    los_direction_t pass;        /* at the beginning of DRIVE: normal to the plane of the overshoot rule */
+    los_direction_t leg;         /* from the waypoint before to this one: cross-track error is measured from it */
     uint16_t hold_heading_bam16; /* at the beginning of BRAKE */
     uint16_t quiet_ms;           /* how long the condition that ends the phase has held */
     uint32_t leg_ms;             /* time on this leg */
@@ -61,7 +67,6 @@ typedef struct {
     los_status_t status;
     los_phase_t phase;
     uint8_t waypoint;            /* index; stays at the last when arrived */
-    uint16_t distance_mm;        /* to the waypoint, rounded down, 0..46340 */
     int16_t cross_track_mm;      /* from the leg's line, right of it positive */
     int16_t heading_error_bam16; /* bearing to the waypoint minus heading */
     uint16_t overshoots;

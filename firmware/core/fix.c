@@ -26,27 +26,12 @@ int32_t fix_sub32(int32_t a, int32_t b)
 }
 #endif
 
-/* The product of a number without and one with a sign: at most 2^31 - 2^15 in magnitude. */
-static int32_t mul_u16_s16(uint16_t a, int16_t b)
-{
-    const uint32_t magnitude = fix_mul_u16(a, fix_abs_u16(b));
-    return b < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
-}
-
-int32_t fix_mul_q16(int32_t a, int16_t b)
-{
-    return fix_mul((int16_t)(a >> 16), b) + (mul_u16_s16((uint16_t)a, b) >> 16);
-}
-
-int32_t fix_mul_q15(int32_t a, int16_t b)
-{
-    const uint32_t high = (uint32_t)fix_mul((int16_t)(a >> 16), b) << 1;
-    const uint32_t product = high + (uint32_t)(mul_u16_s16((uint16_t)a, b) >> 15);
-    /* Only -2^31 times -1 comes here: no product of other operands reaches -2^31. */
-    return product == BIT31 ? FIX_INT32_MAX : (int32_t)product;
-}
-
 #ifndef FIX_IN_ASSEMBLY
+uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
+{
+    return fix_mul_u16((uint16_t)(a >> 16), b) + (fix_mul_u16((uint16_t)a, b) >> 16);
+}
+
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
 {
     return divisor == 0 ? UINT32_MAX : dividend / divisor;

@@ -54,11 +54,8 @@ FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 /* Sum that stays at 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 
-/* (a * b) >> 16 with the full 48-bit product, rounded towards minus infinity. Any operands: the result always fits. */
-int32_t fix_mul_q16(int32_t a, int16_t b);
-
-/* (a * b) >> 15, saturated at +-(2^31 - 1); rounded towards minus infinity. */
-int32_t fix_mul_q15(int32_t a, int16_t b);
+/* (a * b) >> 16 with the full 48-bit product, rounded down. Any operands: the result always fits. */
+uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
 int32_t fix_share_q15(int32_t value, int16_t factor_q15);

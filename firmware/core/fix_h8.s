@@ -33,10 +33,33 @@ _fix_mul:
 	mov.w	r3,r0
 	rts
 
+; uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
+	.align 1
+	.global _fix_mul_u32_q16
+_fix_mul_u32_q16:
+	SAVE
+	sub.b	r4h,r4h
+	mov.w	r2,r6
+	mov.w	r1,r2
+	mov.w	r0,r5
+	PRODUCT_Q16
+	SIGNED_RESULT
+
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
 	.global _fix_share_q15
 _fix_share_q15:
+	mov.w	r2,r2
+	beq	.Lnothing
+	mov.w	r0,r0
+	bne	.Lsomething
+	mov.w	r1,r1
+	bne	.Lsomething
+.Lnothing:
+	sub.w	r0,r0
+	sub.w	r1,r1
+	rts
+.Lsomething:
 	SAVE
 	mov.b	r0h,r4h
 	xor	r2h,r4h
@@ -220,6 +243,33 @@ _fix_sub32:
 	adds	#1,r1
 .Lzero\@:
 	.endm
+
+; int32_t fix_clamp32(int32_t value, int32_t limit): limit is on the stack
+	.align 1
+	.global _fix_clamp32
+_fix_clamp32:
+	mov.w	@(2,r7),r2
+	mov.w	@(4,r7),r3
+	mov.w	r0,r0
+	bmi	.Lbelow_zero
+	cmp.w	r2,r0
+	bcs	.Lwithin
+	bne	.Lclamped
+	cmp.w	r3,r1
+	bls	.Lwithin
+	bra	.Lclamped
+.Lbelow_zero:
+	NEGATE	r2h,r2l,r3h,r3l
+	cmp.w	r2,r0
+	bgt	.Lwithin
+	blt	.Lclamped
+	cmp.w	r3,r1
+	bcc	.Lwithin
+.Lclamped:
+	mov.w	r2,r0
+	mov.w	r3,r1
+.Lwithin:
+	rts
 
 ; uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor): each half by subtract and shift; r3 is the rest, r0l counts.
 	.align 1

@@ -43,10 +43,12 @@ FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b)
     return fix_sat16((int32_t)a - b);
 }
 
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int32_t fix_clamp32(int32_t value, int32_t limit)
 {
     return value > limit ? limit : value < -limit ? -limit : value;
 }
+#endif
 
 FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit)
 {

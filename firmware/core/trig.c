@@ -50,13 +50,16 @@ static const uint16_t ARCTAN_BAM16_Q2[] = {
 /* 0..QUARTER_TURN. */
 static int16_t quadrant_sin_q15(uint16_t angle_bam16)
 {
-    const uint16_t index = angle_bam16 >> 6;
+    /* Shifts by 6 as one to the left by 2 and one by a byte: the RCX's processor shifts by one bit at a time. */
     const uint8_t rest = angle_bam16 & 63U;
+    if (angle_bam16 == QUARTER_TURN)
+        return FIX_INT16_MAX;
+    const uint8_t index = (uint8_t)((uint16_t)(angle_bam16 << 2) >> 8);
     if (rest == 0)
         return SINE_Q15[index];
     const uint8_t step = (uint8_t)(SINE_Q15[index + 1] - SINE_Q15[index]);
     const uint16_t product = (uint16_t)((uint16_t)step * rest);
-    return (int16_t)(SINE_Q15[index] + (int16_t)((uint16_t)(product + 32U) >> 6));
+    return (int16_t)(SINE_Q15[index] + (int16_t)((uint16_t)((product + 32U) << 2) >> 8));
 }
 
 int16_t trig_sin_q15(uint16_t angle_bam16)

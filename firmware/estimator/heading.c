@@ -2,13 +2,13 @@
 
 #include "core/fix.h"
 
-/* bam32 per mrad/s, ms and 2^-9: 2^32 / (2 pi 1e6 2^9) = 1.335089, less 1, Q15. */
-enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980 };
+/* bam32 per mrad/s, ms and 2^-9: 2^32 / (2 pi 1e6 2^9) = 1.335089, less 1, Q16. */
+enum { BAM32_PER_MRAD_Q9_LESS_1_Q16 = 21960 };
 
 static int32_t bam32_of(int32_t angle_urad_q9)
 {
-    const int32_t magnitude = (int32_t)fix_abs_u32(angle_urad_q9);
-    const int32_t turned = magnitude + fix_mul_q15(magnitude, BAM32_PER_MRAD_Q9_LESS_1_Q15);
+    const uint32_t magnitude = fix_abs_u32(angle_urad_q9);
+    const int32_t turned = (int32_t)(magnitude + fix_mul_u32_q16(magnitude, BAM32_PER_MRAD_Q9_LESS_1_Q16));
     return angle_urad_q9 < 0 ? -turned : turned;
 }
 

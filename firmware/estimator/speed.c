@@ -19,10 +19,10 @@ static const int16_t PER_PERIOD_Q15[LONGEST_PERIOD_MS + 1] = {0,    32767, 16384
                                                               4681, 4096,  3641,  3277,  2979, 2731, 2521,
                                                               2341, 2185,  2048,  1928,  1820, 1725, 1638};
 
-/* value / 2^bits, rounded to the nearest. */
+/* value / 2^bits, rounded to the nearest. Often 0: sway, bias. */
 static int16_t rounded(int32_t value, uint8_t bits)
 {
-    return fix_sat16(fix_fraction(fix_fraction(value, (uint8_t)(bits - 1)) + (value < 0 ? -1 : 1), 1));
+    return value == 0 ? 0 : fix_sat16(fix_round_shift(value, bits));
 }
 
 static int16_t to_q4(int32_t speed_mm_s_q17)
@@ -106,16 +106,19 @@ static void filter_accel(const speed_config_t *config, speed_state_t *state, int
 }
 
 /* Travel at the mean of two speeds. */
-static int32_t travel(int32_t before_mm_s_q17, int32_t after_mm_s_q17, uint8_t period_ms)
+static int32_t travel(int16_t before_mm_s_q4, int16_t after_mm_s_q4, uint8_t period_ms)
 {
-    return fix_mul(to_q4(before_mm_s_q17), period_ms) + fix_mul(to_q4(after_mm_s_q17), period_ms);
+    if (before_mm_s_q4 == 0 && after_mm_s_q4 == 0)
+        return 0;
+    return fix_mul(before_mm_s_q4, period_ms) + fix_mul(after_mm_s_q4, period_ms);
 }
 
 void speed_step(const speed_config_t *config, speed_state_t *state, const speed_input_t *input, speed_output_t *output)
 {
     const signals_sensors_t *const sensors = input->sensors;
     int32_t speed = input->predicted_mm_s_q17;
-    const int32_t predicted_travel = travel(state->speed_mm_s_q17, speed, sensors->period_ms);
+    const int16_t sway_mm_s_q4 = to_q4(input->predicted_sway_mm_s_q17);
+    const int32_t predicted_travel = travel(state->speed_mm_s_q4, to_q4(speed), sensors->period_ms);
 
     if (input->at_rest && (sensors->have & SENSOR_ACCELEROMETER))
         learn_bias(config, state, sensors->accel_surge_mm_s2);
@@ -127,15 +130,16 @@ void speed_step(const speed_config_t *config, speed_state_t *state, const speed_
     }
     if (sensors->have & SENSOR_REFERENCE) {
         speed = sensors->reference_speed_mm_s_q4 * 8192L;
-        output->travel_um_q5 = travel(state->speed_mm_s_q17, speed, sensors->period_ms);
+        output->travel_um_q5 = travel(state->speed_mm_s_q4, to_q4(speed), sensors->period_ms);
     }
     speed = fix_clamp32(speed, SPEED_LIMIT_MM_S_Q17);
     filter_accel(config, state, speed, sensors->period_ms);
-    output->sway_travel_um_q5 = travel(state->sway_mm_s_q17, input->predicted_sway_mm_s_q17, sensors->period_ms);
+    output->sway_travel_um_q5 = travel(state->sway_mm_s_q4, sway_mm_s_q4, sensors->period_ms);
     state->speed_mm_s_q17 = speed;
-    state->sway_mm_s_q17 = input->predicted_sway_mm_s_q17;
+    state->speed_mm_s_q4 = to_q4(speed);
+    state->sway_mm_s_q4 = sway_mm_s_q4;
 
     output->correction_mm_s_q17 = fix_sub32(speed, input->predicted_mm_s_q17);
-    output->speed_mm_s_q4 = to_q4(speed);
+    output->speed_mm_s_q4 = state->speed_mm_s_q4;
     output->accel_mm_s2 = rounded(state->accel_mm_s2_q8, 8);
 }

@@ -34,7 +34,8 @@ typedef struct {
 /* All zero to begin with, at rest. */
 typedef struct {
     int32_t speed_mm_s_q17;
-    int32_t sway_mm_s_q17;
+    int16_t speed_mm_s_q4; /* the same, rounded */
+    int16_t sway_mm_s_q4;
     int32_t behind_um_q5;         /* travel by the counts minus travel estimated, +-100 mm */
     int32_t accel_mm_s2_q8;       /* filtered */
     int32_t accel_bias_mm_s2_q12; /* +-1 m/s^2 */

@@ -4,13 +4,14 @@
 
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s)
 {
-    return fix_sat16(fix_share_q15(yaw_rate_mrad_s * 32L, config->half_track_m_q14));
+    return config->half_track_m_q14 == 0 ? 0
+                                         : fix_sat16(fix_share_q15(yaw_rate_mrad_s * 32L, config->half_track_m_q14));
 }
 
 /* `size_mv` in the direction of `voltage_mv`. */
 static int16_t along(int32_t voltage_mv, int16_t size_mv)
 {
-    return (int16_t)fix_clamp32(voltage_mv * 16, size_mv);
+    return size_mv == 0 ? 0 : (int16_t)fix_clamp32(voltage_mv * 16, size_mv);
 }
 
 static int16_t friction_mv(int16_t size_mv, int16_t wanted_mv, int16_t speed_mm_s_q4)

@@ -43,12 +43,18 @@ static void drive_motors(const drive_config_t *config, const signals_state_t *mo
     drive->right_q15 = duty_q15(right_mv, most_mv, battery_mv);
 }
 
+static int16_t most_voltage_mv(const mixer_config_t *config, uint16_t battery_mv)
+{
+    if (config->max_duty_q15 == FIX_INT16_MAX)
+        return (int16_t)battery_mv;
+    return (int16_t)fix_div_u32(fix_mul_u16(battery_mv, (uint16_t)config->max_duty_q15), FIX_INT16_MAX);
+}
+
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
                 const signals_state_t *motion, uint16_t battery_mv, signals_drive_t *drive)
 {
     const uint16_t battery = usable_battery_mv(config, state, battery_mv);
-    const uint16_t max_duty_q15 = (uint16_t)config->max_duty_q15;
-    const int16_t most_mv = (int16_t)fix_div_u32(fix_mul_u16(battery, max_duty_q15), FIX_INT16_MAX);
+    const int16_t most_mv = most_voltage_mv(config, battery);
     const int16_t available_mv = most_mv > config->drive.reserve_mv ? (int16_t)(most_mv - config->drive.reserve_mv) : 0;
     const int16_t yaw_mv = fix_clamp16(effort->yaw_mv, available_mv);
     const int16_t left_over_mv = (int16_t)(available_mv - (int16_t)fix_abs_u16(yaw_mv));

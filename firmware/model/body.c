@@ -57,14 +57,13 @@ static void move(body_state_t *state, int32_t x_um_q12, int32_t y_um_q12)
     move_axis(&state->y_um, &state->y_rest_um_q12, y_um_q12);
 }
 
-/* Takes the new yaw rate, which has changed linearly. Returns the heading in the middle of the step. */
-static uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t yaw_rate_mrad_s_q12)
+/* By the mean of two yaw rates: it has changed linearly. Returns the heading in the middle of the step. */
+static uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t before_mrad_s_q12)
 {
-    const int32_t mean = middle(state->yaw_rate_mrad_s_q12, yaw_rate_mrad_s_q12);
+    const int32_t mean = middle(before_mrad_s_q12, state->yaw_rate_mrad_s_q12);
     const int32_t turned = scale_apply(&coefficients->heading_from_yaw_rate, mean);
     const uint16_t middle_bam16 = fix_round_bam16(state->heading_bam32 + (uint32_t)half(turned));
     state->heading_bam32 += (uint32_t)turned;
-    state->yaw_rate_mrad_s_q12 = yaw_rate_mrad_s_q12;
     return middle_bam16;
 }
 
@@ -75,21 +74,16 @@ static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_
     return speed_mm_s_q17 > 0 ? -loss : loss;
 }
 
-static void step_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
-                         int16_t right_mv)
+static void predict_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
+                            int16_t right_mv)
 {
     motor_state_t *const mean = &state->motor[0];
     motor_state_t *const difference = &state->motor[1];
-    const int32_t surge_before = state->surge_mm_s_q17;
 
-    motor_step(&coefficients->motor[0], mean, (int16_t)(left_mv + right_mv), drag(coefficients, surge_before));
+    motor_step(&coefficients->motor[0], mean, (int16_t)(left_mv + right_mv), drag(coefficients, state->surge_mm_s_q17));
     motor_step(&coefficients->motor[1], difference, (int16_t)(left_mv - right_mv), 0);
     state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
-
-    const direction_t along = direction_of(
-        turn(coefficients, state, scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13)));
-    const int32_t travel = scale_apply(&coefficients->travel_from_speed, middle(surge_before, state->surge_mm_s_q17));
-    move(state, part(travel, along.cos_q15, 0), part(travel, along.sin_q15, 0));
+    state->yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13);
 }
 
 /* Change of speed by one wheel's thrust in this step, mm/s q24. */
@@ -133,37 +127,57 @@ static void push(body_state_t *state, direction_t along, direction_t ahead, int3
                     part(drag_surge, ahead.sin_q15, 0) + part(drag_sway, ahead.cos_q15, 0));
 }
 
-static void step_paper(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
+static void predict_paper(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
+                          int16_t right_mv)
 {
     const int32_t left = thrust(coefficients, 0, &state->motor[0], left_mv);
     const int32_t right = thrust(coefficients, 1, &state->motor[1], right_mv);
-    const int32_t x_before = state->velocity_x_mm_s_q17;
-    const int32_t y_before = state->velocity_y_mm_s_q17;
     const int32_t gain = scale_apply(&coefficients->yaw_rate_from_thrust, left - right);
+    const int32_t yaw_rate_before = state->yaw_rate_mrad_s_q12;
 
     const direction_t before = direction_of(body_heading_bam16(state));
-    const uint16_t middle_bam16 = turn(
-        coefficients, state, fix_clamp32(fix_add32(state->yaw_rate_mrad_s_q12, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12));
+    state->yaw_rate_mrad_s_q12 = fix_clamp32(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12);
+    const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
     push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
          drag(coefficients, state->surge_mm_s_q17), drag(coefficients, state->sway_mm_s_q17));
+
     const int32_t x = state->velocity_x_mm_s_q17;
     const int32_t y = state->velocity_y_mm_s_q17;
-    move(state, scale_apply(&coefficients->travel_from_speed, middle(x_before, x)),
-         scale_apply(&coefficients->travel_from_speed, middle(y_before, y)));
-
     const direction_t ahead = direction_of(body_heading_bam16(state));
     state->surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
     state->sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
 }
 
-void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
+void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
 {
     left_mv = fix_clamp16(left_mv, MOTOR_VOLTAGE_LIMIT_MV);
     right_mv = fix_clamp16(right_mv, MOTOR_VOLTAGE_LIMIT_MV);
     if (BODY_IS_PAPER(coefficients))
-        step_paper(coefficients, state, left_mv, right_mv);
+        predict_paper(coefficients, state, left_mv, right_mv);
     else
-        step_coupled(coefficients, state, left_mv, right_mv);
+        predict_coupled(coefficients, state, left_mv, right_mv);
+}
+
+static int32_t mean_travel_um_q12(const body_coefficients_t *coefficients, int32_t before_mm_s_q17,
+                                  int32_t after_mm_s_q17)
+{
+    return scale_apply(&coefficients->travel_from_speed, middle(before_mm_s_q17, after_mm_s_q17));
+}
+
+void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
+{
+    const int32_t surge = state->surge_mm_s_q17, yaw_rate = state->yaw_rate_mrad_s_q12;
+    const int32_t x = state->velocity_x_mm_s_q17, y = state->velocity_y_mm_s_q17;
+
+    body_predict(coefficients, state, left_mv, right_mv);
+    if (BODY_IS_PAPER(coefficients)) {
+        move(state, mean_travel_um_q12(coefficients, x, state->velocity_x_mm_s_q17),
+             mean_travel_um_q12(coefficients, y, state->velocity_y_mm_s_q17));
+    } else {
+        const direction_t along = direction_of(turn(coefficients, state, yaw_rate));
+        const int32_t travel_um_q12 = mean_travel_um_q12(coefficients, surge, state->surge_mm_s_q17);
+        move(state, part(travel_um_q12, along.cos_q15, 0), part(travel_um_q12, along.sin_q15, 0));
+    }
 }
 
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)

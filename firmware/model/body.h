@@ -76,7 +76,11 @@ typedef struct {
     int32_t right_mrad_s_q13;
 } body_wheels_t;
 
-/* One step with both voltages held; beyond +-16383 mV they are clamped. */
+/* One step of the velocities, with both voltages held; beyond +-16383 mV they are clamped. The heading goes along in `paper`,
+ * where thrust needs it; position does not, nor the heading in `coupled`. */
+void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
+
+/* The same, and heading and position. */
 void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
 /* Adds `change_mm_s_q17` (+-8.19 m/s) to the surge, as an observer's correction does: in `coupled` both wheels follow.

@@ -2,12 +2,12 @@
 
 #include "core/fix.h"
 
+#ifndef FIX_IN_ASSEMBLY
 static int32_t with_sign(uint32_t magnitude, int negative)
 {
     return negative ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
-#ifndef FIX_IN_ASSEMBLY
 /* value / 2^bits, rounded to the nearest, halves up; bits 1 or more, value below 2^32 - 1. */
 static uint32_t shift_right(uint32_t value, uint8_t bits)
 {
@@ -32,8 +32,3 @@ int32_t scale_apply16(const scale_t *scale, int16_t value)
     return with_sign(shift_right(product << 1, (uint8_t)(scale->shift + 1)), (value < 0) != (scale->mantissa < 0));
 }
 #endif
-
-int32_t scale_round_16(int32_t value)
-{
-    return with_sign((fix_abs_u32(value) + (uint32_t)32768) >> 16, value < 0);
-}

@@ -21,7 +21,4 @@ int32_t scale_apply(const scale_t *scale, int32_t value);
 /* value * mantissa / 2^shift. Any value; error at most 3/4 of a unit. */
 int32_t scale_apply16(const scale_t *scale, int16_t value);
 
-/* value / 65536, rounded to the nearest, halves away from zero. */
-int32_t scale_round_16(int32_t value);
-
 #endif

@@ -20,7 +20,7 @@ static signals_sensors_t sensors;
 static void none(void) {}
 static void model(void)
 {
-    body_step(&config->model, &state.model, state.drive.left_mv, state.drive.right_mv);
+    body_predict(&config->model, &state.model, state.drive.left_mv, state.drive.right_mv);
 }
 static void heading(void)
 {
