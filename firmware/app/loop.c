@@ -6,6 +6,9 @@
 
 enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
+/* Parts of telemetry in a tick, by telemetry_every, so that a report is out before the next begins. */
+static const uint8_t PARTS_AT_ONCE[TELEMETRY_PARTS] = {0, 7, 4, 3, 2, 2, 2};
+
 static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
 {
     hal_imu_t imu;
@@ -42,17 +45,21 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
 {
+    const uint8_t every = config->telemetry_every;
     message_t message;
 
-    if (config->telemetry_every == 0)
+    if (every == 0)
         return;
     if (state->until_telemetry > 0) {
         state->until_telemetry--;
-        return;
+    } else {
+        state->until_telemetry = (uint8_t)(every - 1);
+        state->next_part = 0;
     }
-    state->until_telemetry = (uint8_t)(config->telemetry_every - 1);
-    for (uint8_t part = 0; part < TELEMETRY_PARTS; part++) {
-        telemetry_part(part, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
+    for (uint8_t left = every < TELEMETRY_PARTS ? PARTS_AT_ONCE[every] : 1; left > 0; left--) {
+        if (state->next_part == TELEMETRY_PARTS)
+            return;
+        telemetry_part(state->next_part++, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
         (void)hal_link_write(&message);
     }
 }

@@ -13,7 +13,7 @@ typedef struct {
     step_config_t step;
     uint16_t watchdog_ms;    /* longest period that a run survives, 3..20 */
     uint16_t silent_ms;      /* with no reading of any sensor and no message for longer, a run is cut */
-    uint8_t telemetry_every; /* telemetry goes to the link every so many ticks; 0: never */
+    uint8_t telemetry_every; /* each part of the telemetry goes to the link every so many ticks, by turns; 0: never */
 } loop_config_t;
 
 /* All zero to begin with. */
@@ -26,7 +26,8 @@ typedef struct {
     uint16_t aborted_late;   /* runs that the watchdog ended; stays at 65535 */
     uint16_t aborted_silent; /* runs that silence ended; stays at 65535 */
     uint16_t silent_ms;      /* for how long nothing has been heard; stays at 65535 */
-    uint8_t until_telemetry;
+    uint8_t until_telemetry; /* ticks until its first part is due again */
+    uint8_t next_part;
     uint8_t until_heartbeat;
     bool started;
 } loop_state_t;

@@ -7,8 +7,7 @@
 
 enum { TELEMETRY_PARTS = 7 };
 
-/* Part 0..6 of one step's telemetry, TELEMETRY_X to TELEMETRY_EFFORT. `tick_ms` is the low byte of the step's time: it tells
- * which parts belong together. */
+/* Part 0..6 of the telemetry, TELEMETRY_X to TELEMETRY_EFFORT, of one step, of whose time `tick_ms` is the low byte. */
 void telemetry_part(uint8_t part, uint8_t tick_ms, const step_state_t *state, const step_output_t *output,
                     message_t *message);
 

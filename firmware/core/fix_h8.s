@@ -271,6 +271,56 @@ _fix_clamp32:
 .Lwithin:
 	rts
 
+; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
+	.align 1
+	.global _fix_sat16
+_fix_sat16:
+	mov.b	r1h,r2l
+	add.b	r2l,r2l
+	subx	r2l,r2l
+	mov.b	r2l,r2h
+	cmp.w	r2,r0
+	bne	.Lbeyond16
+	mov.w	r1,r0
+.Lleast16:			; -32768 becomes -32767
+	mov.w	#0x8000,r2
+	cmp.w	r2,r0
+	beq	.Lnegative16
+	rts
+.Lbeyond16:
+	mov.w	r0,r0
+	bmi	.Lnegative16
+	mov.w	#0x7fff,r0
+	rts
+.Lnegative16:
+	mov.w	#0x8001,r0
+	rts
+	.align 1
+	.global _fix_add16
+_fix_add16:
+	add.w	r1,r0
+	bvc	.Lleast16
+	bra	.Lother_sign
+	.align 1
+	.global _fix_sub16
+_fix_sub16:
+	sub.w	r1,r0
+	bvc	.Lleast16
+.Lother_sign:			; the sign is the wrong one
+	bpl	.Lnegative16
+	mov.w	#0x7fff,r0
+	rts
+
+; uint32_t fix_abs_u32(int32_t value)
+	.align 1
+	.global _fix_abs_u32
+_fix_abs_u32:
+	mov.w	r0,r0
+	bpl	.Labsolute
+	NEGATE	r0h,r0l,r1h,r1l
+.Labsolute:
+	rts
+
 ; uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor): each half by subtract and shift; r3 is the rest, r0l counts.
 	.align 1
 	.global _fix_div_u32

@@ -16,10 +16,12 @@ FIX_INLINE uint16_t fix_abs_u16(int16_t value)
     return value < 0 ? (uint16_t)(0U - (uint16_t)value) : (uint16_t)value;
 }
 
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE uint32_t fix_abs_u32(int32_t value)
 {
     return value < 0 ? 0UL - (uint32_t)value : (uint32_t)value;
 }
+#endif
 
 #ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
@@ -28,6 +30,7 @@ FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
 }
 #endif
 
+#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int16_t fix_sat16(int32_t value)
 {
     return value > 32767L ? (int16_t)32767 : value < -32767L ? (int16_t)-32767 : (int16_t)value;
@@ -42,6 +45,7 @@ FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b)
 {
     return fix_sat16((int32_t)a - b);
 }
+#endif
 
 #ifndef FIX_IN_ASSEMBLY
 FIX_INLINE int32_t fix_clamp32(int32_t value, int32_t limit)
