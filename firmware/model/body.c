@@ -1,35 +1,7 @@
-#include "model/body.h"
-
-#include "core/fix.h"
-#include "core/trig.h"
+#include "model/body_parts.h"
 
 enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
 
-typedef struct {
-    int16_t cos_q15;
-    int16_t sin_q15;
-} direction_t;
-
-static direction_t direction_of(uint16_t angle_bam16)
-{
-    return (direction_t){.cos_q15 = trig_cos_q15(angle_bam16), .sin_q15 = trig_sin_q15(angle_bam16)};
-}
-
-/* value * factor / 2^(15 + bits), rounded to the nearest. */
-static int32_t part(int32_t value, int16_t factor_q15, uint8_t bits)
-{
-    const scale_t factor = {.mantissa = factor_q15, .shift = bits};
-    return scale_apply(&factor, value);
-}
-
-static int32_t half(int32_t value)
-{
-    return value < 0 ? -(-value >> 1) : value >> 1;
-}
-static int32_t middle(int32_t before, int32_t after)
-{
-    return before + half(after - before);
-}
 static int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
     return fix_clamp32(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17);
@@ -39,32 +11,6 @@ static int32_t square(int32_t speed_mm_s_q17)
 {
     const uint16_t speed_q1 = (uint16_t)(fix_abs_u32(speed_mm_s_q17) >> 16);
     return (int32_t)fix_mul_u16(speed_q1, speed_q1);
-}
-
-static void move_axis(int32_t *whole_um, int16_t *rest_um_q12, int32_t travel_um_q12)
-{
-    const int32_t sum = travel_um_q12 + *rest_um_q12;
-    const uint32_t magnitude = fix_abs_u32(sum);
-    const int32_t whole = (int32_t)(magnitude >> 12);
-    const int16_t rest = (int16_t)(magnitude & 0xfffU);
-    *whole_um = fix_add32(*whole_um, sum < 0 ? -whole : whole);
-    *rest_um_q12 = sum < 0 ? (int16_t)-rest : rest;
-}
-
-static void move(body_state_t *state, int32_t x_um_q12, int32_t y_um_q12)
-{
-    move_axis(&state->x_um, &state->x_rest_um_q12, x_um_q12);
-    move_axis(&state->y_um, &state->y_rest_um_q12, y_um_q12);
-}
-
-/* By the mean of two yaw rates: it has changed linearly. Returns the heading in the middle of the step. */
-static uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t before_mrad_s_q12)
-{
-    const int32_t mean = middle(before_mrad_s_q12, state->yaw_rate_mrad_s_q12);
-    const int32_t turned = scale_apply(&coefficients->heading_from_yaw_rate, mean);
-    const uint16_t middle_bam16 = fix_round_bam16(state->heading_bam32 + (uint32_t)half(turned));
-    state->heading_bam32 += (uint32_t)turned;
-    return middle_bam16;
 }
 
 /* Eq. 5, on one axis. */
@@ -86,6 +32,7 @@ static void predict_coupled(const body_coefficients_t *coefficients, body_state_
     state->yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13);
 }
 
+#ifndef BODY_WITHOUT_PAPER
 /* Change of speed by one wheel's thrust in this step, mm/s q24. */
 static int32_t thrust(const body_coefficients_t *coefficients, uint8_t side, motor_state_t *wheel, int16_t voltage_mv)
 {
@@ -147,37 +94,19 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
     state->surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
     state->sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
 }
+#endif
 
 void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
 {
     left_mv = fix_clamp16(left_mv, MOTOR_VOLTAGE_LIMIT_MV);
     right_mv = fix_clamp16(right_mv, MOTOR_VOLTAGE_LIMIT_MV);
-    if (BODY_IS_PAPER(coefficients))
-        predict_paper(coefficients, state, left_mv, right_mv);
-    else
-        predict_coupled(coefficients, state, left_mv, right_mv);
-}
-
-static int32_t mean_travel_um_q12(const body_coefficients_t *coefficients, int32_t before_mm_s_q17,
-                                  int32_t after_mm_s_q17)
-{
-    return scale_apply(&coefficients->travel_from_speed, middle(before_mm_s_q17, after_mm_s_q17));
-}
-
-void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
-{
-    const int32_t surge = state->surge_mm_s_q17, yaw_rate = state->yaw_rate_mrad_s_q12;
-    const int32_t x = state->velocity_x_mm_s_q17, y = state->velocity_y_mm_s_q17;
-
-    body_predict(coefficients, state, left_mv, right_mv);
+#ifndef BODY_WITHOUT_PAPER
     if (BODY_IS_PAPER(coefficients)) {
-        move(state, mean_travel_um_q12(coefficients, x, state->velocity_x_mm_s_q17),
-             mean_travel_um_q12(coefficients, y, state->velocity_y_mm_s_q17));
-    } else {
-        const direction_t along = direction_of(turn(coefficients, state, yaw_rate));
-        const int32_t travel_um_q12 = mean_travel_um_q12(coefficients, surge, state->surge_mm_s_q17);
-        move(state, part(travel_um_q12, along.cos_q15, 0), part(travel_um_q12, along.sin_q15, 0));
+        predict_paper(coefficients, state, left_mv, right_mv);
+        return;
     }
+#endif
+    predict_coupled(coefficients, state, left_mv, right_mv);
 }
 
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
@@ -194,18 +123,6 @@ void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *s
     const int32_t change = fix_add32(fix_add32(quarter, quarter), fix_add32(quarter, quarter));
     mean->speed_mrad_s_q13 = fix_clamp32(fix_add32(mean->speed_mrad_s_q13, change), MOTOR_SPEED_LIMIT_MRAD_S_Q13);
     state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
-}
-
-void body_wheels(const body_coefficients_t *coefficients, const body_state_t *state, body_wheels_t *wheels)
-{
-    const motor_state_t *const first = &state->motor[0];
-    const motor_state_t *const second = &state->motor[1];
-    const bool paper = BODY_IS_PAPER(coefficients);
-    (void)coefficients;
-    wheels->left_current_ua_q7 = paper ? first->current_ua_q7 : first->current_ua_q7 + second->current_ua_q7;
-    wheels->right_current_ua_q7 = paper ? second->current_ua_q7 : first->current_ua_q7 - second->current_ua_q7;
-    wheels->left_mrad_s_q13 = paper ? first->speed_mrad_s_q13 : first->speed_mrad_s_q13 + second->speed_mrad_s_q13;
-    wheels->right_mrad_s_q13 = paper ? second->speed_mrad_s_q13 : first->speed_mrad_s_q13 - second->speed_mrad_s_q13;
 }
 
 uint16_t body_heading_bam16(const body_state_t *state)
