@@ -4,6 +4,9 @@
  * products and quotients of variables in firmware/ go through here. Shifts are by constants. Right shifts of negative
  * numbers are taken to be arithmetic (rounding towards minus infinity), as every compiler we build with does;
  * test_fix.c asserts it.
+ *
+ * Beware: the RCX's compiler, gcc 3.4.6, gets some shifts of 32 bits to the right wrong: by 15, and of signed numbers by 24 to 26;
+ * also where it makes such a one of two others. Take the words apart instead. tests/vectors compares what it makes of everything.
  */
 #ifndef BRICKPILOT_CORE_FIX_H
 #define BRICKPILOT_CORE_FIX_H
