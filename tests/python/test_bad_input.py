@@ -98,6 +98,8 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "out is someone else's folder": (["run", "--out", "theirs"], "theirs"),
     "effect unknown": (["effects", "gremlins"], "gremlins"),
     "target unknown": (["bench", "--target", "abacus"], "--target"),
+    "bench profile without h8": (["bench", "--profile", "paper"], "--profile"),
+    "bench for no time": (["bench", "--target", "h8", "--seconds", "0"], "--seconds"),
     "data set missing": (["compare", "nowhere"], "nowhere"),
     "data set not given": (["compare"], "DATASET"),
     "calibrate a missing set": (["calibrate", "nowhere"], "nowhere"),

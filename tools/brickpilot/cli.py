@@ -15,7 +15,7 @@ from typing import Any
 import click
 from click.exceptions import NoArgsIsHelpError
 
-from brickpilot import __version__, cli_benchmark, cli_hil
+from brickpilot import __version__, cli_bench, cli_benchmark, cli_hil
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
 from brickpilot.terminal import as_json, flight_options, progress_shown
@@ -349,21 +349,7 @@ def effects(name: str | None, as_json: bool) -> None:
             click.echo(f"  {parameter.name}: {parameter.meaning}; {span}, preset {parameter.preset:g}")
 
 
-@cli.command()
-@click.option("--target", type=click.Choice(["host"]), default="host", help="Where the controller runs.")
-@as_json
-def bench(target: str, as_json: bool) -> None:
-    """Measures speed, side by side with a peer in the same run."""
-    from brickpilot import bench as bench_module
-
-    figures = {name: dataclasses.asdict(figure) for name, figure in bench_module.host().items()}
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    for name, figure in figures.items():
-        click.echo(f"{name}: {figure['value']:.0f} {figure['unit']}, {figure['ratio']:.1f} times {figure['peer']}")
-
-
+cli.add_command(cli_bench.bench)
 cli.add_command(cli_benchmark.benchmark)
 cli.add_command(cli_hil.hil)
 cli.add_command(cli_hil.brick)

@@ -167,8 +167,12 @@ def _here_and_above() -> tuple[Path, ...]:
     return (here, *here.parents)
 
 
-def start_h8() -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the program on the simulator; it ends with its standard input. Returns it, and the link to it."""
+def start_h8(trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
+    """Starts the program on the simulator; it ends with its standard input. Returns it, and the link to it.
+
+    Args:
+        trace: where it writes address and stack pointer of each instruction, two native 16-bit words.
+    """
     simulator, image = h8_simulator()
     ours, theirs = socket.socketpair()
     with theirs:
@@ -178,6 +182,7 @@ def start_h8() -> tuple[subprocess.Popen[bytes], Link]:
             stdin=theirs.fileno(),
             stdout=theirs.fileno(),
             stderr=subprocess.DEVNULL,
+            env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
         )
     return process, StreamLink(ours)
 
@@ -220,8 +225,12 @@ class Ends:
 
 
 @contextmanager
-def both_ends(spec: str) -> Iterator[Ends]:
+def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
     """The plant's end of the link, open; with the brick at the other end where the link starts one here.
+
+    Args:
+        spec: the link, or `H8SIM`.
+        trace: see `start_h8`.
 
     Raises:
         InputError: no such link, or it cannot be opened.
@@ -237,7 +246,7 @@ def both_ends(spec: str) -> Iterator[Ends]:
             link = open_link(address)
             restart = partial(_restart_process, process)
         elif spec == H8SIM:
-            simulator, link = start_h8()
+            simulator, link = start_h8(trace)
         elif spec in IN_PROCESS:
             kind = spec.partition(":")[2]
             channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
