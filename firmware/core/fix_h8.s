@@ -188,16 +188,21 @@ _fix_round_shift:
 	jsr	@.Lround_shift
 	SIGNED_RESULT
 
-; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack
+; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. By signs: the simulator sets V wrong after ADDX and SUBX.
 	.align 1
 	.global _fix_add32
 _fix_add32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
 	add.w	r3,r1
+	mov.b	r0h,r3h
 	addx	r2l,r0l
 	addx	r2h,r0h
-	bvs	.Lbeyond
+	xor	r0h,r2h
+	xor	r0h,r3h
+	and	r2h,r3h
+	bmi	.Lbeyond	; the sum's sign is neither's
+	mov.b	r0h,r0h
 	bmi	.Lleast
 	rts
 	.align 1
@@ -206,9 +211,14 @@ _fix_sub32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
 	sub.w	r3,r1
+	mov.b	r0h,r3h
 	subx	r2l,r0l
 	subx	r2h,r0h
-	bvs	.Lbeyond
+	xor	r3h,r2h
+	xor	r0h,r3h
+	and	r2h,r3h
+	bmi	.Lbeyond
+	mov.b	r0h,r0h
 	bmi	.Lleast
 	rts
 .Lbeyond:			; the sign is the wrong one

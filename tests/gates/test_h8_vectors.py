@@ -1,0 +1,114 @@
+"""Every module, fed the same 50,000 vectors, gives the same on the RCX's processor as on the host: tests/vectors."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS = 16
+
+PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
+OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
+
+# These call the HAL: the missions on the simulator do so too, tests/python/test_hil_h8sim.py.
+WITHOUT_VECTORS = {"app/loop", "app/serve"}
+NOT_ON_THE_RCX = {"wire/slcan"}
+
+VECTORS = ROOT / "tests/vectors"
+MODULES = sorted(path.relative_to(VECTORS).with_suffix("").as_posix() for path in VECTORS.glob("*/*.c"))
+CASES = [(module, flag) for module in MODULES for flag in (PROFILES if module in OF_EACH_PROFILE else ("",))]
+
+Told = tuple[list[str], list[str], list[str]]
+"""What the host's program says, the same under the sanitizer, and the RCX's on its simulator."""
+
+
+def build(root: Path, kind: str, folder: Path, flag: str, modules: Iterable[str]) -> None:
+    """Programs of the checkout at `root`."""
+    sources = [f"tests/vectors/{module}.c" for module in modules]
+    subprocess.run([root / "tests/vectors/build", kind, folder, *filter(None, [flag]), *sources], check=True)
+
+
+def run(*command: str | Path) -> list[str]:
+    done = subprocess.run([*command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+def simulator() -> str:
+    return run(ROOT / "hal/h8sim/simulator")[0]
+
+
+def tell(folder: Path, module: str) -> Told:
+    name = module.replace("/", "_")
+    return run(folder / "host" / name), run(folder / "checked" / name), run(simulator(), folder / "h8" / name)
+
+
+@pytest.fixture(scope="module")
+def told(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Mapping[tuple[str, str], Future[Told]]]:
+    """Of every case that is asked for, as many at a time as there are processors, the longest first."""
+    parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
+    cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
+    folder = tmp_path_factory.mktemp("vectors")
+    for flag in {flag for _, flag in cases}:
+        for kind in ("host", "checked", "h8"):
+            build(ROOT, kind, folder / flag / kind, flag, (module for module, its in cases if its == flag))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        cases.sort(key=lambda case: case[0] not in OF_EACH_PROFILE)
+        yield {(module, flag): pool.submit(tell, folder / flag, module) for module, flag in cases}
+
+
+def first_difference(wanted: list[str], found: list[str]) -> str:
+    """The part in which two programs' hashes begin to differ, or nothing."""
+    assert len(wanted) == PARTS
+    pairs = (f"part {a[:2]}: {b[3:]} for {a[3:]}" for a, b in zip(wanted, found, strict=True) if a != b)
+    return next(pairs, "")
+
+
+@pytest.mark.parametrize(("module", "flag"), CASES)
+def test_a_module_gives_the_same_on_the_h8(
+    module: str, flag: str, told: Mapping[tuple[str, str], Future[Told]]
+) -> None:
+    host, checked, h8 = told[module, flag].result()
+    assert len(set(host)) == PARTS, f"{module}: the vectors tell nothing new"
+    assert first_difference(host, checked) == "", f"{module}: undefined behaviour"
+    assert first_difference(host, h8) == "", f"{module} {flag}"
+
+
+def test_every_module_has_vectors() -> None:
+    sources = [*(ROOT / "firmware").rglob("*.c"), *(ROOT / "hal/wire").glob("*.c")]
+    named = {f"{path.parent.name}/{path.stem.removesuffix('_gen')}" for path in sources}
+    assert named - WITHOUT_VECTORS - NOT_ON_THE_RCX <= set(MODULES) | {"model/body_pose"}  # model/body has its
+
+
+@pytest.mark.parametrize(
+    ("file", "of", "to", "module"),
+    [
+        ("core/h8.inc", "addx	#0,r3h\n	add.b	r0h,r3l", "add.b	r0h,r3l", "core/fix"),
+        ("core/fix_h8.s", "mov.b	#13,r6l", "mov.b	#14,r6l", "core/fix"),
+        ("model/scale_h8.s", "add.b	r0l,r0l", "add.b	r1l,r1l", "model/scale"),
+    ],
+)
+def test_a_slip_in_what_the_h8_alone_does_is_caught(file: str, of: str, to: str, module: str, tmp_path: Path) -> None:
+    for folder in ("firmware", "hal", "tests/vectors"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    path = tmp_path / "firmware" / file
+    text = path.read_text()
+    assert of in text
+    path.write_text(text.replace(of, to))
+    for kind in ("host", "h8"):
+        build(tmp_path, kind, tmp_path / kind, "", [module])
+    name = module.replace("/", "_")
+    command = ["stdbuf", "-o0", simulator(), tmp_path / "h8" / name]
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as h8:
+        assert h8.stdout is not None
+        pairs = zip(run(tmp_path / "host" / name), h8.stdout, strict=False)
+        assert any(wanted != found.rstrip("\n") for wanted, found in pairs)
+        h8.kill()

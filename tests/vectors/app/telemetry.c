@@ -1,0 +1,58 @@
+#include "app/telemetry.h"
+
+#include "states.h"
+#include "vectors.h"
+
+static void draw_pid(pid_output_t *pid)
+{
+    pid->proportional_mv = draw_s16();
+    pid->integral_mv = draw_s16();
+    pid->derivative_mv = draw_s16();
+}
+
+static void draw(step_state_t *state, step_output_t *output)
+{
+    draw_motion(&output->state);
+    draw_pid(&output->speed);
+    draw_pid(&output->heading);
+    output->effort.surge_mv = draw_s16();
+    output->effort.yaw_mv = draw_s16();
+    state->mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
+    state->mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
+    state->mode.demand.speed_mm_s_q4 = draw_s16();
+    state->mode.demand.heading_bam16 = (uint16_t)draw_s16();
+    state->mode.guidance.phase = (los_phase_t)draw_up_to(LOS_END);
+    state->mode.guidance.waypoint = (uint8_t)draw_up_to(31);
+    state->mode.guidance.cross_track_mm = draw_s16();
+    state->mode.guidance.heading_error_bam16 = draw_s16();
+    state->mode.guidance.overshoots = draw_up_to(65535U);
+    state->drive.surge_saturated = (int8_t)draw_between(-1, 1);
+    state->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
+    state->battery_mv = draw_up_to(20000);
+}
+
+static void hash(const message_t *message)
+{
+    hash_u16(message->id);
+    hash_u8(message->size);
+    for (uint8_t i = 0; i < message->size; i++)
+        hash_u8(message->data[i]);
+}
+
+void vectors_feed(void)
+{
+    static step_state_t state;
+    static step_output_t output;
+    const uint8_t tick_ms = (uint8_t)draw_u16();
+    const uint32_t tick = (uint32_t)draw_s32();
+    const uint16_t late_ticks = draw_up_to(65535U), aborted = draw_up_to(1000);
+    message_t message;
+
+    draw(&state, &output);
+    for (uint8_t part = 0; part < TELEMETRY_PARTS; part++) {
+        telemetry_part(part, tick_ms, &state, &output, &message);
+        hash(&message);
+    }
+    telemetry_heartbeat(tick, late_ticks, aborted, &state.mode, &message);
+    hash(&message);
+}

@@ -1,0 +1,38 @@
+#include "autopilot/los.h"
+
+#include "core/bytes.h"
+#include "states.h"
+#include "vectors.h"
+
+enum { RUN_STEPS = 100 };
+
+void vectors_feed(void)
+{
+    static los_config_t drawn;
+    static const los_config_t *config;
+    static route_t route;
+    static route_waypoint_t waypoints[DRAWN_WAYPOINTS];
+    static los_state_t state;
+    static signals_state_t motion;
+    static uint8_t left;
+    los_output_t output;
+
+    if (left == 0) {
+        left = RUN_STEPS;
+        draw_los_config(&drawn);
+        config = draw_rarely(2) ? &PARAMS.step.mode.los : &drawn;
+        draw_route(&route, waypoints);
+        bytes_clear(&state, sizeof state);
+        draw_motion(&motion);
+    }
+    left--;
+    if (draw_rarely(6))
+        draw_motion(&motion);
+    else
+        draw_motion_about(&motion, &waypoints[state.waypoint], state.bearing_bam16);
+    if (draw_rarely(6))
+        los_reset(&state);
+    los_step(config, &route, &state, &motion, (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20), &output);
+    hash_los_state(&state);
+    hash_los_output(&output);
+}

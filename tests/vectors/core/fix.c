@@ -1,0 +1,56 @@
+#include "core/fix.h"
+
+#include "vectors.h"
+
+static void feed_16(int16_t a, int16_t b, int32_t wide)
+{
+    hash_u32(fix_mul_u16((uint16_t)a, (uint16_t)b));
+    hash_s32(fix_mul(a, b));
+    hash_u16(fix_abs_u16(a));
+    hash_s16(fix_sat16(wide));
+    hash_s16(fix_add16(a, b));
+    hash_s16(fix_sub16(a, b));
+    hash_s16(fix_clamp16(a, (int16_t)(b & 0x7FFF)));
+    hash_u16(fix_count_u16((uint16_t)a));
+    hash_u16(fix_add_u16((uint16_t)a, (uint16_t)b));
+    hash_s16(fix_angle_diff_bam16((uint16_t)a, (uint16_t)b));
+}
+
+static void feed_32(int32_t a, int32_t b)
+{
+    hash_u32(fix_abs_u32(a));
+    hash_s32(fix_add32(a, b));
+    hash_s32(fix_sub32(a, b));
+    hash_s32(fix_clamp32(a, b & 0x7FFFFFFFL));
+    hash_u16(fix_round_bam16((uint32_t)a));
+    hash_u16(fix_sqrt_u32((uint32_t)a));
+}
+
+static void feed_shifts(int32_t value, uint8_t bits)
+{
+    hash_u32(fix_shift_right((uint32_t)value, bits));
+    if (bits > 0)
+        hash_s32(fix_fraction(value, bits));
+    if (bits > 0 && bits < 31)
+        hash_s32(fix_round_shift(value, bits));
+}
+
+static void feed_mixed(int32_t a, int16_t b)
+{
+    hash_u32(fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
+    hash_s32(fix_share_q15(a, b));
+    hash_u32(fix_div_u32((uint32_t)a, (uint16_t)b));
+    if (b != 0)
+        hash_s32(fix_div(a, (uint16_t)b));
+}
+
+void vectors_feed(void)
+{
+    const int32_t a = draw_s32(), b = draw_s32();
+    const int16_t c = draw_s16(), d = draw_s16();
+
+    feed_16(c, d, a);
+    feed_32(a, b);
+    feed_shifts(b, (uint8_t)(draw_u16() & 31U));
+    feed_mixed(a, c);
+}

@@ -1,0 +1,85 @@
+#include "estimator/heading.h"
+
+#include "core/bytes.h"
+#include "states.h"
+#include "vectors.h"
+
+enum { RUN_STEPS = 255 };
+
+static void draw_config(heading_config_t *config)
+{
+    config->quiet_mrad_s = (uint16_t)draw_between(1, 32767);
+    config->rest_speed_mm_s_q4 = draw_up_to(32767);
+    config->slowest_weight_bits = (uint8_t)draw_up_to(7);
+    config->blind_ms = draw_up_to(65000U);
+    config->gyro_bias_mrad_s = draw_s16();
+    config->gyro_scale_q15 = draw_between(-32767, 32767);
+}
+
+static void begin(heading_state_t *state)
+{
+    bytes_clear(state, sizeof *state);
+    state->heading_bam32 = (uint32_t)draw_s32();
+    if (draw_rarely(1))
+        return;
+    state->raw_rate_mrad_s = draw_between(-32767, 32767);
+    state->bias_mrad_s_q8 = draw_between(-127 * 256, 127 * 256);
+    state->learnt_blocks = (uint8_t)draw_up_to(255);
+    state->blind_ms = draw_up_to(65000U);
+}
+
+static void hash(const heading_state_t *state, const heading_output_t *output)
+{
+    hash_u32(state->heading_bam32);
+    hash_s16(state->raw_rate_mrad_s);
+    hash_s16(state->bias_mrad_s_q8);
+    hash_u8(state->learnt_blocks);
+    hash_u8(state->block_steps);
+    hash_s32(state->block_sum_mrad_s);
+    hash_s16(state->block_least_mrad_s);
+    hash_s16(state->block_most_mrad_s);
+    hash_u16(state->blind_ms);
+    hash_u16(output->heading_bam16);
+    hash_s16(output->yaw_rate_mrad_s);
+    hash_u8(output->at_rest);
+    hash_u8(output->bias_known);
+    hash_u8(output->valid);
+}
+
+/* Half of the runs are of a robot that stands, whose bias is learnt. */
+void vectors_feed(void)
+{
+    static heading_config_t drawn;
+    static const heading_config_t *config;
+    static heading_state_t state;
+    static signals_sensors_t sensors;
+    static uint8_t left;
+    static bool stands;
+    heading_input_t input;
+    heading_output_t output;
+
+    if (left == 0) {
+        left = RUN_STEPS;
+        stands = draw_rarely(1);
+        draw_config(&drawn);
+        config = draw_rarely(1) ? &drawn : &PARAMS.step.heading;
+        begin(&state);
+    }
+    left--;
+    input.sensors = &sensors;
+    if (stands) {
+        sensors.have = SENSOR_GYRO | SENSOR_ROTATION;
+        sensors.period_ms = BODY_PERIOD_MS;
+        sensors.yaw_rate_mrad_s =
+            (int16_t)((sensors.rotation_left & 127U) + (draw_u16() & 63U)); /* a bias, and noise */
+        input.predicted_speed_mm_s_q4 = 0;
+        input.driven = draw_rarely(8);
+    } else {
+        draw_sensors(&sensors);
+        input.predicted_speed_mm_s_q4 = draw_between(-32767, 32767);
+        input.driven = draw_rarely(1);
+    }
+    input.predicted_yaw_rate_mrad_s = draw_between(-32767, 32767);
+    heading_step(config, &state, &input, &output);
+    hash(&state, &output);
+}

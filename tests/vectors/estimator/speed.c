@@ -1,0 +1,81 @@
+#include "estimator/speed.h"
+
+#include "core/bytes.h"
+#include "states.h"
+#include "vectors.h"
+
+enum { RUN_STEPS = 32 };
+
+#define PREDICTED_LIMIT_MM_S_Q17 1074790400L /* 8.2 m/s */
+
+static void draw_config(speed_config_t *config)
+{
+    config->accel_gain_q15 = draw_between(0, 32767);
+    config->slowest_weight_bits = (uint8_t)draw_up_to(12);
+    config->count_travel_um_q2 = (uint16_t)(draw_up_to(65534U) + 1U);
+    config->count_mismatch_q15 = draw_between(-32767, 32767);
+    config->behind_to_travel_q15 = draw_between(0, 32767);
+    config->behind_to_speed_q15 = draw_between(0, 32767);
+    config->accel_filter_q15 = draw_between(1, 32767);
+}
+
+static void begin(speed_state_t *state)
+{
+    bytes_clear(state, sizeof *state);
+    if (draw_rarely(1))
+        return;
+    state->speed_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
+    state->speed_mm_s_q4 = draw_s16();
+    state->sway_mm_s_q4 = draw_s16();
+    state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
+    state->accel_bias_mm_s2_q12 = draw_within(4096000L); /* 1 m/s^2 */
+    state->learnt_steps = draw_up_to(65535U);
+    state->rotation_known = draw_rarely(1);
+}
+
+static void hash(const speed_state_t *state, const speed_output_t *output)
+{
+    hash_s32(state->speed_mm_s_q17);
+    hash_s16(state->speed_mm_s_q4);
+    hash_s16(state->sway_mm_s_q4);
+    hash_s32(state->behind_um_q5);
+    hash_s32(state->accel_mm_s2_q8);
+    hash_s32(state->accel_bias_mm_s2_q12);
+    hash_u16(state->learnt_steps);
+    hash_u16(state->rotation_left);
+    hash_u16(state->rotation_right);
+    hash_u8(state->rotation_known);
+    hash_s32(output->correction_mm_s_q17);
+    hash_s16(output->speed_mm_s_q4);
+    hash_s16(output->accel_mm_s2);
+    hash_s32(output->travel_um_q5);
+    hash_s32(output->sway_travel_um_q5);
+}
+
+void vectors_feed(void)
+{
+    static speed_config_t drawn;
+    static const speed_config_t *config;
+    static speed_state_t state;
+    static signals_sensors_t sensors;
+    static uint8_t left;
+    speed_input_t input;
+    speed_output_t output;
+
+    if (left == 0) {
+        left = RUN_STEPS;
+        draw_config(&drawn);
+        config = draw_rarely(1) ? &drawn : &PARAMS.step.speed;
+        begin(&state);
+    }
+    left--;
+    input.sensors = &sensors;
+    draw_sensors(&sensors);
+    input.predicted_mm_s_q17 =
+        draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : state.speed_mm_s_q17 + draw_within(131072L);
+    input.predicted_sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
+    input.yaw_rate_mrad_s = draw_between(-32767, 32767);
+    input.at_rest = draw_rarely(2);
+    speed_step(config, &state, &input, &output);
+    hash(&state, &output);
+}

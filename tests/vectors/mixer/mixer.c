@@ -1,0 +1,34 @@
+#include "mixer/mixer.h"
+
+#include "core/bytes.h"
+#include "states.h"
+#include "vectors.h"
+
+void vectors_feed(void)
+{
+    static mixer_config_t config = {.battery_floor_mv = 5000, .max_duty_q15 = 32767};
+    static mixer_state_t state;
+    static signals_state_t motion;
+    signals_effort_t effort;
+    signals_drive_t drive;
+
+    if (draw_rarely(5)) {
+        config.battery_floor_mv = (uint16_t)draw_between(1000, 20000);
+        config.max_duty_q15 = draw_between(1, 32767);
+        draw_drive_config(&config.drive);
+        if (draw_rarely(1))
+            bytes_clear(&config.drive, sizeof config.drive);
+        state.surge_saturated_steps = draw_up_to(65535U);
+        state.yaw_saturated_steps = draw_up_to(65535U);
+        state.battery_low_steps = draw_up_to(65535U);
+    }
+    effort.surge_mv = draw_s16();
+    effort.yaw_mv = draw_s16();
+    motion.speed_mm_s_q4 = draw_s16();
+    motion.yaw_rate_mrad_s = draw_s16();
+    mixer_step(&config, &state, &effort, &motion, draw_up_to(draw_rarely(3) ? 65535U : 12000), &drive);
+    hash_drive(&drive);
+    hash_u16(state.surge_saturated_steps);
+    hash_u16(state.yaw_saturated_steps);
+    hash_u16(state.battery_low_steps);
+}
