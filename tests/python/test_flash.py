@@ -1,0 +1,295 @@
+"""Images arrive on an emulated RCX bit for bit: by third parties' tools, by `brickpilot flash`, on bad lines too."""
+
+from __future__ import annotations
+
+import functools
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from brickpilot.flash import lnp, lx, rcx, rom, srec
+from brickpilot.flash.tower import Tower
+from command import brickpilot
+from rcx_brick import BYTE_S, Faults, RcxBrick
+
+BRICKOS = Path("/usr/lib/brickos")
+KERNEL = BRICKOS / "brickOS.srec"
+PROGRAM = """
+#include <conio.h>
+static int counter = 7;
+static char *words[] = {"one", "two", "three"};
+int sums[20];
+int more(int by) { counter += by; return counter; }
+int (*const calls[])(int) = {more, more};
+int main(int argc, char **argv) {
+    cputs(words[counter & 1]);
+    sums[counter & 3] = calls[argc & 1](argc);
+    return counter;
+}
+"""
+BEGIN, BLOCK = 0x75, 0x45
+BAD_LINES = [Faults(seed, **share) for seed in range(2) for share in ({"corrupt": 0.01}, {"lose": 0.01})]
+
+flash_firmware = functools.partial(rcx.flash_firmware, progress=lambda *_: None, byte_s=BYTE_S)
+flash_program = functools.partial(rcx.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
+
+
+def run(*command: str, cwd: Path) -> None:
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stdout[-500:] + done.stderr[-500:]
+
+
+@pytest.fixture(scope="module")
+def kernel(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """brickOS's kernel from its first byte to its last, as binutils read it."""
+    folder = tmp_path_factory.mktemp("kernel")
+    run("h8300-hms-objcopy", "-I", "srec", "-O", "binary", str(KERNEL), "kernel.bin", cwd=folder)
+    return (folder / "kernel.bin").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def linked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
+    """Links a program for an address; gives the COFF file."""
+    folder = tmp_path_factory.mktemp("program")
+    (folder / "program.c").write_text(PROGRAM)
+    includes = [f"-I/usr/include/brickos{part}" for part in ("", "/lnp")]
+    run("h8300-hms-gcc", "-O2", "-fno-builtin", "-fomit-frame-pointer", *includes, "-c", "program.c", cwd=folder)
+
+    def link(base: int) -> Path:
+        out = folder / f"{base:x}.coff"
+        script = ("-T", str(BRICKOS / "brickOS.lds"), "-relax", f"-L{BRICKOS}")
+        run(
+            "h8300-hms-ld",
+            *script,
+            "--oformat",
+            "coff-h8300",
+            "program.o",
+            "-lc",
+            "-Ttext",
+            f"{base:#x}",
+            "-o",
+            str(out),
+            cwd=folder,
+        )
+        return out
+
+    return link
+
+
+@pytest.fixture(scope="module")
+def program(linked: Callable[[int], Path]) -> Path:
+    """An .lx, made as brickOS's Makefile makes it."""
+    for base in (0xB000, 0xB210):
+        coff = linked(base)
+        names = (coff.name, f"{base:x}")  # without a path: it would stand in a record too long for makelx
+        run("h8300-hms-objcopy", "-I", "coff-h8300", "-O", "symbolsrec", *names, cwd=coff.parent)
+    run(str(BRICKOS / "makelx"), "b000", "b210", "program.lx", cwd=coff.parent)
+    return coff.with_name("program.lx")
+
+
+def plain_image() -> srec.Image:
+    """727 bytes that are sent as 200, 200, 200 and 127."""
+    return srec.Image(bytes(n * n % 61 | 0x80 for n in range(700)) + srec.KNOCK, 0x8000)
+
+
+def small_image(size: int = 1000) -> srec.Image:
+    """An image with many bytes that read as opcodes, and runs of equal bytes."""
+    body = bytes(
+        0x45 if n % 97 == 0 else 0x4D if n % 89 == 0 else n * n // 7 & 0xF0 | n // 50 & 0xF for n in range(size)
+    )
+    return srec.Image(body[:300] + srec.KNOCK + body[300:], 0x8000)
+
+
+def large_program(text: int = 1100, data: int = 200) -> lx.Program:
+    image = bytes(n * n * 7 >> 3 & 0xFF for n in range(text + data))
+    return lx.Program(0xB000, text, data, 100, 512, 0, tuple(range(0, text + data - 2, 6)), image)
+
+
+def downloads(brick: RcxBrick) -> int:
+    """How often the image was begun; a request that was repeated for its answer counts once."""
+    opcodes = [request[0] for request in brick.rom.requests]
+    return sum(
+        opcode & 0xF7 == BEGIN and opcode != before for before, opcode in zip([0, *opcodes], opcodes, strict=False)
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "last_block"),
+    [
+        (("firmdl3", "-s", "--tty={}", str(KERNEL)), 56),
+        (("nqc", "-S{}", "-firmware", str(KERNEL)), 0),  # its last block has number 0, for the ROM to play a sound
+    ],
+)
+def test_third_parties_deliver_the_kernel_bit_for_bit(
+    kernel: bytes, tmp_path: Path, command: tuple[str, ...], last_block: int
+) -> None:
+    with RcxBrick(lego=command[0] == "nqc") as brick:  # nqc asks what it started for its version, in LEGO's protocol
+        run(*(word.format(brick.path) for word in command), cwd=tmp_path)
+    assert brick.firmware(len(kernel)) == kernel
+    assert brick.rom.entry == 0x801A
+    assert brick.rom.blocks[-1] == last_block
+
+
+def test_flash_delivers_the_kernel_bit_for_bit(kernel: bytes, tmp_path: Path) -> None:
+    with RcxBrick() as brick:
+        done = brickpilot("flash", "rcx", str(KERNEL), "--tty", brick.path, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert brick.firmware(len(kernel)) == kernel
+    assert brick.rom.entry == 0x801A
+    assert brick.rom.blocks == list(range(1, len(brick.rom.blocks) + 1))
+    figures = json.loads(done.stdout)
+    assert figures["kind"] == "firmware"
+    assert figures["bytes"] == len(kernel)
+    assert figures["checksum"] == sum(kernel) & 0xFFFF
+    assert (figures["packets"], figures["sent_again"]) == (len(brick.rom.blocks), 0)
+    assert len(brick.rom.blocks) < 60
+
+
+@pytest.mark.parametrize("faults", BAD_LINES, ids=str)
+def test_flash_delivers_firmware_on_a_line_that_hits_one_byte_of_a_hundred(faults: Faults) -> None:
+    image = small_image()
+    with RcxBrick(faults=faults) as brick:
+        done = flash_firmware(image, brick.path)
+    assert brick.firmware(len(image.data)) == image.data
+    assert brick.rom.entry == image.entry
+    assert brick.rom.blocks == list(range(1, len(brick.rom.blocks) + 1))
+    assert brick.hit > 20
+    assert downloads(brick) < 4
+    assert done.tally.sent_again > 10
+
+
+@pytest.mark.parametrize("faults", [Faults(2, corrupt=0.01), Faults(3, lose=0.01)], ids=str)
+def test_flash_delivers_the_whole_kernel_on_a_bad_line(kernel: bytes, faults: Faults) -> None:
+    with RcxBrick(faults=faults) as brick:
+        flash_firmware(srec.read(KERNEL), brick.path, byte_s=BYTE_S / 2)
+    assert brick.firmware(len(kernel)) == kernel
+    assert brick.rom.entry == 0x801A
+    assert brick.hit > 500
+
+
+@pytest.mark.parametrize("lost", range(1, 9))
+@pytest.mark.parametrize("lego", [False, True])
+def test_a_lost_answer_costs_a_packet_not_the_image(lost: int, lego: bool) -> None:
+    """Answers: alive, delete, begin, four blocks, start. The ROM answers a request that comes again without acting."""
+    image = plain_image()
+    with RcxBrick(lose_replies=frozenset([lost]), lego=lego) as brick:
+        done = flash_firmware(image, brick.path)
+    assert brick.firmware(len(image.data)) == image.data
+    assert brick.rom.entry == image.entry
+    assert brick.rom.blocks == list(range(1, len(brick.rom.blocks) + 1))
+    assert downloads(brick) == 1
+    assert done.tally.sent_again >= (4 <= lost <= 7)
+
+
+def test_several_lost_answers_to_one_block_shorten_it_and_leave_no_gap() -> None:
+    """The ROM has the long block when the short one comes: it must go on behind the short one."""
+    image = plain_image()
+    with RcxBrick(lose_replies=frozenset([5, 6, 7])) as brick:
+        done = flash_firmware(image, brick.path)
+    assert brick.firmware(len(image.data)) == image.data
+    assert downloads(brick) == 1
+    assert len(brick.rom.blocks) > 4
+    assert done.tally.sent_again >= 3
+
+
+@pytest.mark.parametrize("back_after", [1300, 2000])
+def test_a_brick_that_comes_back_into_the_beam_goes_on_where_it_was(back_after: int) -> None:
+    """Away for a few tries, and for more than half of them: by then it has been asked whether it is there."""
+    image = plain_image()
+    with RcxBrick(vanish_after=700, back_after=back_after) as brick:
+        done = flash_firmware(image, brick.path)
+    assert brick.firmware(len(image.data)) == image.data
+    assert brick.rom.blocks == list(range(1, len(brick.rom.blocks) + 1))
+    assert downloads(brick) == 1
+    assert (done.tally.sent_again > rom.TRIES // 2) == (back_after == 2000)
+
+
+def test_a_block_whose_checksum_was_wrong_begins_the_image_again() -> None:
+    image = plain_image()
+    with RcxBrick(broken_sums=1) as brick:
+        flash_firmware(image, brick.path)
+    assert brick.firmware(len(image.data)) == image.data
+    assert brick.rom.entry == image.entry
+    assert downloads(brick) == 2
+
+
+@pytest.mark.parametrize("tool", ["dll", "brickpilot"])
+def test_a_program_arrives_as_linked_for_where_it_stands(
+    program: Path, linked: Callable[[int], Path], tmp_path: Path, tool: str
+) -> None:
+    with RcxBrick(brickos=True) as brick:
+        if tool == "dll":
+            run("dll", f"-t{brick.path}", "-p3", "-e", str(program), cwd=tmp_path)
+        else:
+            done = brickpilot("flash", "rcx", str(program), "-t", brick.path, "-p", "3", "-e", cwd=tmp_path)
+            assert done.returncode == 0, done.stderr
+            assert "program 3, started" in done.stdout
+    slot = brick.brickos.slots[2]
+    assert slot.valid
+    assert brick.brickos.running == 2
+    assert slot.text not in (0xB000, 0xB210)
+    there = str(linked(slot.text))
+    run("h8300-hms-objcopy", "-I", "coff-h8300", "-O", "binary", there, "there.bin", cwd=tmp_path)
+    assert bytes(slot.image) == (tmp_path / "there.bin").read_bytes()[: len(slot.image)]
+    symbols = subprocess.run(["h8300-hms-nm", there], capture_output=True, text=True, check=True).stdout
+    assert f"{slot.text + slot.start:04x} T _main\n" in symbols
+    assert (slot.stack_size, slot.priority) == (1024, 10)
+
+
+def test_flash_and_dll_send_the_same_commands(program: Path, tmp_path: Path) -> None:
+    with RcxBrick(brickos=True, host=5) as theirs:
+        run("dll", f"-t{theirs.path}", "-r5", "-p8", str(program), cwd=tmp_path)
+    with RcxBrick(brickos=True, host=5) as ours:
+        flash_program(lx.read(program), ours.path, slot=7, host=5)
+    assert ours.brickos.commands == theirs.brickos.commands
+    assert ours.brickos.slots[7].valid
+    assert ours.brickos.running is None
+
+
+@pytest.mark.parametrize("faults", BAD_LINES, ids=str)
+def test_flash_delivers_a_program_on_a_line_that_hits_one_byte_of_a_hundred(faults: Faults) -> None:
+    program = large_program()
+    with RcxBrick(faults=faults, brickos=True) as brick:
+        done = flash_program(program, brick.path, slot=4, execute=True)
+    slot = brick.brickos.slots[4]
+    assert bytes(slot.image) == program.at(slot.text) == done.image
+    assert brick.brickos.running == 4
+    assert done.tally.sent_again > 3
+
+
+@pytest.mark.parametrize("lost", [*([number] for number in range(1, 10)), [3, 4, 5], [8, 9, 10], [2, 4]], ids=str)
+def test_lost_acknowledgements_leave_a_program_whole(lost: list[int]) -> None:
+    """Acknowledged: delete, create, six packets of data, run. The last one of data and create are acknowledged once."""
+    program = large_program()
+    with RcxBrick(brickos=True, lose_replies=frozenset(lost)) as brick:
+        flash_program(program, brick.path, execute=True)
+    slot = brick.brickos.slots[0]
+    assert bytes(slot.image) == program.at(slot.text)
+    assert brick.brickos.running == 0
+
+
+def test_an_answer_counts_whole_and_not_from_the_echo() -> None:
+    """A block of an image may hold, with its complements, exactly what would answer it."""
+    answer = rom.frame(b"\xba\x00")
+    assert rom.find_reply(b"\x12" + answer, 0x45, 2) == b"\xba\x00"
+    for at in range(3, len(answer)):  # the header need not come
+        damaged = bytearray(answer)
+        damaged[at] ^= 0x10
+        assert rom.find_reply(bytes(damaged), 0x45, 2) is None
+    assert rom.find_reply(answer, 0x4D, 2) is None
+    request = rom.frame(b"\x45\x01\x00\x05\x00\xaa\xff\xba\x00\xba\x1d")
+    assert rom.find_reply(request, 0x45, 2) == b"\xba\x00"
+    with RcxBrick(on=False) as brick, Tower(brick.path, BYTE_S) as tower:
+        assert tower.exchange(request, lambda heard: rom.find_reply(heard, 0x45, 2), 9) is None
+
+
+def test_an_acknowledgement_counts_whole_and_from_the_brick() -> None:
+    acknowledged = lnp.packet(b"\x00", 0x80, 0x30)
+    assert acknowledged.hex() == "f103803000a3"
+    assert lnp.find(b"\xf1\x02" + acknowledged, 0x80, 0x30) == b"\x00"
+    assert lnp.find(acknowledged, 0x80, 0x00) is None
+    for at in range(len(acknowledged)):
+        assert lnp.find(acknowledged[:at] + bytes([acknowledged[at] ^ 1]) + acknowledged[at + 1 :], 0x80, 0x30) is None
+        assert lnp.find(acknowledged[:at], 0x80, 0x30) is None
