@@ -15,14 +15,18 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
     hal_rotation_t rotation;
     hal_reference_t reference;
     uint16_t battery_mv;
+    const hal_status_t imu_status = hal_imu_read(&imu);
 
     sensors->have = 0;
     sensors->period_ms = period_ms;
-    if (hal_imu_read(&imu) == HAL_OK) {
-        sensors->have |= SENSOR_GYRO | SENSOR_ACCELEROMETER;
+    if (imu_status == HAL_OK || imu_status == HAL_PARTLY) {
+        sensors->have |= SENSOR_GYRO;
+        sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
+    }
+    if (imu_status == HAL_OK) {
+        sensors->have |= SENSOR_ACCELEROMETER;
         sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
         sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
-        sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
     if (hal_rotation_read(&rotation) == HAL_OK) {
         sensors->have |= SENSOR_ROTATION;

@@ -15,7 +15,8 @@
 typedef enum {
     HAL_OK = 0,
     HAL_ABSENT = 1, /* this port or this build-up has no such device */
-    HAL_STALE = 2   /* the device is there, but has no new valid value for this step */
+    HAL_STALE = 2,  /* the device is there, but has no new valid value for this step */
+    HAL_PARTLY = 3  /* hal_imu_read() alone: the yaw rate is OK, an accelerometer is absent */
 } hal_status_t;
 
 typedef struct {
@@ -41,7 +42,7 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* Newest reading. Out is written only with HAL_OK. */
+/* Newest reading. Out is written only with HAL_OK; with HAL_PARTLY, its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);

@@ -18,6 +18,8 @@ hal_status_t hal_imu_read(hal_imu_t *out)
 {
     if (bound->imu_status == HAL_OK)
         *out = bound->imu;
+    else if (bound->imu_status == HAL_PARTLY)
+        out->yaw_rate_mrad_s = bound->imu.yaw_rate_mrad_s;
     return bound->imu_status;
 }
 

@@ -25,6 +25,7 @@ ALLOWED = {
     "hal/wire": {"wire"},
     "hal/sil": {"hal.h", "wire", "sil"},
     "hal/link": {"hal.h", "wire", "link"},
+    "hal/rcx": {"app", "autopilot", "hal.h", "wire", "rcx"},
     "hal/h8sim": {"app", "core", "wire", "link"},
     "sim_host/include": set(),
     "sim_host/models": set(),

@@ -12,6 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SHIM = ROOT / "hal/h8_include"  # stdint.h and stdbool.h, which this compiler comes without
 FLAGS = ["-std=gnu99", "-O2", "-fno-builtin", "-fomit-frame-pointer", "-Wall", "-Wextra", "-Werror"]
+BRICKOS = Path("/usr/lib/brickos/brickOS.lds")
+PORT = ["-DBODY_WITHOUT_PAPER", "-isystem", "/usr/include/brickos", "-isystem", "/usr/include/brickos/lnp"]
 HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text()))
 
 
@@ -51,6 +53,26 @@ def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, 
     assert len(sources) > 10
     missing = undefined_after_linking(sources, tmp_path, *defines)
     assert missing <= HAL, f"library calls: {sorted(missing - HAL)}"
+
+
+def kernel_symbols() -> set[str]:
+    """What brickOS offers a program, but for its arithmetic: that is LEGO's, in the ROM, and nobody can ship or try it."""
+    names = set(re.findall(r"^\s*_(\w+) = 0x", BRICKOS.read_text(), re.MULTILINE))
+    assert "lnp_addressing_write" in names, f"{BRICKOS}: no list of symbols"
+    return {name for name in names if not name.startswith("__")}
+
+
+@pytest.mark.parametrize("defines", [(), ("-DRCX_ROTATION",)])
+def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, defines: tuple[str, ...]) -> None:
+    sources = [p for top in ("firmware", "hal/rcx") for p in sorted((ROOT / top).rglob("*.c"))]
+    sources += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/codecs_gen.c"]
+    missing = undefined_after_linking(sources, tmp_path, *PORT, *defines)
+    assert "lnp_addressing_write" in missing
+    assert missing <= kernel_symbols(), f"neither ours nor the kernel's: {sorted(missing - kernel_symbols())}"
+
+
+def test_arithmetic_of_the_rom_is_no_kernel_symbol() -> None:
+    assert "__mulsi3" not in kernel_symbols()
 
 
 def test_a_plain_product_is_caught(tmp_path: Path) -> None:

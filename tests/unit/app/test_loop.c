@@ -130,6 +130,19 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
     TEST_ASSERT_INT16_WITHIN(40, 10451, (int16_t)state.output.state.heading_bam16); /* 1.002 rad */
 }
 
+static void test_loop_takes_a_gyro_without_an_accelerometer(void)
+{
+    port.imu_status = HAL_PARTLY;
+    port.rotation_status = HAL_OK;
+    port.reference_status = HAL_ABSENT;
+    port.imu.accel_surge_mm_s2 = 5000;
+    port.imu.yaw_rate_mrad_s = 700;
+    run(100, 3, MODE_NONE);
+    TEST_ASSERT_INT16_WITHIN(128, 700,
+                             state.output.state.yaw_rate_mrad_s); /* what is steady counts as bias, up to 127 */
+    TEST_ASSERT_EQUAL_INT32(0, state.step.speed.speed_mm_s_q17);
+}
+
 static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred(void)
 {
     int telemetry = 0, heartbeats = 0;
@@ -259,6 +272,7 @@ int main(void)
     RUN_TEST(test_loop_survives_a_clock_that_wraps);
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);
     RUN_TEST(test_loop_takes_gyro_accelerometer_and_rotation_sensors);
+    RUN_TEST(test_loop_takes_a_gyro_without_an_accelerometer);
     RUN_TEST(test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred);
     RUN_TEST(test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out);
     RUN_TEST(test_loop_takes_a_message_for_a_sign_of_life);
