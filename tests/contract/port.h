@@ -10,8 +10,8 @@
 
 #include "hal.h"
 
-/* Devices that a port may have; others are HAL_ABSENT for ever. */
-enum { PORT_IMU = 1, PORT_ROTATION = 2, PORT_BATTERY = 4, PORT_REFERENCE = 8 };
+/* Devices that a port may have; others are HAL_ABSENT for ever. PORT_GYRO is an IMU without accelerometer, HAL_PARTLY. */
+enum { PORT_IMU = 1, PORT_ROTATION = 2, PORT_BATTERY = 4, PORT_REFERENCE = 8, PORT_GYRO = 16 };
 
 typedef struct {
     hal_imu_t imu;
@@ -26,6 +26,14 @@ void port_end(void);
 
 /* PORT_ bits that it can have. */
 unsigned port_devices(void);
+
+/* Those of them whose HAL_STALE or HAL_ABSENT the port can tell. Where it cannot, port_why_not() says why; else it is NULL. */
+unsigned port_tells(hal_status_t status);
+const char *port_why_not(hal_status_t status);
+
+/* What becomes of the world's values, and of a duty, in converters and drivers of few bits; as they are where there are none. */
+port_world_t port_resolved(const port_world_t *world);
+int16_t port_resolved_duty(int16_t duty_q15);
 
 /* `ms` pass, then a step begins: the devices in `working` have new readings of `world`, those in `silent` have none, and the
  * others are not there. */

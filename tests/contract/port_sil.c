@@ -21,6 +21,28 @@ unsigned port_devices(void)
     return PORT_IMU | PORT_ROTATION | PORT_BATTERY | PORT_REFERENCE;
 }
 
+unsigned port_tells(hal_status_t status)
+{
+    (void)status;
+    return port_devices();
+}
+
+const char *port_why_not(hal_status_t status)
+{
+    (void)status;
+    return NULL;
+}
+
+port_world_t port_resolved(const port_world_t *world)
+{
+    return *world;
+}
+
+int16_t port_resolved_duty(int16_t duty_q15)
+{
+    return duty_q15;
+}
+
 static hal_status_t status(unsigned device, unsigned working, unsigned silent)
 {
     return (working & device) != 0 ? HAL_OK : (silent & device) != 0 ? HAL_STALE : HAL_ABSENT;

@@ -1,0 +1,222 @@
+#include "world.h"
+
+#include <conio.h>
+#include <dkey.h>
+#include <dmotor.h>
+#include <dsensor.h>
+#include <sys/lnp-logical.h>
+#include <sys/lnp.h>
+#include <sys/program.h>
+#include <sys/time.h>
+#include <sys/tm.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+/* Not in brickOS's headers for programs; in its linker script. */
+extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[], tx_handler[];
+extern volatile unsigned char motor_controller;
+void mm_init(void);
+void dm_init(void);
+void ds_init(void);
+
+int16_t world_write(int16_t descriptor, const char *bytes, uint16_t size);
+void world_exit(int16_t status);
+void world_interrupt(const void *handler);
+
+enum {
+    POP_R6 = 0x6d76,
+    RETURN_FROM_INTERRUPT = 0x5670,
+    MOTORS_HANDLER_SIZE = 0x48,
+    STACK = 1024,
+    QUIET_MS = 300,
+    AIR = 200
+};
+
+uint16_t world_room;
+static uint8_t air[AIR]; /* sent by the brick, not yet received */
+static uint8_t air_size;
+static bool disturbed;
+
+/* Of the ROM, only its way back from an interrupt is called: by a task's first run and by yield(). */
+static void make_rom(void)
+{
+    static volatile uint16_t *const ocia_return = (uint16_t *)0x04d4;
+
+    ocia_return[0] = POP_R6;
+    ocia_return[1] = RETURN_FROM_INTERRUPT;
+}
+
+/* The kernel's start does this: the motors' handler lies where the kernel's variables will be. */
+static void move_motors_handler(void)
+{
+    for (uint8_t i = 0; i < MOTORS_HANDLER_SIZE; i++)
+        dm_handler[i] = bss_start[i];
+}
+
+static uint16_t largest_block(void)
+{
+    uint16_t size = 0;
+    for (uint16_t bit = 0x4000; bit > 1; bit >>= 1) {
+        void *const block = malloc(size + bit);
+        if (block != 0) {
+            size += bit;
+            free(block);
+        }
+    }
+    return size;
+}
+
+static void boot_kernel(void)
+{
+    for (char *at = bss_start; at < end; at++)
+        *at = 0;
+    mm_init();
+    systime_init();
+    dm_init();
+    ds_init();
+    lnp_init();
+    lnp_logical_init();
+    tm_init();
+}
+
+static int begin(int argc, char **argv)
+{
+    (void)argc;
+    (void)argv;
+    world_exit(world_main());
+    return 0;
+}
+
+void world_boot(void)
+{
+    make_rom();
+    move_motors_handler();
+    boot_kernel();
+    program_init();
+    world_room = largest_block();
+    boot_kernel(); /* once more, without the tasks that download and start programs */
+    (void)execi(&begin, 0, 0, PRIO_NORMAL, STACK);
+    tm_start();
+    world_exit(3);
+}
+
+/* One byte of the infrared line, in either direction. The brick hears itself. */
+static void pass_byte(void)
+{
+    if ((S_CR & SCR_TX_IRQ) != 0) {
+        S_SR = (unsigned char)(S_SR | SSR_TRANS_EMPTY);
+        world_interrupt(tx_handler);
+        if ((S_CR & SCR_TX_IRQ) == 0)
+            return;
+        if (air_size < AIR)
+            air[air_size++] = S_TDR;
+        S_RDR = disturbed ? (unsigned char)~S_TDR : S_TDR;
+        disturbed = false;
+        world_interrupt(rx_handler);
+    } else if ((S_CR & SCR_TE_IRQ) != 0) {
+        world_interrupt((const void *)&txend_handler);
+    }
+}
+
+void world_run(uint16_t ms)
+{
+    while (ms-- > 0) {
+        world_interrupt(clock_handler);
+        world_interrupt(dkey_handler);
+        pass_byte();
+        world_interrupt(dm_handler);
+        yield();
+    }
+}
+
+void world_convert(uint8_t input, uint16_t raw)
+{
+    volatile unsigned *const converter = input == 0   ? &BATTERY
+                                         : input == 1 ? &SENSOR_1
+                                         : input == 2 ? &SENSOR_2
+                                                      : &SENSOR_3;
+    *converter = raw << 6;
+}
+
+void world_press(uint8_t keys)
+{
+    PORT4 = (unsigned char)((keys & KEY_ONOFF ? 0 : 2) | (keys & KEY_RUN ? 0 : 4));
+    PORT7 = (unsigned char)((keys & KEY_VIEW ? 0 : 0x40) | (keys & KEY_PRGM ? 0 : 0x80));
+}
+
+void world_pulses(int16_t *a, int16_t *c)
+{
+    *a = *c = 0;
+    for (uint16_t ms = 0; ms < 256; ms++) {
+        world_interrupt(dm_handler);
+        *a += (motor_controller & 0xC0) == 0x80 ? 1 : (motor_controller & 0xC0) == 0x40 ? -1 : 0;
+        *c += (motor_controller & 0x03) == 0x02 ? 1 : (motor_controller & 0x03) == 0x01 ? -1 : 0;
+    }
+}
+
+void world_send(const uint8_t *bytes, uint8_t size)
+{
+    for (uint8_t i = 0; i < size; i++) {
+        S_RDR = bytes[i];
+        world_interrupt(rx_handler);
+    }
+}
+
+uint8_t world_receive(uint8_t *bytes, uint8_t most)
+{
+    uint8_t size = 0;
+
+    for (uint16_t quiet_ms = 0; quiet_ms < QUIET_MS; quiet_ms++) {
+        if (air_size >= 2 && air_size >= air[1] + 3)
+            break;
+        world_run(1);
+    }
+    if (air_size < 2 || air_size < air[1] + 3 || air[1] + 3 > most)
+        return 0;
+    size = (uint8_t)(air[1] + 3);
+    for (uint8_t i = 0; i < size; i++)
+        bytes[i] = air[i];
+    air_size = (uint8_t)(air_size - size);
+    for (uint8_t i = 0; i < air_size; i++)
+        air[i] = air[i + size];
+    return size;
+}
+
+void world_disturb(void)
+{
+    disturbed = true;
+}
+
+bool world_waits(void)
+{
+    return air_size > 0;
+}
+
+void world_forget(void)
+{
+    air_size = 0;
+}
+
+void world_say(const char *text)
+{
+    uint16_t size = 0;
+    while (text[size] != '\0')
+        size++;
+    (void)world_write(1, text, size);
+}
+
+void world_say_number(uint16_t number)
+{
+    char digits[6];
+    uint8_t at = sizeof digits;
+
+    digits[--at] = '\0';
+    do {
+        uint16_t tens = 0;
+        for (; number >= 10; number -= 10)
+            tens++;
+        digits[--at] = (char)('0' + number);
+        number = tens;
+    } while (number > 0);
+    world_say(&digits[at]);
+}
