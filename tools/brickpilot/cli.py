@@ -254,7 +254,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
 
 
 @cli.command("import")
-@click.argument("kind", type=click.Choice(["wpilib", "matlab", "table"]))
+@click.argument("kind", type=click.Choice(["wpilib", "matlab", "table", "rcx"]))
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @click.option("--out", required=True, metavar="DATASET", help="The new folder.")
 @click.option(
@@ -291,18 +291,29 @@ def import_log(
     brickpilot import matlab DATA.mat --vehicle motor --map time=t --map voltage=vir --map position=qm --out axis
 
     brickpilot import table log.txt --vehicle motor --map time=0:ms --map duty=1 --map speed=2:rpm --out bench
+
+    And what the program record kept on an RCX, over the tower at a serial port:
+
+    brickpilot import rcx /dev/ttyUSB0 --out bench
     """
     from brickpilot.importers.mapping import parse_nominal
     from brickpilot.importers.matlab import import_matlab
+    from brickpilot.importers.rcx import import_rcx
     from brickpilot.importers.table import import_table
     from brickpilot.importers.wpilib import import_wpilib
 
     paths, known = [Path(file) for file in files], parse_nominal(nominal)
-    if kind == "wpilib":
-        if mapping or vehicle:
-            raise InputError(
-                "belongs to matlab and table; a WPILib file says itself what it holds", field="--map or --vehicle"
-            )
+    if kind in ("wpilib", "rcx") and (mapping or vehicle):
+        raise InputError(
+            "belongs to matlab and table; a WPILib file and a brick say themselves what they hold",
+            field="--map or --vehicle",
+        )
+    if kind == "rcx":
+        if len(paths) > 1:
+            raise InputError("one serial port, that of the tower", field="FILE")
+        with progress_shown(as_json) as progress:
+            made = import_rcx(paths[0], Path(out), nominal=known, name=name, progress=progress)
+    elif kind == "wpilib":
         made = import_wpilib(paths, Path(out), nominal=known, name=name)
     elif vehicle is None:
         raise InputError(f"is needed to import {kind}", field="--vehicle")

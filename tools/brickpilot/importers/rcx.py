@@ -1,0 +1,242 @@
+"""What hal/rcx/record kept on an RCX, fetched over the infrared tower and turned into a data set."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import serial
+from numpy.typing import NDArray
+
+from brickpilot.errors import InputError
+from brickpilot.hil.lnp import Decoder, Packet, encode
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+
+BRICK, HOST = 0x07, 0x87
+ANSWER_S = 1.5  # a block of 100 bytes takes half a second, and the brick may wait for a quiet line
+TRIES = 8
+VERSION = 1
+BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
+COUNTS_PER_TURN = 48  # sim_host/models/rcx.toml, sensors.encoder
+BATTERY_V = 43.988 / 1560  # brickOS: of a count
+
+Vector = NDArray[np.float64]
+
+
+class Line(Protocol):
+    """What is needed of pyserial's Serial."""
+
+    def write(self, data: bytes, /) -> int | None: ...
+    def read(self, size: int = 1, /) -> bytes: ...
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An analogue sensor: m/s^2 or rad/s are (raw - zero) * scale."""
+
+    zero: int
+    scale: float
+
+    def of(self, raw: Vector) -> Vector:
+        return (raw - self.zero) * self.scale
+
+
+@dataclass(frozen=True)
+class Description:
+    """Block 0 of a record. ``manoeuvres``: duty of the left and the right motor, -1..1, and for how many samples."""
+
+    rotation: bool
+    period_s: float
+    samples: int
+    late: int
+    gyro: Axis
+    surge: Axis | None
+    sway: Axis | None
+    reversed_wheels: tuple[bool, bool]
+    manoeuvres: tuple[tuple[float, float, int], ...]
+
+
+def import_rcx(
+    port: Path,
+    out: Path,
+    *,
+    nominal: Mapping[str, float] | None = None,
+    name: str | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> Imported:
+    """Makes a data set of what a brick has recorded.
+
+    Args:
+        port: the serial port that the tower is at.
+        out: the new folder.
+        nominal, name: as in a data set.
+        progress: is told blocks fetched, blocks in all, and what is being done.
+
+    Raises:
+        InputError: no such port, no answer, an answer that is none, or `out` is taken. Nothing is written then.
+    """
+    check_out(out)
+    try:
+        with serial.Serial(str(port), 2400, parity=serial.PARITY_ODD, timeout=0.05, exclusive=True) as line:
+            description, samples = fetch(line, port, progress)
+    except (serial.SerialException, OSError) as error:
+        raise InputError(f"cannot be opened or has gone: {error}", file=port) from error
+    return write(dataset_of(description, samples, name or out.resolve().name, nominal or {}), out, port)
+
+
+def fetch(
+    line: Line, port: Path, progress: Callable[[int, int, str], None] | None = None
+) -> tuple[Description, NDArray[np.int64]]:
+    """The description and the samples, four raw numbers each.
+
+    Raises:
+        InputError: no answer, or one that is none of a record.
+    """
+    description = describe(_ask(line, port, 0), port)
+    blocks = -(-description.samples // BLOCK_SAMPLES)
+    content = b""
+    for number in range(1, blocks + 1):
+        block = _ask(line, port, number)
+        wanted = min(BLOCK_SAMPLES, description.samples - (number - 1) * BLOCK_SAMPLES) * SAMPLE_SIZE
+        if len(block) != wanted:
+            raise InputError(f"block {number} has {len(block)} bytes, not {wanted}: run record again", file=port)
+        content += block
+        if progress is not None:
+            progress(number, blocks, "fetching")
+    return description, unpack(content)
+
+
+def _ask(line: Line, port: Path, number: int) -> bytes:
+    """Block `number`, asked for until it comes whole."""
+    decoder = Decoder()
+    wanted = struct.pack("<H", number)
+    for _ in range(TRIES):
+        line.write(encode(Packet(BRICK, HOST, wanted)))
+        until = time.monotonic() + ANSWER_S
+        while time.monotonic() < until:
+            for packet in decoder.take(line.read(64)):
+                if packet.to == HOST and packet.data[:2] == wanted:  # the tower echoes what it is sent
+                    return packet.data[2:]
+        decoder.forget()
+    if number == 0:
+        raise InputError(
+            "no answer: is the tower plugged in, in sight of the brick, and does the brick show SEnd?", file=port
+        )
+    raise InputError(f"block {number} did not come in {TRIES} tries: move the tower nearer", file=port)
+
+
+def describe(block: bytes, port: Path) -> Description:
+    """Reads block 0.
+
+    Raises:
+        InputError: it is of another version, or not whole.
+    """
+    if block[:1] != bytes([VERSION]):
+        raise InputError(f"record of version {block[:1].hex()}, not {VERSION:02x}: build and load it anew", file=port)
+    try:
+        kind, period_ms, samples, late = struct.unpack_from("<BBHH", block, 1)
+        at = 7
+        axes = []
+        for _ in range(1 if kind == 1 else 3):
+            zero, scale_q8, mirrored = struct.unpack_from("<HHB", block, at)
+            axes.append(Axis(zero, (-1 if mirrored else 1) * scale_q8 / 256 / 1000))
+            at += 5
+        wheels = (False, False)
+        if kind == 1:
+            wheels = (bool(block[at]), bool(block[at + 1]))
+            at += 2
+        rows = list(struct.iter_unpack("<hhH", block[at + 1 :]))
+        if kind > 1 or len(rows) != block[at] or sum(row[2] for row in rows) != samples or period_ms == 0:
+            raise ValueError
+    except (struct.error, IndexError, ValueError) as error:
+        raise InputError("the description is not whole: run record to its end", file=port) from error
+    manoeuvres = tuple((left / 32768, right / 32768, count) for left, right, count in rows)
+    surge, sway = (axes[1], axes[2]) if kind == 0 else (None, None)
+    return Description(kind == 1, period_ms / 1000, samples, late, axes[0], surge, sway, wheels, manoeuvres)
+
+
+def unpack(content: bytes) -> NDArray[np.int64]:
+    """Four numbers of 10 bits from each 5 bytes, the first one lowest."""
+    packed = np.frombuffer(content, dtype=np.uint8).reshape(-1, SAMPLE_SIZE).astype(np.int64)
+    whole: NDArray[np.int64] = (packed << np.arange(0, 8 * SAMPLE_SIZE, 8)).sum(axis=1)
+    numbers: NDArray[np.int64] = (whole[:, None] >> np.arange(0, 40, 10)) & 1023
+    return numbers
+
+
+def dataset_of(
+    description: Description, samples: NDArray[np.int64], name: str, nominal: Mapping[str, float]
+) -> NewDataset:
+    """A run for each manoeuvre, with the rest behind it; the first one with the rest before it, too."""
+    columns = _columns(description, samples)
+    runs = [
+        NewRun(label, {"time": _times(end - begin, description.period_s), **_cut(columns, begin, end)})
+        for label, begin, end in _runs(description)
+    ]
+    units = {"time": "s", "duty_left": "1", "duty_right": "1", "battery_voltage": "V", "yaw_rate": "rad/s"}
+    if description.rotation:
+        units |= {"wheel_angle_left": "rad", "wheel_angle_right": "rad"}
+    else:
+        units |= {"accel_surge": "m/s^2", "accel_sway": "m/s^2"}
+    notes = [f"{description.late} of {description.samples} samples were late"] if description.late else []
+    return NewDataset(name, "diff_drive", "FRD", units, runs, nominal, notes)
+
+
+def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, Vector]:
+    first, second, gyro, battery = samples.T.astype(np.float64)
+    duty = np.array([row[:2] for row in description.manoeuvres for _ in range(row[2])], dtype=np.float64)
+    columns: dict[str, Vector] = {
+        "duty_left": duty[:, 0],
+        "duty_right": duty[:, 1],
+        "battery_voltage": battery * BATTERY_V,
+        "yaw_rate": description.gyro.of(gyro),
+    }
+    if description.surge is not None and description.sway is not None:
+        columns |= {"accel_surge": description.surge.of(first), "accel_sway": description.sway.of(second)}
+    else:
+        left, right = (
+            _turned(raw, mirrored) for raw, mirrored in zip((first, second), description.reversed_wheels, strict=True)
+        )
+        columns |= {"wheel_angle_left": left, "wheel_angle_right": right}
+    return columns
+
+
+def _turned(raw: Vector, mirrored: bool) -> Vector:
+    """Angle of a wheel in rad, from the low 10 bits of its counts; 0 at first."""
+    angle: Vector = np.unwrap(raw - raw[0], period=1024) * (2 * math.pi / COUNTS_PER_TURN)
+    return -angle if mirrored else angle
+
+
+def _times(count: int, period_s: float) -> Vector:
+    times: Vector = np.arange(count, dtype=np.float64) * period_s
+    return times
+
+
+def _cut(columns: Mapping[str, Vector], begin: int, end: int) -> dict[str, Vector]:
+    return {signal: values[begin:end] for signal, values in columns.items()}
+
+
+def _runs(description: Description) -> Iterator[tuple[str, int, int]]:
+    """Name, first sample and the one behind the last, of each run."""
+    begin = at = 0
+    label = ""
+    for left, right, count in description.manoeuvres:
+        if (left, right) != (0, 0):
+            if label:
+                yield label, begin, at
+                begin = at
+            label = _label(left, right)
+        at += count
+    if label:
+        yield label, begin, at
+
+
+def _label(left: float, right: float) -> str:
+    if left == right:
+        return "forward" if left > 0 else "backward"
+    return "spin" if left == -right else "turn"
