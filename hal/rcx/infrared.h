@@ -17,7 +17,7 @@ enum {
     INFRARED_HOST = 0x87, /* address and port that is sent to */
     INFRARED_HEAD = 3,    /* sequence and id */
     INFRARED_WAITING = 8, /* messages that wait for the controller, and to be sent */
-    INFRARED_STACK = 256
+    INFRARED_STACK = 224
 };
 
 /* Since the start; each stays at 65535. FAULTS tells them, behind every HEARTBEAT. */

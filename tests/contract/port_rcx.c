@@ -187,11 +187,11 @@ bool port_host_receive(message_t *message)
     uint8_t packet[PACKET_MOST];
     const uint8_t size = world_receive(packet, sizeof packet);
 
-    if (size == 0)
+    if (size < 5 + INFRARED_HEAD || packet[2] != INFRARED_HOST)
         return false;
     message->id = (uint16_t)(packet[5] | packet[6] << 8);
     message->size = (uint8_t)(size - 5 - INFRARED_HEAD);
     for (uint8_t i = 0; i < message->size; i++)
         message->data[i] = packet[4 + INFRARED_HEAD + i];
-    return packet[0] == 0xF1 && packet[2] == INFRARED_HOST;
+    return true;
 }

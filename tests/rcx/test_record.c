@@ -5,7 +5,7 @@
 
 #include "unity.h"
 
-enum { STACK = 384, LAST_BLOCK = 87, PACKET_MOST = 110, PORT = 7 };
+enum { STACK = 256, LAST_BLOCK = 87, PACKET_MOST = 110, PORT = 7 };
 
 int program_main(int argc, char **argv);
 

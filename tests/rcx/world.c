@@ -162,24 +162,46 @@ void world_send(const uint8_t *bytes, uint8_t size)
     }
 }
 
-uint8_t world_receive(uint8_t *bytes, uint8_t most)
+static void drop(uint8_t size)
 {
-    uint8_t size = 0;
-
-    for (uint16_t quiet_ms = 0; quiet_ms < QUIET_MS; quiet_ms++) {
-        if (air_size >= 2 && air_size >= air[1] + 3)
-            break;
-        world_run(1);
-    }
-    if (air_size < 2 || air_size < air[1] + 3 || air[1] + 3 > most)
-        return 0;
-    size = (uint8_t)(air[1] + 3);
-    for (uint8_t i = 0; i < size; i++)
-        bytes[i] = air[i];
     air_size = (uint8_t)(air_size - size);
     for (uint8_t i = 0; i < air_size; i++)
         air[i] = air[i + size];
-    return size;
+}
+
+/* Size of the whole packet that comes first, 0 where there is none. What a collision has cut short is passed over. */
+static uint8_t whole_packet(void)
+{
+    while (air_size > 0) {
+        uint8_t sum = 0xFF;
+
+        if (air[0] == 0xF1 && (air_size < 2 || air_size < air[1] + 3))
+            return 0;
+        for (uint8_t i = 0; i < air[1] + 2; i++)
+            sum = (uint8_t)(sum + air[i]);
+        if (air[0] == 0xF1 && sum == air[air[1] + 2])
+            return (uint8_t)(air[1] + 3);
+        drop(1);
+    }
+    return 0;
+}
+
+uint8_t world_receive(uint8_t *bytes, uint8_t most)
+{
+    uint8_t size = whole_packet();
+
+    for (uint16_t quiet_ms = 0; size == 0 && quiet_ms < QUIET_MS; quiet_ms++) {
+        world_run(1);
+        size = whole_packet();
+    }
+    if (size == 0) {
+        air_size = 0; /* nothing more will come of it */
+        return 0;
+    }
+    for (uint8_t i = 0; i < size && i < most; i++)
+        bytes[i] = air[i];
+    drop(size);
+    return size <= most ? size : 0;
 }
 
 void world_disturb(void)
