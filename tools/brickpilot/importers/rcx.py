@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import struct
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -86,7 +87,8 @@ def import_rcx(
         with serial.Serial(str(port), 2400, parity=serial.PARITY_ODD, timeout=0.05, exclusive=True) as line:
             description, samples = fetch(line, port, progress)
     except (serial.SerialException, OSError) as error:
-        raise InputError(f"cannot be opened or has gone: {error}", file=port) from error
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise InputError(f"no tower there: {reason}", file=port) from error
     return write(dataset_of(description, samples, name or out.resolve().name, nominal or {}), out, port)
 
 
