@@ -30,6 +30,7 @@ static const board_axis_t BOARD_GYRO = {512, 20, 115, false}; /* 600 degrees/s a
 #define BOARD_LEFT_COUNT ROTATION_1
 #define BOARD_RIGHT_INPUT SENSOR_3
 #define BOARD_RIGHT_COUNT ROTATION_3
+#define BOARD_COUNTING_INPUTS (1 << 2 | 1 << 0) /* brickOS has inputs 3, 2 and 1 in bits 0, 1 and 2 */
 #define BOARD_LEFT_REVERSED false
 #define BOARD_RIGHT_REVERSED false
 #else

@@ -11,18 +11,12 @@ enum { BATTERY_WHOLE = 28, BATTERY_OVER = 77, BATTERY_UNDER = 390 };
 void sensors_start(void)
 {
 #ifdef RCX_ROTATION
-    ds_active(&BOARD_LEFT_INPUT);
-    ds_active(&BOARD_RIGHT_INPUT);
+    ds_activation = BOARD_COUNTING_INPUTS;
     ds_rotation_set(&BOARD_LEFT_INPUT, 0);
     ds_rotation_set(&BOARD_RIGHT_INPUT, 0);
-    ds_rotation_on(&BOARD_LEFT_INPUT);
-    ds_rotation_on(&BOARD_RIGHT_INPUT);
-    ds_passive(&BOARD_GYRO_INPUT);
-#else
-    ds_passive(&SENSOR_1);
-    ds_passive(&SENSOR_2);
-    ds_passive(&SENSOR_3);
+    ds_rotation = BOARD_COUNTING_INPUTS;
 #endif
+    /* An input that is not active is passive: so the kernel leaves all of them to a program that starts. */
 }
 
 static uint16_t raw_of(uint16_t converter)

@@ -104,6 +104,28 @@ static void test_port_gyro_reads_nothing_at_the_rails_and_mirrors_about_its_midd
     TEST_ASSERT_EQUAL_INT16(-10429, below.yaw_rate_mrad_s);
 }
 
+#ifdef RCX_ROTATION
+/* A LEGO rotation sensor goes through four voltages, of which each step is a count. */
+static void test_port_rotation_counts_as_brickos_does(void)
+{
+    static const uint16_t forward[] = {960, 832, 384, 576}; /* in the middle of what brickOS takes for one */
+    hal_rotation_t before, after;
+
+    world_convert(1, forward[0]);
+    world_convert(3, forward[0]);
+    world_converted();
+    TEST_ASSERT_EQUAL(HAL_OK, hal_rotation_read(&before));
+    for (uint8_t i = 1; i <= 9; i++) {
+        world_convert(1, forward[i % 4]);
+        world_convert(3, forward[-i & 3]);
+        world_converted();
+    }
+    TEST_ASSERT_EQUAL(HAL_OK, hal_rotation_read(&after));
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)(before.left + 9), after.left);
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)(before.right - 9), after.right);
+}
+#endif
+
 #ifndef RCX_ROTATION
 static void test_port_accelerometer_reads_nothing_at_the_rails_and_mirrors_about_its_middle(void)
 {
@@ -381,6 +403,9 @@ int world_main(void)
     RUN_TEST(test_port_gyro_reads_nothing_at_the_rails_and_mirrors_about_its_middle);
 #ifndef RCX_ROTATION
     RUN_TEST(test_port_accelerometer_reads_nothing_at_the_rails_and_mirrors_about_its_middle);
+#endif
+#ifdef RCX_ROTATION
+    RUN_TEST(test_port_rotation_counts_as_brickos_does);
 #endif
     RUN_TEST(test_port_battery_follows_brickos_formula);
     RUN_TEST(test_port_buttons_count_once_however_they_bounce);

@@ -15,6 +15,7 @@
 /* Not in brickOS's headers for programs; in its linker script. */
 extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[], tx_handler[];
 extern volatile unsigned char motor_controller;
+extern const void *ad_vector;
 void mm_init(void);
 void dm_init(void);
 void ds_init(void);
@@ -136,6 +137,12 @@ void world_convert(uint8_t input, uint16_t raw)
                                          : input == 2 ? &SENSOR_2
                                                       : &SENSOR_3;
     *converter = raw << 6;
+}
+
+void world_converted(void)
+{
+    for (uint8_t i = 0; i < 12; i++) /* four channels in turn */
+        world_interrupt(ad_vector);
 }
 
 void world_press(uint8_t keys)

@@ -17,6 +17,9 @@ void world_run(uint16_t ms);
 /* Inputs 1 to 3 and, as 0, the battery: what the converter shows, 0..1023. */
 void world_convert(uint8_t input, uint16_t raw);
 
+/* The kernel looks at what the converter shows, at every input thrice. */
+void world_converted(void);
+
 /* Buttons held, KEY_ bits, from now on. */
 void world_press(uint8_t keys);
 
