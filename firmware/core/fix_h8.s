@@ -42,8 +42,7 @@ _fix_mul_u32_q16:
 	mov.w	r2,r6
 	mov.w	r1,r2
 	mov.w	r0,r5
-	PRODUCT_Q16
-	SIGNED_RESULT
+	bra	.Lmultiply
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
@@ -76,15 +75,27 @@ _fix_share_q15:
 .Lvalue:
 	add.w	r6,r6
 	bcs	.Lall
+.Lmultiply:
 	PRODUCT_Q16
-	SIGNED_RESULT
+	.global _fix_h8_signed_result
+_fix_h8_signed_result:
+	mov.b	r4h,r4h
+	bpl	.Lpositive
+	NEGATE	r3h,r3l,r2h,r2l
+.Lpositive:
+	mov.w	r3,r0
+	mov.w	r2,r1
+	mov.w	@r7+,r6
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	rts
 .Lall:				; by 2^15: all of it, but at most 2^31 - 1
 	mov.w	r5,r3
 	bpl	.Lfits
 	mov.w	#0x7fff,r3
 	mov.w	#0xffff,r2
 .Lfits:
-	SIGNED_RESULT
+	bra	_fix_h8_signed_result
 
 ; r3:r2 (without sign) / 2^r4l to r3:r2, cut; r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right, or left in a byte more.
 	.align 1

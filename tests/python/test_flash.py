@@ -9,8 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from brickpilot.flash import lnp, lx, rcx, rom, srec
-from brickpilot.flash.tower import Tower
+from brickpilot.flash import lx, rcx, rom, srec
+from brickpilot.infrared import lnp
+from brickpilot.infrared.tower import Tower
 from command import brickpilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 

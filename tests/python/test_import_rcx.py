@@ -1,15 +1,16 @@
-"""LNP packets, and RCX records that come wrong; tests/gates/test_rcx.py has those of the simulated brick."""
+"""RCX records, and those that come wrong; tests/gates/test_rcx.py has those of the simulated brick."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.hil.lnp import Decoder, Packet, checksum, encode
 from brickpilot.importers import rcx
+from brickpilot.infrared import lnp
 
 PORT = Path("/dev/tower")
 AXES = struct.pack("<HHB", 512, 20 * 256 + 115, 0) + 2 * struct.pack("<HHB", 500, 38 * 256 + 82, 1)
@@ -22,44 +23,18 @@ def block_0(samples: int = 30, kind: int = 0, axes: bytes = AXES, version: int =
 
 
 class Answers:
-    """A line at whose other end each block has its answer, behind the tower's echo."""
+    """A tower at whose other end each block has its answer."""
 
     def __init__(self, blocks: dict[int, bytes]) -> None:
-        self.blocks, self.waiting = blocks, b""
+        self.blocks = blocks
 
-    def write(self, data: bytes, /) -> int:
-        (request,) = Decoder().take(data)
-        (number,) = struct.unpack("<H", request.data)
-        self.waiting += data
-        if number in self.blocks:
-            self.waiting += encode(Packet(rcx.HOST, rcx.BRICK, request.data + self.blocks[number]))
-        return len(data)
-
-    def read(self, size: int = 1, /) -> bytes:
-        taken, self.waiting = self.waiting[:size], self.waiting[size:]
-        return taken
-
-
-@pytest.fixture(autouse=True)
-def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rcx, "ANSWER_S", 0.02)
-
-
-def test_a_packet_is_what_brickos_sends() -> None:
-    assert encode(Packet(0x07, 0x87, b"\x01\x00")) == bytes.fromhex("f1040787010083")
-    assert checksum(b"") == 0xFF
-
-
-def test_packets_are_found_between_noise_cut_and_damaged_ones() -> None:
-    packets = [Packet(0x87, 0x07, bytes(range(size))) for size in (0, 1, 100)]
-    one, two, three = map(encode, packets)
-    damaged = bytes([two[0], two[1], two[2] ^ 4, *two[3:]])
-    line = b"\x00\x55" + one + damaged + bytes([0xF0, 1, 7, 0xF7]) + two + b"\xff" + three
-    decoder = Decoder()
-    assert [packet for byte in line for packet in decoder.take(bytes([byte]))] == packets
-    assert decoder.take(one[:3]) == []
-    decoder.forget()
-    assert decoder.take(one) == packets[:1]
+    def exchange(
+        self, packet: bytes, find: Callable[[bytes], bytes | None], reply_bytes: int, patience: float, /
+    ) -> bytes | None:
+        request = lnp.find(packet, rcx.BRICK, rcx.HOST)
+        assert request is not None
+        block = self.blocks.get(*struct.unpack("<H", request))
+        return find(b"" if block is None else lnp.packet(request + block, rcx.HOST, rcx.BRICK))
 
 
 def test_numbers_of_ten_bits_come_out_of_five_bytes() -> None:
@@ -110,6 +85,6 @@ def test_a_wrong_answer_is_told_in_one_line(blocks: dict[int, bytes], message: s
 
 
 def test_a_port_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no tower there: No such file or directory"):
+    with pytest.raises(InputError, match="no such device"):
         rcx.import_rcx(tmp_path / "tty", tmp_path / "out")
     assert not (tmp_path / "out").exists()

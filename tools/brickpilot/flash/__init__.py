@@ -1,4 +1,4 @@
 """Puts an image on a brick.
 
-srec and lx read the file, tower speaks to the infrared tower, rom and program (over lnp) to the brick; rcx delivers.
+srec and lx read the file, rom and program speak to the brick over the infrared link; rcx delivers.
 """

@@ -10,10 +10,10 @@ Sources: brickOS 0.9.0, its headers and its loader, compared with the kernel of 
 from __future__ import annotations
 
 from brickpilot.errors import InputError
-from brickpilot.flash import lnp
 from brickpilot.flash.lx import Program
 from brickpilot.flash.tally import Progress, Tally
-from brickpilot.flash.tower import Tower
+from brickpilot.infrared import lnp
+from brickpilot.infrared.tower import Tower
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SLOTS = 8

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-import os
 import struct
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import serial
 from numpy.typing import NDArray
 
 from brickpilot.errors import InputError
-from brickpilot.hil.lnp import Decoder, Packet, encode
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+from brickpilot.infrared import lnp
+from brickpilot.infrared.tower import BYTE_S, Tower
 
 BRICK, HOST = 0x07, 0x87
-ANSWER_S = 1.5  # a block of 100 bytes takes half a second, and the brick may wait for a quiet line
+PATIENCE = 4.0  # the brick may wait for a quiet line
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
@@ -31,10 +29,11 @@ Vector = NDArray[np.float64]
 
 
 class Line(Protocol):
-    """What is needed of pyserial's Serial."""
+    """What is needed of a Tower."""
 
-    def write(self, data: bytes, /) -> int | None: ...
-    def read(self, size: int = 1, /) -> bytes: ...
+    def exchange(
+        self, packet: bytes, find: Callable[[bytes], bytes | None], reply_bytes: int, patience: float, /
+    ) -> bytes | None: ...
 
 
 @dataclass(frozen=True)
@@ -70,6 +69,7 @@ def import_rcx(
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
     progress: Callable[[int, int, str], None] | None = None,
+    byte_s: float = BYTE_S,
 ) -> Imported:
     """Makes a data set of what a brick has recorded.
 
@@ -78,17 +78,18 @@ def import_rcx(
         out: the new folder.
         nominal, name: as in a data set.
         progress: is told blocks fetched, blocks in all, and what is being done.
+        byte_s: seconds that a byte takes.
 
     Raises:
-        InputError: no such port, no answer, an answer that is none, or `out` is taken. Nothing is written then.
+        InputError: no such port, no tower, no answer, an answer that is none, or `out` is taken. Nothing is written
+            then.
     """
     check_out(out)
     try:
-        with serial.Serial(str(port), 2400, parity=serial.PARITY_ODD, timeout=0.05, exclusive=True) as line:
-            description, samples = fetch(line, port, progress)
-    except (serial.SerialException, OSError) as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise InputError(f"no tower there: {reason}", file=port) from error
+        with Tower(str(port), byte_s) as tower:
+            description, samples = fetch(tower, port, progress)
+    except TimeoutError as error:
+        raise InputError(str(error)) from error
     return write(dataset_of(description, samples, name or out.resolve().name, nominal or {}), out, port)
 
 
@@ -116,16 +117,16 @@ def fetch(
 
 def _ask(line: Line, port: Path, number: int) -> bytes:
     """Block `number`, asked for until it comes whole."""
-    decoder = Decoder()
     wanted = struct.pack("<H", number)
+
+    def answer(heard: bytes) -> bytes | None:
+        data = lnp.find(heard, HOST, BRICK)
+        return data[2:] if data is not None and data[:2] == wanted else None
+
     for _ in range(TRIES):
-        line.write(encode(Packet(BRICK, HOST, wanted)))
-        until = time.monotonic() + ANSWER_S
-        while time.monotonic() < until:
-            for packet in decoder.take(line.read(64)):
-                if packet.to == HOST and packet.data[:2] == wanted:  # the tower echoes what it is sent
-                    return packet.data[2:]
-        decoder.forget()
+        block = line.exchange(lnp.packet(wanted, BRICK, HOST), answer, BLOCK_SAMPLES * SAMPLE_SIZE + 7, PATIENCE)
+        if block is not None:
+            return block
     if number == 0:
         raise InputError(
             "no answer: is the tower plugged in, in sight of the brick, and does the brick show SEnd?", file=port
