@@ -1,6 +1,6 @@
 #include "core/fix.h"
 
-#ifdef FIX_OUT_OF_LINE
+#ifdef FIX_IN_ASSEMBLY
 #include "core/fix_small.h"
 #endif
 
@@ -71,14 +71,9 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
-uint32_t fix_shift_right(uint32_t value, uint8_t bits)
-{
-    return value >> bits;
-}
-
 int32_t fix_fraction(int32_t value, uint8_t bits)
 {
-    const int32_t magnitude = (int32_t)fix_shift_right(fix_abs_u32(value), bits);
+    const int32_t magnitude = (int32_t)(fix_abs_u32(value) >> bits);
     return value < 0 ? -magnitude : magnitude;
 }
 #endif

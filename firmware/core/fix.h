@@ -18,7 +18,6 @@
  * stands before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
-#define FIX_OUT_OF_LINE
 #define FIX_INLINE
 #else
 #define FIX_INLINE static inline
@@ -63,9 +62,6 @@ uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
 int32_t fix_share_q15(int32_t value, int16_t factor_q15);
 
-/* value / 2^bits rounded down; bits 0..31. */
-uint32_t fix_shift_right(uint32_t value, uint8_t bits);
-
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);
 
@@ -84,7 +80,7 @@ uint16_t fix_sqrt_u32(uint32_t value);
 /* Difference of two binary angles, wrapped: -32768..32767 for a - b. */
 FIX_INLINE int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b);
 
-#ifndef FIX_OUT_OF_LINE
+#ifndef FIX_IN_ASSEMBLY
 #include "core/fix_small.h"
 #endif
 

@@ -157,18 +157,6 @@ _fix_h8_round_shift:
 	rotxr	r2l
 	rts
 
-; uint32_t fix_shift_right(uint32_t value, uint8_t bits)
-	.align 1
-	.global _fix_shift_right
-_fix_shift_right:
-	SAVE
-	sub.b	r4h,r4h
-	mov.b	r2l,r4l
-	mov.w	r0,r3
-	mov.w	r1,r2
-	jsr	@.Lshift
-	SIGNED_RESULT
-
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_fraction

@@ -11,7 +11,7 @@ static int32_t with_sign(uint32_t magnitude, int negative)
 /* value / 2^bits, rounded to the nearest, halves up; bits 1 or more, value below 2^32 - 1. */
 static uint32_t shift_right(uint32_t value, uint8_t bits)
 {
-    return (fix_shift_right(value, (uint8_t)(bits - 1)) + 1) >> 1;
+    return ((value >> (bits - 1)) + 1) >> 1;
 }
 
 int32_t scale_apply(const scale_t *scale, int32_t value)

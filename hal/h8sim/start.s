@@ -6,6 +6,7 @@ _start:
 	mov.w	#_stack,r7
 	jsr	@_main
 	mov.b	r0l,r0h		; the status, in the high byte
+	sub.b	r0l,r0l
 	mov.w	#0xdead,r1	; with these a sleep is the end
 	mov.w	#0xbeef,r2
 	sleep

@@ -28,9 +28,7 @@ static void feed_32(int32_t a, int32_t b)
 
 static void feed_shifts(int32_t value, uint8_t bits)
 {
-    hash_u32(fix_shift_right((uint32_t)value, bits));
-    if (bits > 0)
-        hash_s32(fix_fraction(value, bits));
+    hash_s32(fix_fraction(value, bits));
     if (bits > 0 && bits < 31)
         hash_s32(fix_round_shift(value, bits));
 }
