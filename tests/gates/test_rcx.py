@@ -205,6 +205,15 @@ def test_record_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
     is_whole(tmp_path, "record", 256)
 
 
+@pytest.mark.parametrize(("sensors", "most"), [("imu", 20530), ("rotation", 20460)])
+def test_the_autopilot_grows_no_larger(tmp_path: Path, sensors: str, most: int) -> None:
+    """When it shrinks, its limit shrinks with it. The goal is 12 KB."""
+    subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)
+    linked = re.search(r"^linked +(\d+) ", (tmp_path / "brickpilot.txt").read_text(), re.MULTILINE)
+    assert linked is not None
+    assert 0.98 * most < int(linked[1]) <= most
+
+
 @pytest.mark.xfail(strict=True, reason="the firmware is too large yet")
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
 def test_the_autopilot_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
