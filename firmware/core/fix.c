@@ -73,8 +73,8 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 
 int32_t fix_fraction(int32_t value, uint8_t bits)
 {
-    const int32_t magnitude = (int32_t)(fix_abs_u32(value) >> bits);
-    return value < 0 ? -magnitude : magnitude;
+    const uint32_t magnitude = fix_abs_u32(value) >> bits;
+    return (int32_t)(value < 0 ? 0U - magnitude : magnitude);
 }
 #endif
 
