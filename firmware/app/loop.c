@@ -4,7 +4,7 @@
 #include "core/fix.h"
 #include "hal.h"
 
-enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
+enum { LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
 /* Parts of telemetry in a tick, by telemetry_every, so that a report is out before the next begins. */
 static const uint8_t PARTS_AT_ONCE[TELEMETRY_PARTS] = {0, 7, 4, 3, 2, 2, 2};

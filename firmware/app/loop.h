@@ -1,6 +1,6 @@
 /* loop.h: the control loop, and the only caller of the HAL: reads what there is, runs the pipeline, writes the motors.
  *
- * Call loop_tick() every 3 ms. It measures the period itself, so that a late tick is integrated over its true length;
+ * Call loop_tick() every STEP_MS. It measures the period itself, so that a late tick is integrated over its true length;
  * one later than watchdog_ms counts as a failure of the clock or of the caller, and the run is aborted with motors off.
  * So it is when neither a sensor nor a command has been heard for silent_ms: only a reset and a new start drive again.
  */
@@ -11,7 +11,7 @@
 
 typedef struct {
     step_config_t step;
-    uint16_t watchdog_ms;    /* longest period that a run survives, 3..20 */
+    uint16_t watchdog_ms;    /* longest period that a run survives, STEP_MS..20 */
     uint16_t silent_ms;      /* with no reading of any sensor and no message for longer, a run is cut */
     uint8_t telemetry_every; /* each part of the telemetry goes to the link every so many ticks, by turns; 0: never */
 } loop_config_t;

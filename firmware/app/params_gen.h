@@ -6,6 +6,7 @@
 #include "app/loop.h"
 
 #ifndef BODY_WITHOUT_COUPLED
+#if STEP_MS == 3
 static const loop_config_t PARAMS_COUPLED = {
     .step = {
         .model = {
@@ -29,11 +30,11 @@ static const loop_config_t PARAMS_COUPLED = {
                 },
             },
             .drag = {26659, 9},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
             .surge_from_wheel = {21391, 0},
             .quarter_wheel_from_surge = {25098, 1},
             .yaw_rate_from_wheel = {19099, 1},
+            .travel_from_speed = {24576, 3},
+            .heading_from_yaw_rate = {16406, 0},
         },
         .heading = {
             .quiet_mrad_s = 120,
@@ -92,9 +93,98 @@ static const loop_config_t PARAMS_COUPLED = {
     .silent_ms = 100,
     .telemetry_every = 10,
 };
+#elif STEP_MS == 9
+static const loop_config_t PARAMS_COUPLED = {
+    .step = {
+        .model = {
+            .profile = BODY_COUPLED,
+            .motor = {
+                {
+                    .current_from_current = {-19083, 9},
+                    .current_from_speed = {-22286, 2},
+                    .current_from_voltage = {22796, 3},
+                    .speed_from_current = {27382, 7},
+                    .speed_from_speed = {-25285, 5},
+                    .speed_from_voltage = {23128, 6},
+                },
+                {
+                    .current_from_current = {-29108, 10},
+                    .current_from_speed = {-22411, 2},
+                    .current_from_voltage = {22910, 3},
+                    .speed_from_current = {20890, 7},
+                    .speed_from_speed = {-19235, 5},
+                    .speed_from_voltage = {17593, 6},
+                },
+            },
+            .drag = {19828, 7},
+            .surge_from_wheel = {21391, 0},
+            .quarter_wheel_from_surge = {25098, 1},
+            .yaw_rate_from_wheel = {19099, 1},
+        },
+        .heading = {
+            .quiet_mrad_s = 120,
+            .rest_speed_mm_s_q4 = 80,
+            .slowest_weight_bits = 4,
+            .blind_ms = 100,
+        },
+        .speed = {
+            .accel_gain_q15 = 6553,
+            .slowest_weight_bits = 8,
+            .count_travel_um_q2 = 21363,
+            .behind_to_travel_q15 = 2359,
+            .behind_to_speed_q15 = 19327,
+            .accel_filter_q15 = 11874,
+        },
+        .mode = {
+            .los = {
+                .acceptance_mm = 100,
+                .bearing_hold_mm = 120,
+                .cruise_mm_s_q4 = 6400,
+                .creep_mm_s_q4 = 1280,
+                .decel_mm_s2 = 400,
+                .pivot_bam16 = 5215,
+                .align_bam16 = 365,
+                .rest_speed_mm_s_q4 = 320,
+                .rest_ms = 30,
+                .rest_yaw_rate_mrad_s = 300,
+                .settle_ms = 30,
+                .overshoot_mm = 150,
+                .max_overshoots = 2,
+                .skip_failed = true,
+                .leg_timeout_ms = 20000,
+            },
+            .lost_ms = 150,
+        },
+        .speed_pid = {
+            .kp_mv_q10 = 1280,
+            .ki_mv_q10 = 1280,
+            .kd_mv_q10 = 0,
+            .limit_mv = 9000,
+        },
+        .heading_pid = {
+            .kp_mv_q10 = 982,
+            .ki_mv_q10 = 1963,
+            .kd_mv_q10 = 2048,
+            .limit_mv = 6000,
+        },
+        .feedforward_mv_q10 = 427,
+        .mixer = {
+            .battery_floor_mv = 5000,
+            .max_duty_q15 = 32767,
+        },
+        .battery_nominal_mv = 9000,
+    },
+    .watchdog_ms = 20,
+    .silent_ms = 100,
+    .telemetry_every = 10,
+};
+#else
+#error "no constants of the coupled profile for this STEP_MS"
+#endif
 #endif
 
 #ifndef BODY_WITHOUT_PAPER
+#if STEP_MS == 3
 static const loop_config_t PARAMS_PAPER = {
     .step = {
         .model = {
@@ -118,11 +208,11 @@ static const loop_config_t PARAMS_PAPER = {
                 },
             },
             .drag = {19791, 9},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
             .thrust_from_voltage = {24368, 1},
             .thrust_from_wheel = {23903, 1},
             .yaw_rate_from_thrust = {21504, 8},
+            .travel_from_speed = {24576, 3},
+            .heading_from_yaw_rate = {16406, 0},
         },
         .heading = {
             .quiet_mrad_s = 120,
@@ -181,6 +271,9 @@ static const loop_config_t PARAMS_PAPER = {
     .silent_ms = 100,
     .telemetry_every = 10,
 };
+#else
+#error "no constants of the paper profile for this STEP_MS"
+#endif
 #endif
 
 #endif

@@ -10,6 +10,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* The control step, ms: a build constant, 3 or what params_gen.h has constants for. */
+#ifndef STEP_MS
+#define STEP_MS 3
+#endif
+
 /* Bits of signals_sensors_t.have: what the HAL delivered, valid and fresh, in this step. */
 enum {
     SENSOR_GYRO = 1,

@@ -14,7 +14,7 @@
 
 #include "core/signals.h"
 
-#define HEADING_BLOCK_STEPS 64
+#define HEADING_BLOCK_STEPS (STEP_MS < 6 ? 64 : 16) /* 0.2 s, in a power of two of steps */
 #define HEADING_BIAS_LIMIT_MRAD_S 127
 
 typedef struct {

@@ -9,7 +9,7 @@
  *   at rest           the speed is 0, and the accelerometer's bias is learnt
  *   reference         overrides all
  *
- * Gains are per step of 3 ms; a late step is corrected by the same amount, which delays and does not upset it.
+ * Gains are per step of STEP_MS; a late step is corrected by the same amount, which delays and does not upset it.
  * Negate every input and the state, and the output is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_SPEED_H
@@ -47,7 +47,7 @@ typedef struct {
 
 typedef struct {
     const signals_sensors_t *sensors;
-    int32_t predicted_mm_s_q17;      /* the model's surge now, 3 ms after its last correction; +-8.2 m/s */
+    int32_t predicted_mm_s_q17;      /* the model's surge now, a step after its last correction; +-8.2 m/s */
     int32_t predicted_sway_mm_s_q17; /* the model's; 0 where wheels cannot slide */
     int16_t yaw_rate_mrad_s;         /* bias removed */
     bool at_rest;                    /* of heading_step() */

@@ -1,4 +1,4 @@
-/* body.h: the vehicle's motors and body, eq. 2 to 19, in fixed point; one step is 3 ms.
+/* body.h: the vehicle's motors and body, eq. 2 to 19, in fixed point; one step is STEP_MS.
  *
  * Profile BODY_COUPLED. Wheels neither slip nor slide, so surge = r_w (w_l + w_r) / 2, yaw rate = r_w (w_l - w_r) /
  * (2 half-track), sway = 0, and the tyre force puts the body's inertia onto the wheels. Mean and half difference of
@@ -15,9 +15,10 @@
 #ifndef BRICKPILOT_MODEL_BODY_H
 #define BRICKPILOT_MODEL_BODY_H
 
+#include "core/signals.h"
 #include "model/motor.h"
 
-#define BODY_PERIOD_MS 3
+#define BODY_PERIOD_MS STEP_MS
 #define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: two of them fit in 31 bits */
 #define BODY_YAW_RATE_LIMIT_MRAD_S_Q12 1966080000L /* 480 rad/s */
 #define BODY_REST_SPEED_MM_S_Q17 45875L            /* 0.35 mm/s: below it motion has no direction */

@@ -1,7 +1,7 @@
 /* motor.h: a gear motor with its load, eq. 12 to 14, in fixed point.
  *
  * Two states, current and speed at the wheel. Rolling friction (eq. 13, with the absolute value of the speed) is linear
- * in speed, so the motor is a linear system and the step of 3 ms is exact for a voltage that is held (matrix
+ * in speed, so the motor is a linear system and the step is exact for a voltage that is held (matrix
  * exponential, taken by the generator). The current is found from scratch in each step, the speed by its change, so
  * that the slow time constant and the final speed are right to 1e-4 of their value.
  *
@@ -34,7 +34,7 @@ typedef struct {
     int32_t speed_mrad_s_q13; /* +-96 rad/s, saturates */
 } motor_state_t;
 
-/* One step of 3 ms with `voltage_mv` (any) held. `load_mrad_s_q13` is the change of speed that an outside torque causes
+/* One step of STEP_MS with `voltage_mv` (any) held. `load_mrad_s_q13` is the change of speed that an outside torque causes
  * in this step, +-20 rad/s. */
 void motor_step(const motor_coefficients_t *coefficients, motor_state_t *state, int16_t voltage_mv,
                 int32_t load_mrad_s_q13);

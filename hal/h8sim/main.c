@@ -1,6 +1,7 @@
 /* main.c: the firmware on the H8/300 instruction-set simulator: frames of wire/frame.h on its standard input and output, in
- * lockstep: a step as soon as a set of readings is whole. It ends with its input. */
+ * lockstep: a step as soon as a set of readings is whole, and STEP_MS is over. It ends with its input. */
 #include "app/serve.h"
+#include "hal.h"
 #include "link/link.h"
 #include "wire/frame.h"
 
@@ -10,15 +11,16 @@ enum { STDIN = 0, STDOUT = 1, READ_MOST = 128, WRITE_MOST = 240 };
 int16_t h8sim_read(int16_t descriptor, uint8_t *bytes, uint16_t size);
 int16_t h8sim_write(int16_t descriptor, const uint8_t *bytes, uint16_t size);
 
-/* The compiler copies and clears structs of the link port with these: the simulator has no library. */
-void *memcpy(void *to, const void *from, uint16_t size);
-void *memset(void *what, int value, uint16_t size);
-
 static link_port_t port;
 static commands_t commands;
 static loop_state_t loop;
 static uint8_t output[WRITE_MOST];
 static uint8_t output_size;
+
+#ifdef __H8300__
+/* The compiler copies and clears structs of the link port with these: the simulator has no library. */
+void *memcpy(void *to, const void *from, uint16_t size);
+void *memset(void *what, int value, uint16_t size);
 
 void *memcpy(void *to, const void *from, uint16_t size)
 {
@@ -36,6 +38,7 @@ void *memset(void *what, int value, uint16_t size)
         *at++ = (uint8_t)value;
     return what;
 }
+#endif
 
 static void flush(void)
 {
@@ -49,6 +52,12 @@ static void flush(void)
     output_size = 0;
 }
 
+/* The host's plant steps every 3 ms, whatever STEP_MS is. */
+static bool is_due(void)
+{
+    return !loop.started || hal_clock_ms() - loop.clock_ms >= STEP_MS;
+}
+
 static void take(const message_t *message)
 {
     const link_event_t event = link_take(&port, message);
@@ -57,7 +66,10 @@ static void take(const message_t *message)
     if (event != LINK_NOTHING)
         serve(&commands, &loop);
     if (event == LINK_STEP) {
-        loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
+        if (is_due())
+            loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
+        else
+            hal_motors_write(loop.step.drive.left_q15, loop.step.drive.right_q15); /* they keep what they have */
         link_stepped(&port);
     }
     while (link_give(&port, &answer)) {

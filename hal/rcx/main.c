@@ -9,7 +9,6 @@
 #include "rcx/sensors.h"
 
 enum {
-    STEP_MS = 3,
     REST_MS = 2000,
     RECORD_MS = 2000,   /* from one record of telemetry to the next: seven messages are half a second of the link */
     HEARTBEAT_MS = 3000 /* the same for HEARTBEAT and FAULTS */

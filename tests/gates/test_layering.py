@@ -26,7 +26,7 @@ ALLOWED = {
     "hal/sil": {"hal.h", "wire", "sil"},
     "hal/link": {"hal.h", "wire", "link"},
     "hal/rcx": {"app", "autopilot", "hal.h", "wire", "rcx"},
-    "hal/h8sim": {"app", "core", "wire", "link"},
+    "hal/h8sim": {"app", "core", "hal.h", "wire", "link"},
     "sim_host/include": set(),
     "sim_host/models": set(),
     "sim_host/plant": {"plant", "effects", "brickpilot_sim.h", "models"},

@@ -225,4 +225,4 @@ def test_the_autopilot_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
 def test_sensors_of_another_kind_are_refused(tmp_path: Path) -> None:
     built = subprocess.run([PORT / "build", tmp_path, "sonar"], capture_output=True, text=True, check=False)
     assert built.returncode == 1
-    assert built.stderr == 'rcx: RCX_SENSORS is imu or rotation, not "sonar"\n'
+    assert built.stderr == 'rcx: sensors are imu or rotation, not "sonar"\n'

@@ -66,10 +66,10 @@ def test_a_step_is_found_whatever_the_pieces_of_its_trace(piece: int) -> None:
     counter = Counter(program())
     for begin in range(0, len(trace), piece):
         counter.take(np.array(trace[begin : begin + piece], dtype=np.uint16))
-    found = counter.budget()
-    assert found.stages["heading"].instructions.tolist() == [5, 5, 5]
-    assert found.stages["control"].states["external"].tolist() == [10, 10, 10]
-    assert found.stages["hal"].instructions.tolist() == [4, 4, 4]
-    assert found.stages["rest"].instructions.tolist() == [6, 6, 6]
-    assert found.stages["step"].instructions.tolist() == [16, 16, 16]
-    assert found.stack == 0x7002 - 0x6FEC
+    found = counter.stages()
+    assert found["heading"].instructions.tolist() == [5, 5, 5]
+    assert found["control"].states["external"].tolist() == [10, 10, 10]
+    assert found["hal"].instructions.tolist() == [4, 4, 4]
+    assert found["rest"].instructions.tolist() == [6, 6, 6]
+    assert found["step"].instructions.tolist() == [16, 16, 16]
+    assert counter.stack == 0x7002 - 0x6FEC

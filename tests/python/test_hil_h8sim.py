@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import make_golden
+import numpy as np
 import pytest
+from brickpilot import flight, scenario
+from brickpilot.errors import InputError
+from brickpilot.hil import ends, fly
+from brickpilot.hil.links import StreamLink
+from brickpilot.hil.session import LOCKSTEP
+from brickpilot.model import rcx
 from command import brickpilot
 
+ROOT = Path(__file__).parents[2]
 
-def fly(profile: str, sensors: str, folder: Path) -> subprocess.CompletedProcess[str]:
+
+def fly_golden(profile: str, sensors: str, folder: Path) -> subprocess.CompletedProcess[str]:
     options = ("--profile", profile, "--sensors", sensors, "--telemetry-every", "100", "--out", str(folder), "--json")
     return brickpilot("hil", "mission", "--target", "h8sim", *options, cwd=make_golden.GOLDEN.parent)
 
@@ -27,7 +37,7 @@ def flights(
     folder = tmp_path_factory.mktemp("h8sim")
     pool = ThreadPoolExecutor(os.cpu_count())
     return {
-        (profile, sensors): pool.submit(fly, profile, sensors, folder / f"{profile}-{sensors}")
+        (profile, sensors): pool.submit(fly_golden, profile, sensors, folder / f"{profile}-{sensors}")
         for profile, sensors in make_golden.FLIGHTS
     }
 
@@ -43,3 +53,50 @@ def test_a_whole_mission_on_the_h8_gives_the_motor_stream_of_the_host(
     assert figures["waypoints_reached"] == figures["waypoints_total"] == 8
     assert figures["steps"] == 20_000
     assert figures["motor_stream_sha256"] == make_golden.golden()[f"{profile}/{sensors}"]
+
+
+def on_host(sensors: str, folder: Path) -> Path:
+    """The program for the simulator as it is built for a brick with these sensors, but for this machine."""
+    flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
+    sources = ["hal/h8sim/main.c", "tests/python/h8sim_on_host.c", "hal/wire/check.c", "hal/wire/codecs_gen.c"]
+    sources += ["hal/wire/frame.c", *sorted(map(str, (ROOT / "hal/link").glob("*.c")))]
+    sources += sorted(map(str, (ROOT / "firmware").rglob("*.c")))
+    program = folder / "brick"
+    includes = ("-Ifirmware", "-Ihal", "-Ihal/include")
+    subprocess.run(["cc", "-std=c99", "-O2", *flags.split(), *includes, *sources, "-o", program], check=True, cwd=ROOT)
+    return program
+
+
+def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
+    return fly.fly(link, "test", plan, pace=LOCKSTEP, telemetry_every=100, progress=lambda *_: None)
+
+
+@pytest.mark.parametrize(("built_for", "sensors"), [("imu", "imu"), ("rotation", "imu+encoders")])
+def test_the_mission_at_the_step_of_the_rcx_is_flown_whole_and_is_that_of_the_host(
+    built_for: str, sensors: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors, seed=0)
+    ours, theirs = socket.socketpair()
+    with theirs:
+        host = subprocess.Popen([on_host(built_for, tmp_path)], stdin=theirs, stdout=theirs)
+    link = StreamLink(ours)
+    expected = at_the_link(ends.Ends(link, None), plan)
+    link.close()
+    assert host.wait(5.0) == 0
+    assert expected.broke_off is None
+    figures = flight.summary(expected.flight)
+    assert (figures["waypoints_reached"], figures["final_mode"]) == (8, "arrived")
+    assert figures["cross_track_rms_m"] < 0.04  # at 3 ms 0.026
+    commands = expected.flight.motors
+    assert not np.any(commands[1::3] != commands[::3][: len(commands[1::3])])  # a step of 9 ms
+
+    with ends.both_ends(f"h8sim:{built_for}") as both:
+        flown = at_the_link(both, plan)
+    assert flown.broke_off is None
+    np.testing.assert_array_equal(flown.flight.motors, commands)
+
+
+def test_a_brick_without_a_reference_is_not_flown_with_one() -> None:
+    with pytest.raises(InputError, match=r"--sensors ideal: a brick has no reference; h8sim:imu flies imu or"):
+        ends.check_sensors("h8sim:imu", "ideal")

@@ -15,10 +15,10 @@ from brickpilot.terminal import as_json, progress_shown
 @click.command()
 @click.option(
     "--target",
-    type=click.Choice(["host", "h8"]),
+    type=click.Choice(["host", "h8", "h8:imu", "h8:rotation"]),
     default="host",
     help="host: speed beside a peer. h8: instructions and time of a control step on the RCX's processor, counted on "
-    "its simulator while a mission is flown.",
+    "its simulator while a mission is flown; or of the firmware as an RCX with these sensors gets it.",
 )
 @click.option(
     "--profile", type=click.Choice(["coupled", "paper"]), default=None, help="h8: the constants; default coupled."
@@ -30,8 +30,8 @@ from brickpilot.terminal import as_json, progress_shown
 @as_json
 def bench(target: str, profile: str | None, sensors: str | None, seconds: float | None, as_json: bool) -> None:
     """Measures speed: side by side with a peer in the same run, or on a brick's processor."""
-    if target == "h8":
-        _h8(profile or "coupled", sensors or "imu+encoders", seconds, as_json)
+    if target != "host":
+        _h8(target.replace("h8", "h8sim"), profile or "coupled", sensors or "imu+encoders", seconds, as_json)
         return
     for name, value in (("profile", profile), ("sensors", sensors), ("seconds", seconds)):
         if value is not None:
@@ -46,11 +46,11 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
         click.echo(f"{name}: {figure['value']:.0f} {figure['unit']}, {figure['ratio']:.1f} times {figure['peer']}")
 
 
-def _h8(profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
+def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
     from brickpilot.h8 import budget, states
 
     with progress_shown(not as_json) as progress:
-        found = budget.mission(profile, sensors, seconds, progress)
+        found = budget.mission(target, profile, sensors, seconds, progress)
     if as_json:
         click.echo(json.dumps(budget.as_dict(found)))
         return
@@ -62,3 +62,6 @@ def _h8(profile: str, sensors: str, seconds: float | None, as_json: bool) -> Non
             line += f"   {np.median(taken):7.0f} {taken.max():7d} {1e3 * taken.max() / states.CLOCK_HZ:14.2f}"
         click.echo(line)
     click.echo(f"{len(found.stages['step'].instructions)} steps; at most {found.stack} bytes of stack")
+    click.echo(f"{'bytes of':24} {'text':>6} {'data':>6} {'bss':>6}")
+    for name, size in found.sizes.items():
+        click.echo(f"{name:24} {size.text:6d} {size.data:6d} {size.bss:6d}")

@@ -19,8 +19,6 @@ from brickpilot.terminal import as_json, flight_options
 
 def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
     """What `--link` and `--target` together mean to hil.ends."""
-    from brickpilot.hil import ends
-
     if target == "host":
         if spec is None:
             raise InputError("is missing: which link?", field="--link")
@@ -29,7 +27,7 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
         raise InputError("has a stream of its own: leave --link out", field=f"--target {target}")
     if not lockstep:
         raise InputError("runs in lockstep only: a simulator has no clock", field=f"--target {target}")
-    return ends.H8SIM
+    return target
 
 
 @click.command()
@@ -43,10 +41,10 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
 )
 @click.option(
     "--target",
-    type=click.Choice(["host", "h8sim"]),
+    type=click.Choice(["host", "h8sim", "h8sim:imu", "h8sim:rotation"]),
     default="host",
-    help="What the brick is: a program of this machine (default), or the RCX's on a simulator of its processor, in "
-    "lockstep and without --link.",
+    help="What the brick is: a program of this machine (default), or the same firmware on a simulator of the RCX's "
+    "processor, in lockstep and without --link; or there as it is built for an RCX with these sensors.",
 )
 @click.option(
     "--lockstep/--realtime", default=True, help="Simulated time, a step per answer (default); or the clock's."
@@ -116,6 +114,7 @@ def hil(
     vehicle = model.load(Path(model_file)) if model_file else model.rcx()
     told = compensation.load(Path(compensation_file)) if compensation_file else None
     plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=told)
+    ends.check_sensors(spec, plan.sensors)
     folder = Path(out) if out else Path("runs") / f"hil-{chosen.name}-{plan.controller}-{plan.sensors}"
     pace = LOCKSTEP if lockstep else REALTIME
     every = telemetry_every or (1 if lockstep else 10)

@@ -97,7 +97,12 @@ def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
     _fits((WHEEL_SPEED_LIMIT + change) * WHEEL_SPEED, f"{name} speed")
 
 
-def _common(step: float) -> dict[str, Scale]:
+def pose(step: float) -> dict[str, Scale]:
+    """What `body_step()` needs beside `body_predict()`.
+
+    Raises:
+        QuantisationError: 6 ms or more, for which the formats have no room.
+    """
     return {
         "travel_from_speed": scale(step * TRAVEL / SPEED, "travel_from_speed"),
         "heading_from_yaw_rate": scale(step * BAM32 / YAW_RATE, "heading_from_yaw_rate"),
@@ -108,7 +113,7 @@ Coefficients = dict[str, Scale | list[dict[str, Scale]]]
 
 
 def coupled(values: Values, step: float) -> Coefficients:
-    """`body_coefficients_t` of the coupled profile, without the profile itself.
+    """`body_coefficients_t` of the coupled profile, without the profile itself and the pose.
 
     Args:
         values: nominal parameters, SI, by the names of the vehicle file.
@@ -130,7 +135,6 @@ def coupled(values: Values, step: float) -> Coefficients:
     return {
         "motor": [_motor(mean, 0.5, "mean"), _motor(difference, 0.5, "difference")],
         "drag": scale(drag * WHEEL_SPEED / SPEED_SQUARED, "drag"),
-        **_common(step),
         "surge_from_wheel": scale(radius * SPEED / WHEEL_SPEED, "surge_from_wheel"),
         "quarter_wheel_from_surge": scale(WHEEL_SPEED / (radius * SPEED) / 4, "quarter_wheel_from_surge"),
         "yaw_rate_from_wheel": scale(radius / half_track * YAW_RATE / WHEEL_SPEED, "yaw_rate_from_wheel"),
@@ -153,7 +157,6 @@ def paper(values: Values, step: float) -> Coefficients:
     return {
         "motor": [motor, motor],
         "drag": scale(drag * SPEED / SPEED_SQUARED, "drag"),
-        **_common(step),
         "thrust_from_voltage": scale16(from_voltage * THRUST / VOLTAGE, "thrust_from_voltage"),
         "thrust_from_wheel": scale(from_wheel * THRUST / WHEEL_SPEED, "thrust_from_wheel"),
         "yaw_rate_from_thrust": scale(turn * YAW_RATE / THRUST, "yaw_rate_from_thrust"),

@@ -6,7 +6,7 @@ import random
 from collections.abc import Mapping
 
 from brickpilot.gen.c_text import body_initialiser
-from brickpilot.gen.coefficients import PROFILES
+from brickpilot.gen.coefficients import PROFILES, pose
 
 SEED = 2006
 PERTURBED_SETS = 6
@@ -41,7 +41,8 @@ def render(nominal: Mapping[str, float], step: float) -> str:
     for values in value_sets(nominal):
         numbers = ", ".join(f"{values[name]!r}" for name in names)
         bodies = [
-            f".{profile} = {body_initialiser(profile, make(values, step), 1)}" for profile, make in PROFILES.items()
+            f".{profile} = {body_initialiser(profile, {**make(values, step), **pose(step)}, 1)}"
+            for profile, make in PROFILES.items()
         ]
         blocks.append("    {.value = {" + numbers + "},\n     " + ",\n     ".join(bodies) + "},")
     quoted = ", ".join(f'"{name}"' for name in names)

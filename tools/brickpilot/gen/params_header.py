@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from brickpilot.gen.c_text import initialiser
-from brickpilot.gen.coefficients import PROFILES, loss
+from brickpilot.gen.coefficients import PROFILES, loss, pose
 from brickpilot.gen.quantise import QuantisationError, integer
 
 INT16, UINT16, UINT8, UINT32 = 32767, 65535, 255, 2**32 - 1
@@ -29,8 +29,13 @@ def _q15(share: float, name: str) -> int:
     return integer(share * 32767, 0, INT16, name)
 
 
-def _model(profile: str, values: Mapping[str, float], step: float) -> dict[str, Any]:
-    return {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
+def _nearest_power_of_two(steps: float) -> float:
+    return 2.0 ** round(math.log2(steps))
+
+
+def _model(profile: str, values: Mapping[str, float], step: float, with_pose: bool) -> dict[str, Any]:
+    predicted = {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
+    return {**predicted, **pose(step)} if with_pose else predicted
 
 
 def _heading(common: Mapping[str, float]) -> dict[str, Any]:
@@ -47,9 +52,10 @@ def _speed(
 ) -> dict[str, Any]:
     """The observer has a double pole at its bandwidth b: 2 b on the travel, b^2 on the speed."""
     band = own["observer_bandwidth"]
+    bias = {"accel_bias_time": _nearest_power_of_two(common["accel_bias_time"] / step)}
     return {
         "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
-        "slowest_weight_bits": _weight_bits(common, "accel_bias_steps", 12),
+        "slowest_weight_bits": _weight_bits(bias, "accel_bias_time", 12),
         "count_travel_um_q2": integer(2 * math.pi * radius / counts * 4e6, 1, UINT16, "counts_per_turn"),
         "behind_to_travel_q15": _q15(2 * band * step, "observer_bandwidth"),
         "behind_to_speed_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
@@ -99,14 +105,14 @@ def _plain(table: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
 
 
-def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
+def _loop(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
     values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
-    common, step = _plain(vehicle["estimator"]), float(vehicle["rates"]["body_step"]["value"])
+    common = _plain(vehicle["estimator"])
     estimator, counts = _plain(vehicle["estimator"][profile]), _plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
     forward = own["feedforward_share"] * holding_voltage(values) * MV_Q10_PER_SPEED
     return {
         "step": {
-            "model": _model(profile, values, step),
+            "model": _model(profile, values, step, step == vehicle["rates"]["body_step"]["value"]),
             "heading": _heading(common),
             "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
             "mode": {
@@ -128,6 +134,20 @@ def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float]) -> str:
+    sets = "".join(
+        f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
+        f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle, step), 0)};\n"
+        for i, step in enumerate(steps)
+    )
+    return f"""#ifndef BODY_WITHOUT_{profile.upper()}
+{sets}#else
+#error "no constants of the {profile} profile for this STEP_MS"
+#endif
+#endif
+"""
+
+
 def render(vehicle: Mapping[str, Any]) -> str:
     """The header's text.
 
@@ -137,12 +157,9 @@ def render(vehicle: Mapping[str, Any]) -> str:
     Raises:
         QuantisationError: a value that the firmware's format cannot hold.
     """
-    blocks = "\n".join(
-        f"#ifndef BODY_WITHOUT_{profile.upper()}\n"
-        f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle), 0)};\n"
-        f"#endif\n"
-        for profile in PROFILES
-    )
+    rates = _plain(vehicle["rates"])
+    steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
+    blocks = "\n".join(_block(profile, vehicle, steps[profile]) for profile in PROFILES)
     return f"""/* params_gen.h: generated from sim_host/models/rcx.toml by `python -m brickpilot.gen`.
  * Formats: see the structs' headers. A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
 #ifndef BRICKPILOT_APP_PARAMS_GEN_H

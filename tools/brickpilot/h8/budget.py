@@ -56,14 +56,25 @@ class Counts:
 
 
 @dataclass(frozen=True)
+class Size:
+    """Bytes of code with constants, of data that is not 0 to begin with, and of what is."""
+
+    text: int
+    data: int
+    bss: int
+
+
+@dataclass(frozen=True)
 class Budget:
     """``stages`` has those of `STAGES`, "rest", "step", which is all of these, and "hal".
 
-    ``stack``: the most bytes of it that a step needs.
+    ``stack``: the most bytes of it that a step needs. ``sizes``: of each folder of the firmware and of the messages it
+    exchanges (hal/wire), as compiled, not yet linked.
     """
 
     stages: dict[str, Counts]
     stack: int
+    sizes: dict[str, Size]
 
 
 @dataclass(frozen=True)
@@ -96,7 +107,7 @@ class Program:
 
 
 class Counter:
-    """Takes a trace in pieces, of any size, and keeps what each step in it took."""
+    """Takes a trace in pieces, of any size, and keeps what each step in it took. ``stack``: as in `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -109,7 +120,7 @@ class Counter:
         )
         self._left = np.empty((0, 2), dtype=np.uint16)
         self._steps: list[dict[str, tuple[int, ...]]] = []
-        self._stack = 0
+        self.stack = 0
 
     def take(self, trace: NDArray[np.uint16]) -> None:
         """`trace`: address and stack pointer of each instruction, shape (n, 2), in the order of execution."""
@@ -126,7 +137,7 @@ class Counter:
                 used = begin
                 break
             self._steps.append(self._count(program_counter, stack_pointer, sums, begin, end))
-            self._stack = max(self._stack, int(stack_pointer[begin]) + 2 - int(stack_pointer[begin:end].min()))
+            self.stack = max(self.stack, int(stack_pointer[begin]) + 2 - int(stack_pointer[begin:end].min()))
             used = end
         self._left = trace[used:] if len(begins) else trace[:0]
 
@@ -157,18 +168,15 @@ class Counter:
         found |= {"rest": whole - sum(found.values()), "step": whole, "hal": hal}
         return {stage: tuple(counts) for stage, counts in found.items()}
 
-    def budget(self) -> Budget:
+    def stages(self) -> dict[str, Counts]:
         """Of all steps taken so far."""
         if not self._steps:
             raise SimulationError("no step came to its end on the simulator")
         table = {name: np.array([step[name] for step in self._steps], dtype=np.int64) for name in self._steps[0]}
-        return Budget(
-            {
-                name: Counts(rows[:, 0], {memory: rows[:, 1 + i] for i, memory in enumerate(MEMORIES)})
-                for name, rows in table.items()
-            },
-            self._stack,
-        )
+        return {
+            name: Counts(rows[:, 0], {memory: rows[:, 1 + i] for i, memory in enumerate(MEMORIES)})
+            for name, rows in table.items()
+        }
 
 
 def _end(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
@@ -180,10 +188,13 @@ def _end(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
     return None
 
 
-def mission(profile: str, sensors: str, duration: float | None, progress: Callable[[int, int, str], None]) -> Budget:
+def mission(
+    target: str, profile: str, sensors: str, duration: float | None, progress: Callable[[int, int, str], None]
+) -> Budget:
     """Flies the packaged mission on the simulator and counts.
 
     Args:
+        target: one of `ends.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
         sensors: as `brickpilot run` has them.
         duration: s of the mission; None: all of it.
@@ -193,7 +204,8 @@ def mission(profile: str, sensors: str, duration: float | None, progress: Callab
         InputError: no checkout of the project, or no compiler.
         SimulationError: the flight broke off.
     """
-    _, image = ends.h8_simulator()
+    ends.check_sensors(target, sensors)
+    _, image = ends.h8_simulator(target)
     counter = Counter(Program.of(Path(image).with_suffix(".coff")))
     mission = scenario.load(scenario.packaged()["mission"])
     if duration is not None:
@@ -204,12 +216,27 @@ def mission(profile: str, sensors: str, duration: float | None, progress: Callab
         os.mkfifo(trace)
         reader = threading.Thread(target=_read, args=(trace, counter), daemon=True)
         reader.start()
-        with ends.both_ends(ends.H8SIM, trace) as both:
-            flown = fly.fly(both, ends.H8SIM, plan, pace=LOCKSTEP, telemetry_every=10, progress=progress)
+        with ends.both_ends(target, trace) as both:
+            flown = fly.fly(both, target, plan, pace=LOCKSTEP, telemetry_every=10, progress=progress)
         reader.join()
     if flown.broke_off is not None:
         raise SimulationError(f"the mission on the simulator broke off: {flown.broke_off}")
-    return counter.budget()
+    return Budget(counter.stages(), counter.stack, sizes(Path(image).parent))
+
+
+def sizes(folder: Path) -> dict[str, Size]:
+    """`Budget.sizes` of the objects that hal/h8sim/build left in `folder`: FOLDER_FOLDER_FILE.o."""
+    listed = subprocess.run(
+        ["h8300-hms-size", *sorted(folder.glob("*.o"))], check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    found: dict[str, Size] = {}
+    for line in listed.splitlines()[1:]:
+        text, data, bss, *_, path = line.split()
+        kind, part, *_ = Path(path).name.split("_")
+        if kind == "firmware" or part == "wire":
+            before = found.get(f"{kind}/{part}", Size(0, 0, 0))
+            found[f"{kind}/{part}"] = Size(before.text + int(text), before.data + int(data), before.bss + int(bss))
+    return found
 
 
 def _read(path: Path, counter: Counter) -> None:
@@ -229,4 +256,5 @@ def as_dict(budget: Budget) -> dict[str, Any]:
         | {f"states_{memory}": pair(taken) for memory, taken in counts.states.items()}
         for name, counts in budget.stages.items()
     }
-    return {"stages": stages, "stack_bytes": budget.stack, "clock_hz": states.CLOCK_HZ}
+    bytes_of = {name: dataclasses.asdict(size) for name, size in budget.sizes.items()}
+    return {"stages": stages, "stack_bytes": budget.stack, "bytes": bytes_of, "clock_hz": states.CLOCK_HZ}

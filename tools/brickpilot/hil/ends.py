@@ -30,7 +30,10 @@ STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "-
 """Links whose brick is a process of its own -> its options."""
 
 H8SIM = "h8sim"
-"""The RCX's program on the simulator of its processor, by a stream to its standard input and output."""
+"""The firmware on the simulator of the RCX's processor, by a stream to its standard input and output."""
+
+H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
+"""Target -> sensors of the brick that it is built for (hal/rcx/flags); None: built as for this machine."""
 
 H8SIM_ANSWER_S = 10.0
 """A simulated instruction takes microseconds, and the simulator seconds to start."""
@@ -144,22 +147,36 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def h8_simulator() -> tuple[str, str]:
-    """The simulator and the RCX's program for it, both built by the project's scripts if need be.
+def h8_simulator(target: str) -> tuple[str, str]:
+    """The simulator and the program for it, both built by the project's scripts if need be.
+
+    Args:
+        target: one of `H8SIM_TARGETS`.
 
     Raises:
         InputError: no checkout here or above, or one of them cannot be built.
     """
-    folder = next((folder / "hal/h8sim" for folder in _here_and_above() if (folder / "hal/h8sim/build").exists()), None)
+    folder = next((folder for folder in _here_and_above() if (folder / "hal/h8sim/build").exists()), None)
     if folder is None:
-        raise InputError("needs a checkout of the project, here or above", field=f"--target {H8SIM}")
-    paths = []
-    for script in ("simulator", "build"):
-        done = subprocess.run([folder / script], stdout=subprocess.PIPE, text=True, check=False)
+        raise InputError("needs a checkout of the project, here or above", field=f"--target {target}")
+
+    def printed(*command: str) -> str:
+        done = subprocess.run([folder / command[0], *command[1:]], stdout=subprocess.PIPE, text=True, check=False)
         if done.returncode != 0:
-            raise InputError(f"hal/h8sim/{script} failed", field=f"--target {H8SIM}")
-        paths.append(done.stdout.strip())
-    return paths[0], paths[1]
+            raise InputError(f"{command[0]} failed", field=f"--target {target}")
+        return done.stdout.strip()
+
+    sensors = H8SIM_TARGETS[target]
+    built = (
+        [] if sensors is None else [str(folder / f"build/h8sim-{sensors}"), *printed("hal/rcx/flags", sensors).split()]
+    )
+    return printed("hal/h8sim/simulator"), printed("hal/h8sim/build", *built)
+
+
+def check_sensors(target: str, sensors: str) -> None:
+    """Raises InputError where the target's brick cannot have them."""
+    if H8SIM_TARGETS.get(target) is not None and sensors == "ideal":
+        raise InputError(f"a brick has no reference; {target} flies imu or imu+encoders", field=f"--sensors {sensors}")
 
 
 def _here_and_above() -> tuple[Path, ...]:
@@ -167,13 +184,14 @@ def _here_and_above() -> tuple[Path, ...]:
     return (here, *here.parents)
 
 
-def start_h8(trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
+def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
     """Starts the program on the simulator; it ends with its standard input. Returns it, and the link to it.
 
     Args:
+        target: one of `H8SIM_TARGETS`.
         trace: where it writes address and stack pointer of each instruction, two native 16-bit words.
     """
-    simulator, image = h8_simulator()
+    simulator, image = h8_simulator(target)
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
@@ -229,7 +247,7 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
     """The plant's end of the link, open; with the brick at the other end where the link starts one here.
 
     Args:
-        spec: the link, or `H8SIM`.
+        spec: the link, or one of `H8SIM_TARGETS`.
         trace: see `start_h8`.
 
     Raises:
@@ -245,8 +263,8 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
             process, address = start_brick(STARTED[spec])
             link = open_link(address)
             restart = partial(_restart_process, process)
-        elif spec == H8SIM:
-            simulator, link = start_h8(trace)
+        elif spec in H8SIM_TARGETS:
+            simulator, link = start_h8(spec, trace)
         elif spec in IN_PROCESS:
             kind = spec.partition(":")[2]
             channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
@@ -255,7 +273,7 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
             link = CanLink(open_bus(spec, kind, channel))
         else:
             link = open_link(spec)
-        yield Ends(link, restart, H8SIM_ANSWER_S if spec == H8SIM else ANSWER_S)
+        yield Ends(link, restart, H8SIM_ANSWER_S if spec in H8SIM_TARGETS else ANSWER_S)
     except LinkGoneError as error:
         raise SimulationError(f"{spec}: {error}") from error
     finally:
