@@ -16,6 +16,7 @@ import time
 import tty
 from types import TracebackType
 
+import rcx_autopilot
 import rcx_brickos
 import rcx_rom
 
@@ -65,6 +66,7 @@ class RcxBrick:
         broken_sums: of so many blocks the ROM finds the checksum wrong.
         lego: what is started answers by the ROM's protocol, as LEGO's firmware does; else it is brickOS.
         lose_replies: those of the brick's answers that are lost, counted from 1.
+        autopilot: runs already, and hears all.
     """
 
     def __init__(
@@ -80,12 +82,14 @@ class RcxBrick:
         broken_sums: int = 0,
         lego: bool = False,
         lose_replies: frozenset[int] = frozenset(),
+        autopilot: rcx_autopilot.Autopilot | None = None,
     ) -> None:
         self.rom = rcx_rom.Rom(broken_sums=broken_sums)
         self.brickos = rcx_brickos.BrickOs(host)
         self.heard = 0
         """Bytes that came from the host."""
-        self._in_rom, self._lego = not brickos, lego
+        self._autopilot = autopilot
+        self._in_rom, self._lego = not brickos and autopilot is None, lego
         self._tower, self._on = tower, on
         self._vanish_after, self._back_after = vanish_after, back_after
         self._lose_replies, self._replies = lose_replies, 0
@@ -140,7 +144,9 @@ class RcxBrick:
         return self._back_after is None or self.heard < self._back_after
 
     @property
-    def _device(self) -> rcx_rom.Rom | rcx_brickos.BrickOs:
+    def _device(self) -> rcx_rom.Rom | rcx_brickos.BrickOs | rcx_autopilot.Autopilot:
+        if self._autopilot is not None:
+            return self._autopilot
         return self.rom if self._in_rom else self.brickos
 
     def _hear(self, data: bytes) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import click
 from click.exceptions import NoArgsIsHelpError
 
-from brickpilot import __version__, cli_bench, cli_benchmark, cli_flash, cli_hil
+from brickpilot import __version__, cli_bench, cli_benchmark, cli_flash, cli_hil, cli_upload
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.signals import Frame, Vehicle
 from brickpilot.terminal import as_json, flight_options, progress_shown
@@ -365,6 +365,7 @@ cli.add_command(cli_benchmark.benchmark)
 cli.add_command(cli_flash.flash)
 cli.add_command(cli_hil.hil)
 cli.add_command(cli_hil.brick)
+cli.add_command(cli_upload.upload)
 
 
 def main(arguments: list[str] | None = None) -> Any:

@@ -14,14 +14,18 @@ import click
 from tqdm import tqdm
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.terminal import as_json, flight_options
+from brickpilot.terminal import as_json, flight_options, settings_of
 
 
 def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
     """What `--link` and `--target` together mean to hil.ends."""
+    from brickpilot.hil import ends
+
     if target == "host":
         if spec is None:
             raise InputError("is missing: which link?", field="--link")
+        if spec.startswith(ends.INFRARED):
+            raise InputError("carries no plant; `brickpilot upload` speaks to an RCX", field=f"--link {spec}")
         return spec
     if spec is not None:
         raise InputError("has a stream of its own: leave --link out", field=f"--target {target}")
@@ -106,7 +110,7 @@ def hil(
     if list_settings:
         _list_settings(spec, profile or "coupled", as_json)
         return
-    settings = _parse_settings(written)
+    settings = settings_of(written)
     if scenario_name is not None and scenario_file is not None:
         raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
     asked = scenario_name or scenario_file or "mission"
@@ -164,17 +168,6 @@ def hil(
             click.echo("note: the system grants no real-time priority (ulimit -r); other work makes ticks late")
     if flown.broke_off:
         raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
-
-
-def _parse_settings(written: tuple[str, ...]) -> dict[str, int]:
-    found = {}
-    for pair in written:
-        name, _, value = pair.partition("=")
-        try:
-            found[name] = int(value)
-        except ValueError:
-            raise InputError("needs NAME=VALUE, a whole number", field=f"--set {pair}") from None
-    return found
 
 
 def _list_settings(spec: str, profile: str, as_json: bool) -> None:

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 import click
 from tqdm import tqdm
 
+from brickpilot.errors import InputError
+
 as_json = click.option(
     "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout, nothing else."
 )
@@ -39,6 +41,18 @@ def flight_options(command: Callable[..., None]) -> Callable[..., None]:
     for option in reversed(_FLIGHT):
         command = option(command)
     return command
+
+
+def settings_of(written: tuple[str, ...]) -> dict[str, int]:
+    """What `--set NAME=VALUE`, repeatable, says. Raises InputError where a value is no whole number."""
+    found = {}
+    for pair in written:
+        name, _, value = pair.partition("=")
+        try:
+            found[name] = int(value)
+        except ValueError:
+            raise InputError("needs NAME=VALUE, a whole number", field=f"--set {pair}") from None
+    return found
 
 
 @contextmanager

@@ -22,6 +22,8 @@ from cffi import FFI
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
 from brickpilot.hil.session import ANSWER_S
+from brickpilot.infrared.link import InfraredLink
+from brickpilot.infrared.tower import Tower
 
 PROGRAM = Path(__file__).parents[1] / "brick"
 
@@ -37,6 +39,9 @@ H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
 
 H8SIM_ANSWER_S = 10.0
 """A simulated instruction takes microseconds, and the simulator seconds to start."""
+
+INFRARED = "infrared"
+"""An RCX's tower: `brickpilot upload` alone, since it carries no plant."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
 FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
@@ -216,6 +221,8 @@ def open_link(spec: str) -> Link:
         return open_serial(spec, rest)
     if kind == "tcp" and rest:
         return open_tcp(spec, rest)
+    if kind == INFRARED and rest:
+        return InfraredLink(Tower(rest))
     name, _, channel = rest.partition(":")
     if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
         return CanLink(open_bus(spec, name, channel))

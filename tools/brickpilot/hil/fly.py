@@ -129,14 +129,17 @@ class _Run:
         return self.unanswered + self.link.damaged + seen
 
 
-def prepare(session: Session, plan: flight.Plan, pace: str, telemetry_every: int, settings: Mapping[str, int]) -> None:
+def prepare(
+    session: Session, plan: flight.Plan, pace: str, telemetry_every: int | None, settings: Mapping[str, int]
+) -> None:
     """Opens a session and tells the brick all that the flight needs: settings, what is known of the robot, the route.
 
     Raises:
         InputError: the brick refuses something.
     """
     session.open(plan.controller, pace)
-    session.write("telemetry_every", telemetry_every)
+    if telemetry_every is not None:
+        session.write("telemetry_every", telemetry_every)
     if plan.cruise > 0:
         session.write("cruise", round(plan.cruise * 16e3))
     if plan.compensation is not None:

@@ -91,11 +91,12 @@ class Session:
         """
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
+        began = time.monotonic()
         try:
             hello = self._ask("OPEN", "HELLO", values, OPEN_TRIES)
         except NoAnswerError:
-            seconds = OPEN_TRIES * ANSWER_S
-            raise InputError(f"no brick has answered for {seconds:g} s", field=f"--link {self.spec}") from None
+            seconds = round(time.monotonic() - began)
+            raise InputError(f"no brick has answered for {seconds} s", field=f"--link {self.spec}") from None
         named = {number: name for name, number in self._book.choices("HELLO", "status").items()}
         status = named.get(hello["status"], f"status {hello['status']}")
         if status != "ok":

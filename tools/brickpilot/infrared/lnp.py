@@ -6,6 +6,8 @@ all before it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 HEADER = 0xF1
 
 
@@ -25,12 +27,16 @@ def packet(data: bytes, to: int, sender: int) -> bytes:
     return content + bytes([checksum(content)])
 
 
-def find(heard: bytes, to: int, sender: int) -> bytes | None:
-    """The data of the first whole packet from `sender` to `to`."""
+def each(heard: bytes, to: int, sender: int) -> Iterator[bytes]:
+    """The data of every whole packet from `sender` to `to`."""
     for at in range(len(heard) - 5):
         if heard[at] != HEADER or heard[at + 2 : at + 4] != bytes([to, sender]):
             continue
         end = at + 2 + heard[at + 1]
         if at + 4 < end < len(heard) and heard[end] == checksum(heard[at:end]):
-            return heard[at + 4 : end]
-    return None
+            yield heard[at + 4 : end]
+
+
+def find(heard: bytes, to: int, sender: int) -> bytes | None:
+    """The data of the first of them."""
+    return next(each(heard, to, sender), None)

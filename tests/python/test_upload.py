@@ -1,0 +1,114 @@
+"""`brickpilot upload`: a mission and settings over an infrared link that loses some, to the firmware behind a tower."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from brickpilot import cli
+from brickpilot.errors import InputError
+from brickpilot.hil import ends
+from brickpilot.hil.session import REALTIME, Session
+from brickpilot.infrared import link as infrared_link
+from brickpilot.infrared import tower
+from rcx_autopilot import Autopilot
+from rcx_brick import BYTE_S, Faults, RcxBrick
+
+MISSION = """name = "two"
+kind = "mission"
+title = "two legs"
+duration_s = 20.0
+waypoints_m = [[1.0, 0.5], [0.0, -0.25]]
+"""
+
+
+@pytest.fixture(autouse=True)
+def _fast_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time-outs in proportion to the pseudo-terminal's byte time."""
+
+    def at_once(device: str) -> tower.Tower:
+        return tower.Tower(device, BYTE_S)
+
+    monkeypatch.setattr(ends, "Tower", at_once)
+
+
+def upload(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
+    cli.main(["upload", *options, "--json"])
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "two.toml").write_text(MISSION)
+    brick = Autopilot()
+    with RcxBrick(autopilot=brick) as far:
+        told = ("--set", "heading_kp=900", "--set", "acceptance=150", "--start")
+        found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *told)
+        assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
+    with RcxBrick(autopilot=brick) as far:  # a pseudo-terminal cannot be set up twice
+        session = Session(ends.open_link(f"infrared:{far.path}"), "again")
+        assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)
+        assert session.route() == [(1000, 500), (0, -250)]
+        with pytest.raises(InputError, match="start: means nothing in mode run"):
+            session.command("start")
+        session.link.close()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_request_is_obeyed_once_whatever_the_line_loses(seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+    brick = Autopilot(telemetry_after=3)
+    faults = Faults(seed=seed, corrupt=0.01, lose=0.01)
+    with RcxBrick(autopilot=brick, faults=faults) as far:
+        found = upload(capsys, "mission", "--link", f"infrared:{far.path}", "--start")
+        assert far.hit > 0
+    assert (found["waypoints"], found["started"]) == (8, True)
+    assert found["sent_again"]
+    assert len(set(brick.obeyed)) == len(brick.obeyed)
+
+
+def test_a_lost_answer_to_start_is_given_again_and_not_obeyed_again() -> None:
+    brick = Autopilot()
+    with RcxBrick(autopilot=brick, lose_replies=frozenset({5})) as far:
+        session = Session(ends.open_link(f"infrared:{far.path}"), "infrared")
+        session.open("coupled", REALTIME)
+        session.upload([(1000, 0), (0, 500)])
+        session.command("start")
+        session.link.close()
+    assert (brick.repeated, len(brick.obeyed)) == (1, 5)
+
+
+def test_no_brick_is_told_in_one_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(infrared_link, "FIRST_TRIES", 1)
+    with RcxBrick(autopilot=Autopilot(), on=False) as far, pytest.raises(SystemExit) as left:
+        upload(capsys, "mission", "--link", f"infrared:{far.path}")
+    assert left.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"brickpilot: --link infrared:{far.path}: no brick has answered for ")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("mission", "--link", "infrared:/dev/none"), "/dev/none: no such device"),
+        (("mission", "--link", "pigeon:1"), "--link pigeon:1: is no link"),
+        (("forward_1m", "--link", "infrared:/dev/none"), "forward_1m: has no waypoints to fly to"),
+        (("mission", "--link", "infrared:/dev/none", "--set", "cruise=fast"), "--set cruise=fast: needs NAME=VALUE"),
+    ],
+)
+def test_bad_input_is_told_before_anything_is_sent(
+    options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        upload(capsys, *options)
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_hil_says_that_an_rcx_carries_no_plant(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        cli.main(["hil", "--link", f"infrared:{os.devnull}"])
+    assert left.value.code == 2
+    assert "carries no plant; `brickpilot upload` speaks to an RCX" in capsys.readouterr().err
