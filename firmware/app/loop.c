@@ -4,6 +4,8 @@
 #include "core/fix.h"
 #include "hal.h"
 
+#define POSSIBLE(sensor) ((SENSORS_POSSIBLE & SENSOR_##sensor) != 0)
+
 enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
 /* Parts of telemetry in a tick, by telemetry_every, so that a report is out before the next begins. */
@@ -23,17 +25,17 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
         sensors->have |= SENSOR_GYRO;
         sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
-    if (imu_status == HAL_OK) {
+    if (POSSIBLE(ACCELEROMETER) && imu_status == HAL_OK) {
         sensors->have |= SENSOR_ACCELEROMETER;
         sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
         sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
-    if (hal_rotation_read(&rotation) == HAL_OK) {
+    if (POSSIBLE(ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
         sensors->have |= SENSOR_ROTATION;
         sensors->rotation_left = rotation.left;
         sensors->rotation_right = rotation.right;
     }
-    if (hal_reference_read(&reference) == HAL_OK) {
+    if (POSSIBLE(REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
         sensors->have |= SENSOR_REFERENCE;
         sensors->reference_x_um = reference.x_um;
         sensors->reference_y_um = reference.y_um;
@@ -41,7 +43,7 @@ static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
         sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
         sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (hal_battery_read(&battery_mv) == HAL_OK) {
+    if (POSSIBLE(BATTERY) && hal_battery_read(&battery_mv) == HAL_OK) {
         sensors->have |= SENSOR_BATTERY;
         sensors->battery_mv = battery_mv;
     }

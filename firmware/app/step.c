@@ -117,9 +117,9 @@ static void control_heading(const step_config_t *config, step_state_t *state, ui
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)
 {
-    if (config->battery_sags && (sensors->have & SENSOR_BATTERY))
+    if (config->battery_sags && SIGNALS_HAVE(sensors, SENSOR_BATTERY))
         correct_drive(config, state, sensors->battery_mv);
-    if (sensors->have & SENSOR_BATTERY)
+    if (SIGNALS_HAVE(sensors, SENSOR_BATTERY))
         state->battery_mv = sensors->battery_mv;
     else if (state->battery_mv == 0)
         state->battery_mv = config->battery_nominal_mv;

@@ -19,6 +19,15 @@ enum {
     SENSOR_BATTERY = 16
 };
 
+/* The sensors that this build can ever have. One for a brick that lacks some, -DSENSORS_POSSIBLE=..., carries no code for them: it
+ * never asks the HAL, and does otherwise what a full build does without them. */
+#ifndef SENSORS_POSSIBLE
+#define SENSORS_POSSIBLE (SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY)
+#endif
+
+/* Whether there is one of `bits`, constants, in this step: false at compile time where none of them is possible. */
+#define SIGNALS_HAVE(sensors, bits) (((sensors)->have & ((bits)&SENSORS_POSSIBLE)) != 0)
+
 /* hal -> estimator. Fields whose bit is not set hold no meaning. */
 typedef struct {
     uint8_t have;              /* SENSOR_* bits */

@@ -16,13 +16,13 @@ static bool moves(const heading_config_t *config, heading_state_t *state, const 
 {
     const signals_sensors_t *const sensors = input->sensors;
     bool counted = false;
-    if (sensors->have & SENSOR_ROTATION) {
+    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
         counted = sensors->rotation_left != state->rotation_left || sensors->rotation_right != state->rotation_right;
         state->rotation_left = sensors->rotation_left;
         state->rotation_right = sensors->rotation_right;
     }
     return counted || input->driven || fix_abs_u16(input->predicted_speed_mm_s_q4) > config->rest_speed_mm_s_q4 ||
-           !(sensors->have & SENSOR_GYRO);
+           !SIGNALS_HAVE(sensors, SENSOR_GYRO);
 }
 
 static void learn_block(const heading_config_t *config, heading_state_t *state)
@@ -77,7 +77,7 @@ static int16_t integrate(heading_state_t *state, const heading_input_t *input, i
 {
     const signals_sensors_t *const sensors = input->sensors;
     const int32_t bias_q8 = state->bias_mrad_s_q8;
-    const int16_t rate = sensors->have & SENSOR_GYRO
+    const int16_t rate = SIGNALS_HAVE(sensors, SENSOR_GYRO)
                              ? measured
                              : fix_sat16(input->predicted_yaw_rate_mrad_s + (int32_t)round_q8(bias_q8));
     const int32_t twice = fix_mul(rate, sensors->period_ms) + fix_mul(state->raw_rate_mrad_s, sensors->period_ms);
@@ -94,11 +94,11 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
     const int16_t measured = measured_mrad_s(config, sensors);
     watch_rest(config, state, input, measured);
     output->yaw_rate_mrad_s = integrate(state, input, measured);
-    if (sensors->have & SENSOR_REFERENCE) {
+    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE)) {
         state->heading_bam32 = (uint32_t)sensors->reference_heading_bam16 << 16;
         output->yaw_rate_mrad_s = sensors->reference_yaw_rate_mrad_s;
     }
-    if (sensors->have & (SENSOR_GYRO | SENSOR_REFERENCE))
+    if (SIGNALS_HAVE(sensors, SENSOR_GYRO | SENSOR_REFERENCE))
         state->blind_ms = 0;
     else
         state->blind_ms = (uint16_t)fix_clamp32((int32_t)state->blind_ms + sensors->period_ms, 65000L);

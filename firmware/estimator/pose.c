@@ -29,7 +29,7 @@ void pose_step(pose_state_t *state, const pose_input_t *input, pose_output_t *ou
               fix_share_q15(input->travel_um_q5, cos_q15) - fix_share_q15(input->sway_travel_um_q5, sin_q15));
     move_axis(&state->y_um, &state->y_rest_um_q5,
               fix_share_q15(input->travel_um_q5, sin_q15) + fix_share_q15(input->sway_travel_um_q5, cos_q15));
-    if (input->sensors->have & SENSOR_REFERENCE) {
+    if (SIGNALS_HAVE(input->sensors, SENSOR_REFERENCE)) {
         state->x_um = input->sensors->reference_x_um;
         state->y_um = input->sensors->reference_y_um;
         state->x_rest_um_q5 = 0;

@@ -82,12 +82,12 @@ static int32_t observe(const speed_config_t *config, speed_state_t *state, const
 {
     const signals_sensors_t *const sensors = input->sensors;
     int32_t made_up_um_q5 = 0;
-    if (sensors->have & SENSOR_ACCELEROMETER) {
+    if (SIGNALS_HAVE(sensors, SENSOR_ACCELEROMETER)) {
         const int32_t predicted_change = fix_sub32(input->predicted_mm_s_q17, state->speed_mm_s_q17);
         const int32_t surprise = fix_sub32(felt_change(state, input), predicted_change);
         *speed_mm_s_q17 = fix_add32(*speed_mm_s_q17, fix_share_q15(surprise, config->accel_gain_q15));
     }
-    if (sensors->have & SENSOR_ROTATION) {
+    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
         const int32_t behind = state->behind_um_q5 + counted_travel_um_q5(config, state, sensors) - travel_um_q5;
         made_up_um_q5 = fix_share_q15(behind, config->behind_to_travel_q15);
         state->behind_um_q5 = fix_clamp32(behind - made_up_um_q5, SPEED_BEHIND_LIMIT_UM_Q5);
@@ -120,7 +120,7 @@ void speed_step(const speed_config_t *config, speed_state_t *state, const speed_
     const int16_t sway_mm_s_q4 = to_q4(input->predicted_sway_mm_s_q17);
     const int32_t predicted_travel = travel(state->speed_mm_s_q4, to_q4(speed), sensors->period_ms);
 
-    if (input->at_rest && (sensors->have & SENSOR_ACCELEROMETER))
+    if (input->at_rest && SIGNALS_HAVE(sensors, SENSOR_ACCELEROMETER))
         learn_bias(config, state, sensors->accel_surge_mm_s2);
     output->travel_um_q5 = predicted_travel + observe(config, state, input, predicted_travel, &speed);
     if (input->at_rest) {
@@ -128,7 +128,7 @@ void speed_step(const speed_config_t *config, speed_state_t *state, const speed_
         state->behind_um_q5 = 0;
         output->travel_um_q5 = 0;
     }
-    if (sensors->have & SENSOR_REFERENCE) {
+    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE)) {
         speed = sensors->reference_speed_mm_s_q4 * 8192L;
         output->travel_um_q5 = travel(state->speed_mm_s_q4, to_q4(speed), sensors->period_ms);
     }

@@ -7,7 +7,7 @@
 
 void draw_sensors(signals_sensors_t *sensors)
 {
-    sensors->have = (uint8_t)(draw_u16() & 31U);
+    sensors->have = (uint8_t)(draw_u16() & DRAWN_SENSORS);
     sensors->period_ms = draw_rarely(2) ? (uint8_t)draw_between(1, 20) : BODY_PERIOD_MS;
     sensors->accel_surge_mm_s2 = draw_between(-32767, 32767);
     sensors->accel_sway_mm_s2 = draw_between(-32767, 32767);

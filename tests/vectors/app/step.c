@@ -34,7 +34,7 @@ static void begin(run_t *run)
     }
     draw_route(&run->route, run->waypoints);
     bytes_clear(&run->state, sizeof run->state);
-    run->have = fits[draw_u16() & 3U];
+    run->have = fits[draw_u16() & 3U] & DRAWN_SENSORS;
     run->wild = draw_rarely(2);
 }
 

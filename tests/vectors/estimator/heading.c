@@ -68,7 +68,7 @@ void vectors_feed(void)
     left--;
     input.sensors = &sensors;
     if (stands) {
-        sensors.have = SENSOR_GYRO | SENSOR_ROTATION;
+        sensors.have = (SENSOR_GYRO | SENSOR_ROTATION) & DRAWN_SENSORS;
         sensors.period_ms = BODY_PERIOD_MS;
         sensors.yaw_rate_mrad_s =
             (int16_t)((sensors.rotation_left & 127U) + (draw_u16() & 63U)); /* a bias, and noise */
