@@ -122,7 +122,7 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
 void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command)
 {
     uint32_t now_ms, elapsed_ms;
-    signals_sensors_t sensors;
+    signals_sensors_t *const sensors = &state->output.state.sensors;
 
     if (!state->started)
         take_time(state);
@@ -131,9 +131,9 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     state->clock_ms = now_ms;
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
-    command = guard(config, state, elapsed_ms, sensors.have != 0, command);
-    step_run(&config->step, route, &state->step, &sensors, command, &state->output);
+    read_sensors(sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
+    command = guard(config, state, elapsed_ms, sensors->have != 0, command);
+    step_run(&config->step, route, &state->step, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);

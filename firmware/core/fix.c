@@ -27,6 +27,46 @@ int32_t fix_sub32(int32_t a, int32_t b)
 #endif
 
 #ifndef FIX_IN_ASSEMBLY
+int32_t fix_add_to(int32_t value, int32_t *sum)
+{
+    *sum = fix_add32(*sum, value);
+    return *sum;
+}
+
+int32_t fix_less(int32_t value, const int32_t *other)
+{
+    return fix_sub32(value, *other);
+}
+
+int32_t fix_clamp_q16(int32_t value, int16_t limit)
+{
+    return fix_clamp32(value, limit * 65536L);
+}
+
+int16_t fix_round16(int32_t value, uint8_t bits)
+{
+    return fix_sat16(fix_round_shift(value, bits));
+}
+
+int32_t fix_times(int32_t value, uint8_t factor)
+{
+    return (int32_t)((uint32_t)value * factor);
+}
+
+int16_t fix_inverse_q15(uint8_t value)
+{
+    const uint16_t inverse = (uint16_t)((32768U + value / 2U) / value);
+    return inverse > 32767U ? (int16_t)32767 : (int16_t)inverse;
+}
+
+uint8_t fix_bits(uint16_t count, uint8_t most)
+{
+    uint8_t bits = 0;
+    for (; count > 0 && bits < most; count >>= 1)
+        bits++;
+    return bits;
+}
+
 uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
 {
     return fix_mul_u16((uint16_t)(a >> 16), b) + (fix_mul_u16((uint16_t)a, b) >> 16);
@@ -80,7 +120,5 @@ int32_t fix_fraction(int32_t value, uint8_t bits)
 
 uint16_t fix_round_bam16(uint32_t angle_bam32)
 {
-    const int32_t angle = (int32_t)angle_bam32;
-    const uint32_t magnitude = (fix_abs_u32(angle) + 32768U) >> 16;
-    return (uint16_t)(angle < 0 ? 0U - magnitude : magnitude);
+    return (uint16_t)((angle_bam32 + (angle_bam32 < BIT31 ? 0x8000UL : 0x7FFFUL)) >> 16);
 }

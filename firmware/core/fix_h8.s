@@ -187,12 +187,26 @@ _fix_round_shift:
 	jsr	@.Lround_shift
 	SIGNED_RESULT
 
+; int32_t fix_add_to(int32_t value, int32_t *sum)
+	.align 1
+	.global _fix_add_to
+_fix_add_to:
+	mov.w	r2,@-r7
+	mov.w	@(2,r2),r3
+	mov.w	@r2,r2
+	bsr	.Ladd
+	mov.w	@r7+,r2
+	mov.w	r0,@r2
+	mov.w	r1,@(2,r2)
+	rts
+
 ; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. By signs: the simulator sets V wrong after ADDX and SUBX.
 	.align 1
 	.global _fix_add32
 _fix_add32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
+.Ladd:
 	add.w	r3,r1
 	mov.b	r0h,r3h
 	addx	r2l,r0l
@@ -209,6 +223,15 @@ _fix_add32:
 _fix_sub32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
+	bra	.Lsubtract
+
+; int32_t fix_less(int32_t value, const int32_t *other)
+	.align 1
+	.global _fix_less
+_fix_less:
+	mov.w	@(2,r2),r3
+	mov.w	@r2,r2
+.Lsubtract:
 	sub.w	r3,r1
 	mov.b	r0h,r3h
 	subx	r2l,r0l
@@ -279,6 +302,89 @@ _fix_clamp32:
 	mov.w	r3,r1
 .Lwithin:
 	rts
+
+; int32_t fix_clamp_q16(int32_t value, int16_t limit)
+	.align 1
+	.global _fix_clamp_q16
+_fix_clamp_q16:
+	mov.w	r0,r0
+	bmi	.Lbelow_zero_q16
+	cmp.w	r2,r0
+	blt	.Lwithin_q16
+	bra	.Lclamped_q16
+.Lbelow_zero_q16:
+	not	r2h
+	not	r2l
+	adds	#1,r2
+	cmp.w	r2,r0
+	bge	.Lwithin_q16
+.Lclamped_q16:
+	mov.w	r2,r0
+	sub.w	r1,r1
+.Lwithin_q16:
+	rts
+
+; int32_t fix_times(int32_t value, uint8_t factor): by bytes, the lowest first.
+	.align 1
+	.global _fix_times
+_fix_times:
+	mov.b	r1l,r3l
+	mulxu.b	r2l,r3
+	mov.b	r1h,r1l
+	mulxu.b	r2l,r1
+	add.b	r3h,r1l
+	addx	#0,r1h
+	mov.b	r0h,r2h
+	mulxu.b	r2l,r0
+	add.b	r1h,r0l
+	addx	#0,r0h
+	mov.b	r1l,r1h
+	mov.b	r3l,r1l
+	mov.b	r2h,r3l
+	mulxu.b	r2l,r3
+	add.b	r3l,r0h
+	rts
+
+; int16_t fix_inverse_q15(uint8_t value)
+	.align 1
+	.global _fix_inverse_q15
+_fix_inverse_q15:
+	mov.b	r0l,r1l
+	shlr	r0l
+	sub.b	r2h,r2h
+	mov.b	#0x80,r2l
+	divxu.b	r1l,r2
+	mov.b	r2h,r0h
+	divxu.b	r1l,r0
+	mov.b	r2l,r0h
+	bpl	.Linverse
+	subs	#1,r0
+.Linverse:
+	rts
+
+; uint8_t fix_bits(uint16_t count, uint8_t most)
+	.align 1
+	.global _fix_bits
+_fix_bits:
+	sub.b	r2l,r2l
+.Lcount_bits:
+	mov.w	r0,r0
+	beq	.Lcounted
+	cmp.b	r1l,r2l
+	bcc	.Lcounted
+	inc	r2l
+	shlr	r0h
+	rotxr	r0l
+	bra	.Lcount_bits
+.Lcounted:
+	mov.b	r2l,r0l
+	rts
+
+; int16_t fix_round16(int32_t value, uint8_t bits)
+	.align 1
+	.global _fix_round16
+_fix_round16:
+	jsr	@_fix_round_shift
 
 ; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
 	.align 1

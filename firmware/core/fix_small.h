@@ -68,9 +68,4 @@ FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b)
     return sum < a ? (uint16_t)65535U : sum;
 }
 
-FIX_INLINE int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b)
-{
-    return (int16_t)(uint16_t)(a - b);
-}
-
 #endif

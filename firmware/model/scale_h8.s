@@ -12,27 +12,34 @@
 .Lshifted_later:
 	.endm
 
-; \value * 2 |mantissa|: what both begin with. r6 the mantissa, r4h its sign.
-	.macro	LOAD	sign
+; int32_t scale_apply16(const scale_t *scale, int16_t value): of 65536 times the value, and 65536 times smaller.
+	.align 1
+	.global _scale_apply16
+_scale_apply16:
 	SAVE
-	mov.w	@r0,r6
-	mov.b	@(2,r0),r4l
-	mov.b	r6h,r4h
-	xor	\sign,r4h
-	mov.w	r6,r6
-	bpl	.Lmantissa\@
-	not	r6h
-	not	r6l
-	adds	#1,r6
-.Lmantissa\@:
-	add.w	r6,r6
-	.endm
+	sub.w	r2,r2
+	mov.b	#1,r4l
+	bra	.Lapply
 
-; int32_t scale_apply(const scale_t *scale, int32_t value)
+; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the sign.
 	.align 1
 	.global _scale_apply
 _scale_apply:
-	LOAD	r1h
+	SAVE
+	sub.b	r4l,r4l
+.Lapply:
+	mov.w	@r0,r6
+	mov.b	@(2,r0),r4h
+	add.b	r4h,r4l
+	mov.b	r6h,r4h
+	xor	r1h,r4h
+	mov.w	r6,r6
+	bpl	.Lmantissa
+	not	r6h
+	not	r6l
+	adds	#1,r6
+.Lmantissa:
+	add.w	r6,r6
 	mov.w	r1,r5
 	bpl	.Lvalue
 	NEGATE	r5h,r5l,r2h,r2l
@@ -44,20 +51,35 @@ _scale_apply:
 .Lunshifted:
 	SIGNED_RESULT
 
-; int32_t scale_apply16(const scale_t *scale, int16_t value)
+; int32_t motor_row(const motor_row_t *row, const motor_state_t *state, int16_t voltage_mv): three scales of 4 bytes, two values of 4.
 	.align 1
-	.global _scale_apply16
-_scale_apply16:
-	LOAD	r1h
-	mov.w	r1,r1
-	bpl	.Lvalue16
-	not	r1h
-	not	r1l
-	adds	#1,r1
-.Lvalue16:
-	mov.w	r6,r0
-	PRODUCT
-	mov.b	r0l,r2h
-	add.b	#1,r4l
-	jsr	@_fix_h8_round_shift
-	SIGNED_RESULT
+	.global _motor_row
+_motor_row:
+	mov.w	r4,@-r7
+	mov.w	r5,@-r7
+	mov.w	r0,r4
+	mov.w	r1,r5
+	add.b	#8,r0l
+	addx	#0,r0h
+	mov.w	r2,r1
+	jsr	@_scale_apply16
+	bsr	.Lterm
+	bsr	.Lterm
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	rts
+.Lterm:
+	mov.w	r1,@-r7
+	mov.w	r0,@-r7
+	mov.w	r4,r0
+	mov.w	@r5+,r1
+	mov.w	@r5+,r2
+	jsr	@_scale_apply
+	adds	#2,r4
+	adds	#2,r4
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	rts

@@ -107,9 +107,9 @@ void hash_body_state(const body_state_t *state)
     }
     hash_s32(state->velocity_x_mm_s_q17);
     hash_s32(state->velocity_y_mm_s_q17);
-    hash_s32(state->surge_mm_s_q17);
-    hash_s32(state->sway_mm_s_q17);
-    hash_s32(state->yaw_rate_mrad_s_q12);
+    hash_s32(state->motion.surge_mm_s_q17);
+    hash_s32(state->motion.sway_mm_s_q17);
+    hash_s32(state->motion.yaw_rate_mrad_s_q12);
     hash_u32(state->heading_bam32);
     hash_s32(state->x_um);
     hash_s32(state->y_um);
