@@ -1,12 +1,8 @@
 #include "core/fix.h"
 
-#ifdef FIX_IN_ASSEMBLY
-#include "core/fix_small.h"
-#endif
-
+#ifndef FIX_IN_ASSEMBLY
 #define BIT31 0x80000000UL
 
-#ifndef FIX_IN_ASSEMBLY
 int32_t fix_add32(int32_t a, int32_t b)
 {
     const uint32_t sum = (uint32_t)a + (uint32_t)b;
@@ -24,9 +20,7 @@ int32_t fix_sub32(int32_t a, int32_t b)
         return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
     return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
 }
-#endif
 
-#ifndef FIX_IN_ASSEMBLY
 int32_t fix_add_to(int32_t value, int32_t *sum)
 {
     *sum = fix_add32(*sum, value);
@@ -76,7 +70,6 @@ uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
 {
     return divisor == 0 ? UINT32_MAX : dividend / divisor;
 }
-#endif
 
 int32_t fix_div(int32_t dividend, uint16_t divisor)
 {
@@ -85,7 +78,6 @@ int32_t fix_div(int32_t dividend, uint16_t divisor)
     return dividend < 0 ? -magnitude : magnitude;
 }
 
-#ifndef FIX_IN_ASSEMBLY
 uint16_t fix_sqrt_u32(uint32_t value)
 {
     uint32_t root = 0;
@@ -116,9 +108,9 @@ int32_t fix_fraction(int32_t value, uint8_t bits)
     const uint32_t magnitude = fix_abs_u32(value) >> bits;
     return (int32_t)(value < 0 ? 0U - magnitude : magnitude);
 }
-#endif
 
 uint16_t fix_round_bam16(uint32_t angle_bam32)
 {
     return (uint16_t)((angle_bam32 + (angle_bam32 < BIT31 ? 0x8000UL : 0x7FFFUL)) >> 16);
 }
+#endif

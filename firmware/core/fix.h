@@ -14,8 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: a step's most frequent arithmetic stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
- * stands before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
+/* FIX_IN_ASSEMBLY: on the RCX all of it, and more, stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
+ * stands before the small functions; there, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
 #define FIX_INLINE

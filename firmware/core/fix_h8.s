@@ -18,19 +18,39 @@ _fix_mul_u16:
 _fix_mul:
 	mov.w	r0,@-r7
 	mov.w	r1,@-r7
-	PRODUCT
-	mov.b	r2l,r1l
-	mov.b	r0l,r1h
+	jsr	@_fix_mul_u16
 	mov.w	@r7+,r2
 	bpl	.Lsecond_positive
-	mov.w	@r7,r0
-	sub.w	r0,r3
+	mov.w	@r7,r3
+	sub.w	r3,r0
 .Lsecond_positive:
-	mov.w	@r7+,r0
+	mov.w	@r7+,r3
 	bpl	.Lfirst_positive
-	sub.w	r2,r3
+	sub.w	r2,r0
 .Lfirst_positive:
-	mov.w	r3,r0
+	rts
+
+; r5:r2 * r6 / 2^16 to r3:r2, all without sign; r6l: the highest byte of what is cut off. Uses r0, r1, r5.
+	.align 1
+	.global _fix_h8_product_q16
+_fix_h8_product_q16:
+	mov.w	r2,r0
+	mov.w	r6,r1
+	PRODUCT
+	mov.w	r6,r1
+	mov.b	r0l,r6l
+	mov.w	r5,r0
+	bne	.Lhigh
+	mov.w	r3,r2
+	sub.w	r3,r3
+	rts
+.Lhigh:
+	mov.w	r3,r5
+	PRODUCT
+	mov.b	r0l,r2h
+	add.w	r5,r2
+	addx	#0,r3l
+	addx	#0,r3h
 	rts
 
 ; uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
@@ -76,7 +96,7 @@ _fix_share_q15:
 	add.w	r6,r6
 	bcs	.Lall
 .Lmultiply:
-	PRODUCT_Q16
+	jsr	@_fix_h8_product_q16
 	.global _fix_h8_signed_result
 _fix_h8_signed_result:
 	mov.b	r4h,r4h
@@ -162,13 +182,7 @@ _fix_h8_round_shift:
 	.global _fix_fraction
 _fix_fraction:
 	SAVE
-	mov.b	r0h,r4h
-	mov.b	r2l,r4l
-	mov.w	r1,r2
-	mov.w	r0,r3
-	bpl	.Lfraction
-	NEGATE	r3h,r3l,r2h,r2l
-.Lfraction:
+	bsr	.Lmagnitude
 	jsr	@.Lshift
 	SIGNED_RESULT
 
@@ -177,15 +191,19 @@ _fix_fraction:
 	.global _fix_round_shift
 _fix_round_shift:
 	SAVE
+	bsr	.Lmagnitude
+	jsr	@.Lround_shift
+	SIGNED_RESULT
+
+.Lmagnitude:
 	mov.b	r0h,r4h
 	mov.b	r2l,r4l
 	mov.w	r1,r2
 	mov.w	r0,r3
-	bpl	.Lround
+	bpl	.Lnot_negative
 	NEGATE	r3h,r3l,r2h,r2l
-.Lround:
-	jsr	@.Lround_shift
-	SIGNED_RESULT
+.Lnot_negative:
+	rts
 
 ; int32_t fix_add_to(int32_t value, int32_t *sum)
 	.align 1
@@ -426,12 +444,85 @@ _fix_sub16:
 	mov.w	#0x7fff,r0
 	rts
 
+; int16_t fix_clamp16(int16_t value, int16_t limit)
+	.align 1
+	.global _fix_clamp16
+_fix_clamp16:
+	cmp.w	r1,r0
+	bgt	.Lclamped16
+	not	r1h
+	not	r1l
+	adds	#1,r1
+	cmp.w	r1,r0
+	bge	.Lwithin16
+.Lclamped16:
+	mov.w	r1,r0
+.Lwithin16:
+	rts
+
+; uint16_t fix_count_u16(uint16_t count), fix_add_u16(uint16_t a, uint16_t b)
+	.align 1
+	.global _fix_count_u16
+_fix_count_u16:
+	mov.w	#1,r1
+	.global _fix_add_u16
+_fix_add_u16:
+	add.w	r1,r0
+	bcc	.Lfits_u16
+	mov.w	#0xffff,r0
+.Lfits_u16:
+	rts
+
+; uint16_t fix_round_bam16(uint32_t angle_bam32): 2^15 more, or 2^15 - 1 of a negative one, and its high word.
+	.align 1
+	.global _fix_round_bam16
+_fix_round_bam16:
+	mov.b	r0h,r2l
+	add.b	r2l,r2l
+	mov.w	#0x8000,r2
+	subx	#0,r2l
+	subx	#0,r2h
+	add.w	r2,r1
+	addx	#0,r0l
+	addx	#0,r0h
+	rts
+
+; uint16_t fix_abs_u16(int16_t value)
+	.align 1
+	.global _fix_abs_u16
+_fix_abs_u16:
+	mov.w	r0,r0
+	bpl	.Labsolute16
+	not	r0h
+	not	r0l
+	adds	#1,r0
+.Labsolute16:
+	rts
+
+; int32_t fix_div(int32_t dividend, uint16_t divisor)
+	.align 1
+	.global _fix_div
+_fix_div:
+	mov.w	r0,@-r7
+	bsr	.Lmagnitude32
+	jsr	@_fix_div_u32
+	mov.w	r0,r0
+	bpl	.Lquotient
+	mov.w	#0x7fff,r0
+	mov.w	#0xffff,r1
+.Lquotient:
+	mov.w	@r7+,r2
+	bmi	.Lnegate32
+	rts
+
 ; uint32_t fix_abs_u32(int32_t value)
 	.align 1
 	.global _fix_abs_u32
 _fix_abs_u32:
+.Lmagnitude32:
 	mov.w	r0,r0
 	bpl	.Labsolute
+.Lnegate32:
 	NEGATE	r0h,r0l,r1h,r1l
 .Labsolute:
 	rts
@@ -458,14 +549,12 @@ _fix_div_u32:
 	sub.w	r0,r0
 	rts
 .Ldivide_half:
-	mov.b	#4,r0l
-.Lfour_rounds:
-	DIVIDE_ROUND
-	DIVIDE_ROUND
+	mov.b	#8,r0l
+.Ltwo_rounds:
 	DIVIDE_ROUND
 	DIVIDE_ROUND
 	add.b	#-1,r0l
-	bne	.Lfour_rounds
+	bne	.Ltwo_rounds
 	rts
 
 ; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,

@@ -2,16 +2,6 @@
 	.include "core/h8.inc"
 	.text
 
-; Where nothing is shifted away after it, the product of the low word decides on the rounding.
-	.macro	ROUND_UNSHIFTED
-	mov.b	r4l,r4l
-	bne	.Lshifted_later
-	add.b	r0l,r0l
-	addx	#0,r3l
-	addx	#0,r3h
-.Lshifted_later:
-	.endm
-
 ; int32_t scale_apply16(const scale_t *scale, int16_t value): of 65536 times the value, and 65536 times smaller.
 	.align 1
 	.global _scale_apply16
@@ -44,11 +34,17 @@ _scale_apply:
 	bpl	.Lvalue
 	NEGATE	r5h,r5l,r2h,r2l
 .Lvalue:
-	PRODUCT_Q16	ROUND_UNSHIFTED
+	jsr	@_fix_h8_product_q16
 	mov.b	r4l,r4l
 	beq	.Lunshifted
 	jsr	@_fix_h8_round_shift
-.Lunshifted:
+	SIGNED_RESULT
+.Lunshifted:			; what is cut off decides on the rounding
+	add.b	r6l,r6l
+	addx	#0,r2l
+	addx	#0,r2h
+	addx	#0,r3l
+	addx	#0,r3h
 	SIGNED_RESULT
 
 ; int32_t motor_row(const motor_row_t *row, const motor_state_t *state, int16_t voltage_mv): three scales of 4 bytes, two values of 4.
