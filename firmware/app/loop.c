@@ -90,6 +90,14 @@ static void take_time(loop_state_t *state)
     state->started = true;
 }
 
+/* Since the tick before; at most 65535. */
+static uint16_t elapse(loop_state_t *state)
+{
+    const uint32_t now_ms = hal_clock_ms(), elapsed_ms = now_ms - state->clock_ms;
+    state->clock_ms = now_ms;
+    return elapsed_ms > 65535U ? (uint16_t)65535U : (uint16_t)elapsed_ms;
+}
+
 void loop_start(loop_state_t *state)
 {
     take_time(state);
@@ -102,10 +110,10 @@ void loop_heard(loop_state_t *state)
 }
 
 /* What the clock and the silence of all sensors make of the command. */
-static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint32_t elapsed_ms, bool sensed,
+static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint16_t elapsed_ms,
                             mode_command_t command)
 {
-    state->silent_ms = sensed ? 0 : elapsed_ms > 65535U ? 65535U : fix_add_u16(state->silent_ms, (uint16_t)elapsed_ms);
+    state->silent_ms = state->output.state.sensors.have != 0 ? 0 : fix_add_u16(state->silent_ms, elapsed_ms);
     if (state->step.mode.mode != MODE_RUN)
         return command;
     if (state->silent_ms > config->silent_ms) {
@@ -121,18 +129,17 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
 
 void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command)
 {
-    uint32_t now_ms, elapsed_ms;
-    signals_sensors_t *const sensors = &state->output.state.sensors;
+    uint16_t elapsed_ms;
 
     if (!state->started)
         take_time(state);
-    now_ms = hal_clock_ms();
-    elapsed_ms = now_ms - state->clock_ms;
-    state->clock_ms = now_ms;
+    elapsed_ms = elapse(state);
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    read_sensors(sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
-    command = guard(config, state, elapsed_ms, sensors->have != 0, command);
+    read_sensors(&state->output.state.sensors, elapsed_ms < 1            ? 1
+                                               : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
+                                                                         : (uint8_t)elapsed_ms);
+    command = guard(config, state, elapsed_ms, command);
     step_run(&config->step, route, &state->step, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
     send_telemetry(config, state);

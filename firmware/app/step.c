@@ -21,12 +21,12 @@ static void correct_drive(const step_config_t *config, step_state_t *state, uint
     drive->right_mv = corrected_mv(drive->right_mv, change_mv, drive->right_q15);
 }
 
-static void take_battery(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors)
+static void take_battery(const step_config_t *config, step_state_t *state, const signals_state_t *signals)
 {
-    if (SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
+    if (SIGNALS_HAVE(signals, SENSOR_BATTERY)) {
         if (config->battery_sags)
-            correct_drive(config, state, sensors->battery_mv);
-        state->battery_mv = sensors->battery_mv;
+            correct_drive(config, state, signals->sensors.battery_mv);
+        state->battery_mv = signals->sensors.battery_mv;
     } else if (state->battery_mv == 0) {
         state->battery_mv = config->battery_nominal_mv;
     }
@@ -54,16 +54,20 @@ static int16_t feedforward(const step_config_t *config, int16_t speed_mm_s_q4)
     return fix_round16(fix_mul(config->feedforward_mv_q10, speed_mm_s_q4), 10);
 }
 
+static void stop(pid_state_t *pid, pid_output_t *out)
+{
+    pid_stop(pid);
+    bytes_clear(out, sizeof *out);
+}
+
 static void control(const step_config_t *config, step_state_t *state, step_output_t *out)
 {
     const signals_demand_t *const demand = &state->mode.demand;
     pid_input_t input;
 
     if (!demand->drive) {
-        pid_stop(&state->speed_pid);
-        pid_stop(&state->heading_pid);
-        bytes_clear(&out->speed, sizeof out->speed);
-        bytes_clear(&out->heading, sizeof out->heading);
+        stop(&state->speed_pid, &out->speed);
+        stop(&state->heading_pid, &out->heading);
         return;
     }
     input.error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
@@ -85,7 +89,7 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
 {
     signals_state_t *const signals = &output->state;
 
-    take_battery(config, state, &signals->sensors);
+    take_battery(config, state, signals);
     estimate(config, state, signals);
     mode_step(&config->mode, route, &state->mode, signals, command, signals->sensors.period_ms);
     control(config, state, output);

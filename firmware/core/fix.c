@@ -42,6 +42,11 @@ int16_t fix_round16(int32_t value, uint8_t bits)
     return fix_sat16(fix_round_shift(value, bits));
 }
 
+int32_t fix_q8(int16_t value)
+{
+    return (int32_t)value * 256;
+}
+
 int32_t fix_times(int32_t value, uint8_t factor)
 {
     return (int32_t)((uint32_t)value * factor);

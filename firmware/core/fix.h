@@ -59,6 +59,9 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 /* The same as 16 bits, saturated. */
 int16_t fix_round16(int32_t value, uint8_t bits);
 
+/* value * 256. */
+int32_t fix_q8(int16_t value);
+
 /* value * factor; must fit into 32 bits. */
 int32_t fix_times(int32_t value, uint8_t factor);
 

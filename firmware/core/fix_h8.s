@@ -342,6 +342,17 @@ _fix_clamp_q16:
 .Lwithin_q16:
 	rts
 
+; int32_t fix_q8(int16_t value)
+	.align 1
+	.global _fix_q8
+_fix_q8:
+	sub.b	r1l,r1l
+	mov.b	r0l,r1h
+	mov.b	r0h,r0l
+	bld	#7,r0h
+	subx	r0h,r0h
+	rts
+
 ; int32_t fix_times(int32_t value, uint8_t factor): by bytes, the lowest first.
 	.align 1
 	.global _fix_times

@@ -26,7 +26,7 @@ enum {
 #endif
 
 /* Whether there is one of `bits`, constants, in this step: false at compile time where none of them is possible. */
-#define SIGNALS_HAVE(sensors, bits) (((sensors)->have & ((bits)&SENSORS_POSSIBLE)) != 0)
+#define SIGNALS_HAVE(signals, bits) (((signals)->sensors.have & ((bits)&SENSORS_POSSIBLE)) != 0)
 
 /* hal -> estimator. Fields whose bit is not set hold no meaning. */
 typedef struct {

@@ -8,88 +8,94 @@ enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980, BLIND_LIMIT_MS = 65000 };
 /* The gyro's rate, less what is known of its errors. */
 static int16_t measured_mrad_s(const heading_config_t *config, int16_t gyro_mrad_s)
 {
-    const int32_t rate_q8 = fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s) * 256L;
+    const int32_t rate_q8 = fix_q8(fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s));
     return fix_round16(rate_q8 + fix_share_q15(rate_q8, config->gyro_scale_q15), 8);
 }
 
-static bool moves(const heading_config_t *config, heading_state_t *state, const signals_state_t *signals)
+/* Whether the robot stands still, by all but the gyro. */
+static bool stands(const heading_config_t *config, heading_state_t *state, const signals_state_t *signals)
 {
-    const signals_sensors_t *const sensors = &signals->sensors;
     bool counted = false;
-    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
-        counted = sensors->rotation_left != state->rotation_left || sensors->rotation_right != state->rotation_right;
-        state->rotation_left = sensors->rotation_left;
-        state->rotation_right = sensors->rotation_right;
+    if (SIGNALS_HAVE(signals, SENSOR_ROTATION)) {
+        const uint16_t left = signals->sensors.rotation_left, right = signals->sensors.rotation_right;
+        counted = left != state->rotation_left || right != state->rotation_right;
+        state->rotation_left = left;
+        state->rotation_right = right;
     }
-    return counted || signals->driven || !SIGNALS_HAVE(sensors, SENSOR_GYRO) ||
-           fix_abs_u16(fix_round16(signals->predicted->surge_mm_s_q17, 13)) > config->rest_speed_mm_s_q4;
+    return !counted && !signals->driven &&
+           fix_abs_u16(fix_round16(signals->predicted->surge_mm_s_q17, 13)) <= config->rest_speed_mm_s_q4;
 }
 
-static void learn_block(const heading_config_t *config, heading_state_t *state)
+/* Takes a rate into the block; whether all of the block is alike. */
+static bool quiet(const heading_config_t *config, heading_state_t *state, int16_t rate)
 {
-    const int32_t mean_q8 = state->block_sum_mrad_s * (256 / HEADING_BLOCK_STEPS);
-    const int32_t error_q8 = mean_q8 - state->bias_mrad_s_q8;
-    const uint8_t bits = fix_bits(state->learnt_blocks, config->slowest_weight_bits);
-    const int16_t bias_q8 = fix_sat16(state->bias_mrad_s_q8 + fix_fraction(error_q8, bits));
-    state->bias_mrad_s_q8 = fix_clamp16(bias_q8, HEADING_BIAS_LIMIT_MRAD_S * 256);
-    if (state->learnt_blocks < 255)
-        state->learnt_blocks++;
-}
-
-/* Returns whether the robot is at rest. */
-static bool watch_rest(const heading_config_t *config, heading_state_t *state, const signals_state_t *signals,
-                       int16_t rate)
-{
-    if (state->block_steps == 0)
-        state->block_least_mrad_s = state->block_most_mrad_s = rate;
-    if (rate < state->block_least_mrad_s)
-        state->block_least_mrad_s = rate;
-    if (rate > state->block_most_mrad_s)
-        state->block_most_mrad_s = rate;
-    const uint16_t spread = (uint16_t)state->block_most_mrad_s - (uint16_t)state->block_least_mrad_s;
-    if (moves(config, state, signals) || spread > config->quiet_mrad_s) {
-        state->block_steps = 0;
+    int16_t least = state->block_least_mrad_s, most = state->block_most_mrad_s;
+    if (state->block_steps == 0) {
+        least = most = rate;
         state->block_sum_mrad_s = 0;
-        return false;
     }
-    state->block_sum_mrad_s += rate;
+    least = rate < least ? rate : least;
+    most = rate > most ? rate : most;
+    state->block_least_mrad_s = least;
+    state->block_most_mrad_s = most;
+    fix_add_to(rate, &state->block_sum_mrad_s);
+    return (uint16_t)((uint16_t)most - (uint16_t)least) <= config->quiet_mrad_s;
+}
+
+/* At the end of a block of which all was still and quiet. */
+static bool block_ends(const heading_config_t *config, heading_state_t *state)
+{
     if (++state->block_steps < HEADING_BLOCK_STEPS)
-        return signals->at_rest;
-    learn_block(config, state);
+        return false;
+    bias_learn(&state->bias, state->block_sum_mrad_s * (256 / HEADING_BLOCK_STEPS), config->slowest_weight_bits,
+               HEADING_BIAS_LIMIT_MRAD_S * 256L);
     state->block_steps = 0;
-    state->block_sum_mrad_s = 0;
     return true;
 }
 
-/* Turns by the mean of this step's rate and the one before, less the bias. */
-static void integrate(heading_state_t *state, int16_t rate_mrad_s, uint8_t period_ms)
+static int32_t unbiased_mrad_s_q8(const heading_state_t *state, int16_t rate_mrad_s)
 {
-    const int32_t twice = (int32_t)rate_mrad_s + state->raw_rate_mrad_s;
-    const int32_t angle_urad_q9 = fix_times(twice * 256 - 2 * (int32_t)state->bias_mrad_s_q8, period_ms);
+    return fix_less(fix_q8(rate_mrad_s), &state->bias.value);
+}
+
+/* Turns by the mean of this step's rate and the one before, less the bias. Returns this step's, without it. */
+static int16_t integrate(heading_state_t *state, int16_t rate_mrad_s, uint8_t period_ms)
+{
+    const int32_t before_q8 = unbiased_mrad_s_q8(state, state->raw_rate_mrad_s);
+    const int32_t now_q8 = unbiased_mrad_s_q8(state, rate_mrad_s);
+    const int32_t angle_urad_q9 = fix_times(before_q8 + now_q8, period_ms);
     state->heading_bam32 += (uint32_t)(angle_urad_q9 + fix_share_q15(angle_urad_q9, BAM32_PER_MRAD_Q9_LESS_1_Q15));
     state->raw_rate_mrad_s = rate_mrad_s;
+    return fix_round16(now_q8, 8);
 }
 
 void heading_step(const heading_config_t *config, heading_state_t *state, signals_state_t *signals)
 {
-    const signals_sensors_t *const sensors = &signals->sensors;
-    int16_t rate = measured_mrad_s(config, sensors->yaw_rate_mrad_s);
+    bool still = stands(config, state, signals);
+    uint16_t blind_ms = 0;
+    int16_t rate;
 
-    signals->at_rest = watch_rest(config, state, signals, rate);
-    state->blind_ms = fix_add_u16(state->blind_ms, sensors->period_ms);
-    if (state->blind_ms > BLIND_LIMIT_MS)
-        state->blind_ms = BLIND_LIMIT_MS;
-    if (SIGNALS_HAVE(sensors, SENSOR_GYRO | SENSOR_REFERENCE))
-        state->blind_ms = 0;
-    if (!SIGNALS_HAVE(sensors, SENSOR_GYRO))
-        rate =
-            fix_add16(fix_round16(signals->predicted->yaw_rate_mrad_s_q12, 12), fix_round16(state->bias_mrad_s_q8, 8));
-    integrate(state, rate, sensors->period_ms);
-    signals->yaw_rate_mrad_s = fix_round16((int32_t)rate * 256 - state->bias_mrad_s_q8, 8);
-    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE)) {
-        state->heading_bam32 = (uint32_t)sensors->reference_heading_bam16 << 16;
-        signals->yaw_rate_mrad_s = sensors->reference_yaw_rate_mrad_s;
+    if (SIGNALS_HAVE(signals, SENSOR_GYRO)) {
+        rate = measured_mrad_s(config, signals->sensors.yaw_rate_mrad_s);
+        still = quiet(config, state, rate) && still;
+    } else {
+        rate = fix_add16(fix_round16(signals->predicted->yaw_rate_mrad_s_q12, 12), fix_round16(state->bias.value, 8));
+        blind_ms = (uint16_t)(state->blind_ms + signals->sensors.period_ms);
+        still = false;
     }
-    signals->heading_bam16 = fix_round_bam16(state->heading_bam32);
+    if (!still) {
+        state->block_steps = 0;
+        signals->at_rest = false;
+    } else if (block_ends(config, state)) {
+        signals->at_rest = true;
+    }
+    signals->yaw_rate_mrad_s = integrate(state, rate, signals->sensors.period_ms);
+    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE)) {
+        state->heading_bam32 = (uint32_t)signals->sensors.reference_heading_bam16 << 16;
+        signals->yaw_rate_mrad_s = signals->sensors.reference_yaw_rate_mrad_s;
+        blind_ms = 0;
+    }
+    state->blind_ms = blind_ms < BLIND_LIMIT_MS ? blind_ms : (uint16_t)BLIND_LIMIT_MS;
     signals->valid = state->blind_ms <= config->blind_ms;
+    signals->heading_bam16 = fix_round_bam16(state->heading_bam32);
 }

@@ -13,6 +13,7 @@
 #define BRICKPILOT_ESTIMATOR_HEADING_H
 
 #include "core/signals.h"
+#include "estimator/bias.h"
 
 #define HEADING_BLOCK_STEPS 64
 #define HEADING_BIAS_LIMIT_MRAD_S 127
@@ -28,16 +29,15 @@ typedef struct {
 
 /* All zero to begin with, or with heading_bam32 set to where the robot points. */
 typedef struct {
+    bias_t bias; /* mrad/s q8, of blocks: beside the known one, +-127 mrad/s */
     uint32_t heading_bam32;
     int32_t block_sum_mrad_s;
     int16_t raw_rate_mrad_s; /* of the step before, with the bias that is left */
-    int16_t bias_mrad_s_q8;  /* learnt, beside the known one: +-127 mrad/s, saturates */
     int16_t block_least_mrad_s;
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
-    uint16_t blind_ms;     /* since the last gyro sample or reference */
-    uint8_t learnt_blocks; /* the bias is known from the first on; stays at 255 */
+    uint16_t blind_ms; /* since the last gyro sample or reference */
     uint8_t block_steps;
 } heading_state_t;
 

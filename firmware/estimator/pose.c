@@ -28,7 +28,7 @@ void pose_step(pose_state_t *state, signals_state_t *signals)
     state->y_rest_um_q5 = move_axis(state->y_rest_um_q5 + fix_share_q15(signals->travel_um_q5, sin_q15) +
                                         (SIGNALS_SWAY ? fix_share_q15(signals->sway_travel_um_q5, cos_q15) : 0),
                                     &signals->y_um);
-    if (SIGNALS_HAVE(&signals->sensors, SENSOR_REFERENCE)) {
+    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE)) {
         signals->x_um = signals->sensors.reference_x_um;
         signals->y_um = signals->sensors.reference_y_um;
         state->x_rest_um_q5 = 0;

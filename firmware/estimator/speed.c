@@ -14,18 +14,9 @@ enum {
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
 
-static int16_t to_q4(int32_t speed_mm_s_q17)
+static inline int16_t to_q4(int32_t speed_mm_s_q17)
 {
     return fix_round16(speed_mm_s_q17, 13);
-}
-
-static void learn_bias(const speed_config_t *config, speed_state_t *state, int16_t accel_mm_s2)
-{
-    const uint8_t bits = fix_bits(state->learnt_steps, config->slowest_weight_bits);
-    const int32_t error_q12 = fix_mul(accel_mm_s2, 4096) - state->accel_bias_mm_s2_q12;
-    state->accel_bias_mm_s2_q12 =
-        fix_clamp32(state->accel_bias_mm_s2_q12 + fix_fraction(error_q12, bits), BIAS_LIMIT_MM_S2_Q12);
-    state->learnt_steps = fix_count_u16(state->learnt_steps);
 }
 
 /* Acceleration by eq. 2's Coriolis term: sway that turns. */
@@ -35,16 +26,24 @@ static int16_t turning_mm_s2(const signals_state_t *signals)
     return fix_round16(fix_share_q15(product_q4, PER_1000_Q24), 13);
 }
 
+/* The accelerometer, less its bias and what is no change of surge. */
+static int16_t forward_mm_s2(const speed_state_t *state, const signals_state_t *signals)
+{
+    const int16_t felt_mm_s2 = signals->sensors.accel_surge_mm_s2;
+    const int16_t bias_mm_s2 = fix_round16(state->bias.value, 12);
+    if (!SIGNALS_SWAY)
+        return fix_sub16(felt_mm_s2, bias_mm_s2);
+    return fix_sat16((int32_t)felt_mm_s2 - bias_mm_s2 + turning_mm_s2(signals));
+}
+
 /* Change of surge by the accelerometer, mm/s q17: eq. 2, with the specific force for X - D_u. */
 static int32_t felt_change(const speed_state_t *state, const signals_state_t *signals)
 {
-    const int32_t beside_mm_s2 =
-        (int32_t)fix_round16(state->accel_bias_mm_s2_q12, 12) - (SIGNALS_SWAY ? turning_mm_s2(signals) : 0);
-    const int16_t accel_mm_s2 = fix_sat16(signals->sensors.accel_surge_mm_s2 - beside_mm_s2);
-    return fix_share_q15(fix_times(accel_mm_s2 * 256L, signals->sensors.period_ms), Q17_PER_UM_S_Q8_Q15);
+    const int32_t accel_mm_s2_q8 = fix_q8(forward_mm_s2(state, signals));
+    return fix_share_q15(fix_times(accel_mm_s2_q8, signals->sensors.period_ms), Q17_PER_UM_S_Q8_Q15);
 }
 
-static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
+static inline int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
 {
     const int32_t travel = (int32_t)fix_mul_u16((uint16_t)(fix_abs_u16(counts) << 2), config->count_travel_um_q2);
     return counts < 0 ? -travel : travel;
@@ -67,70 +66,77 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
     return fix_clamp_q16(mean + fix_share_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
-/* The sensors' say on the speed predicted, and on the travel. */
-static void observe(const speed_config_t *config, speed_state_t *state, signals_state_t *signals,
-                    int32_t *speed_mm_s_q17)
+/* What the accelerometer says on the speed predicted. */
+static void observe_accel(const speed_config_t *config, const speed_state_t *state, const signals_state_t *signals,
+                          int32_t *speed_mm_s_q17)
 {
-    const signals_sensors_t *const sensors = &signals->sensors;
-    if (SIGNALS_HAVE(sensors, SENSOR_ACCELEROMETER)) {
-        const int32_t predicted_change = fix_less(*speed_mm_s_q17, &state->speed_mm_s_q17);
-        const int32_t surprise = fix_less(felt_change(state, signals), &predicted_change);
-        fix_add_to(fix_share_q15(surprise, config->accel_gain_q15), speed_mm_s_q17);
-    }
-    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
-        const int32_t behind =
-            state->behind_um_q5 + counted_travel_um_q5(config, state, sensors) - signals->travel_um_q5;
-        const int32_t made_up = fix_share_q15(behind, config->behind_to_travel_q15);
-        signals->travel_um_q5 += made_up;
-        state->behind_um_q5 = fix_clamp32(behind - made_up, SPEED_BEHIND_LIMIT_UM_Q5);
-        fix_add_to(fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15), speed_mm_s_q17);
-    }
+    const int32_t predicted_change = fix_less(*speed_mm_s_q17, &state->speed_mm_s_q17);
+    const int32_t surprise = fix_less(felt_change(state, signals), &predicted_change);
+    fix_add_to(fix_share_q15(surprise, config->accel_gain_q15), speed_mm_s_q17);
 }
 
-/* Takes the new speed, and tells its rate of change. */
-static int16_t filter_accel(const speed_config_t *config, speed_state_t *state, int32_t speed_mm_s_q17,
+/* What the rotation sensors say on the speed predicted, and on the travel. */
+static void observe_rotation(const speed_config_t *config, speed_state_t *state, signals_state_t *signals,
+                             int32_t *speed_mm_s_q17)
+{
+    const int32_t counted = counted_travel_um_q5(config, state, &signals->sensors);
+    const int32_t behind = state->behind_um_q5 + counted - signals->travel_um_q5;
+    const int32_t made_up = fix_share_q15(behind, config->behind_to_travel_q15);
+    signals->travel_um_q5 += made_up;
+    state->behind_um_q5 = fix_clamp32(behind - made_up, SPEED_BEHIND_LIMIT_UM_Q5);
+    fix_add_to(fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15), speed_mm_s_q17);
+}
+
+/* Its rate of change, from a step's change. */
+static int16_t filter_accel(const speed_config_t *config, speed_state_t *state, int32_t jump_mm_s_q17,
                             uint8_t period_ms)
 {
-    const int32_t jump = fix_clamp_q16(fix_less(speed_mm_s_q17, &state->speed_mm_s_q17), JUMP_LIMIT_MM_S_Q1);
-    const int32_t accel_mm_s2_q8 =
-        2 * fix_share_q15(fix_share_q15(jump, fix_inverse_q15(period_ms)), MM_S2_Q8_PER_Q17_MS_Q14);
-    state->speed_mm_s_q17 = speed_mm_s_q17;
-    state->accel_mm_s2_q8 += fix_share_q15(fix_less(accel_mm_s2_q8, &state->accel_mm_s2_q8), config->accel_filter_q15);
-    return fix_round16(state->accel_mm_s2_q8, 8);
+    const int32_t jump = fix_clamp_q16(jump_mm_s_q17, JUMP_LIMIT_MM_S_Q1);
+    const int32_t accel_mm_s2_q9 =
+        fix_share_q15(fix_share_q15(jump, fix_inverse_q15(period_ms)), MM_S2_Q8_PER_Q17_MS_Q14);
+    const int32_t change = fix_less(2 * accel_mm_s2_q9, &state->accel_mm_s2_q8);
+    return fix_round16(fix_add_to(fix_share_q15(change, config->accel_filter_q15), &state->accel_mm_s2_q8), 8);
 }
 
 /* Travel at the mean of two speeds. */
-static int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4, uint8_t period_ms)
+static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4, uint8_t period_ms)
 {
     return fix_times((int32_t)before_mm_s_q4 + after_mm_s_q4, period_ms);
 }
 
 int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_state_t *signals)
 {
-    const signals_sensors_t *const sensors = &signals->sensors;
     const int16_t before_mm_s_q4 = signals->speed_mm_s_q4;
-    int32_t speed = signals->predicted->surge_mm_s_q17;
+    int32_t observed = signals->predicted->surge_mm_s_q17;
 
-    signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, to_q4(speed), sensors->period_ms);
-    if (signals->at_rest && SIGNALS_HAVE(sensors, SENSOR_ACCELEROMETER))
-        learn_bias(config, state, sensors->accel_surge_mm_s2);
-    observe(config, state, signals, &speed);
+    signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, to_q4(observed), signals->sensors.period_ms);
+    if (SIGNALS_HAVE(signals, SENSOR_ACCELEROMETER)) {
+        if (signals->at_rest)
+            bias_learn(&state->bias, fix_mul(signals->sensors.accel_surge_mm_s2, 4096), config->slowest_weight_bits,
+                       BIAS_LIMIT_MM_S2_Q12);
+        else
+            observe_accel(config, state, signals, &observed);
+    }
+    if (SIGNALS_HAVE(signals, SENSOR_ROTATION))
+        observe_rotation(config, state, signals, &observed);
     if (signals->at_rest) {
-        speed = 0;
+        observed = 0;
         state->behind_um_q5 = 0;
         signals->travel_um_q5 = 0;
     }
-    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))
-        speed = fix_mul(sensors->reference_speed_mm_s_q4, 8192);
-    speed = fix_clamp_q16(speed, SPEED_LIMIT_MM_S_Q1);
-    signals->speed_mm_s_q4 = to_q4(speed);
-    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))
-        signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, signals->speed_mm_s_q4, sensors->period_ms);
-    signals->accel_mm_s2 = filter_accel(config, state, speed, sensors->period_ms);
+    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
+        observed = fix_mul(signals->sensors.reference_speed_mm_s_q4, 8192);
 
+    const int32_t speed = fix_clamp_q16(observed, SPEED_LIMIT_MM_S_Q1);
+    const int32_t jump = fix_less(speed, &state->speed_mm_s_q17);
+    state->speed_mm_s_q17 = speed;
+    signals->speed_mm_s_q4 = to_q4(speed);
+    signals->accel_mm_s2 = filter_accel(config, state, jump, signals->sensors.period_ms);
+    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
+        signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, signals->speed_mm_s_q4, signals->sensors.period_ms);
     if (SIGNALS_SWAY) {
         const int16_t sway_mm_s_q4 = to_q4(signals->predicted->sway_mm_s_q17);
-        signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, sway_mm_s_q4, sensors->period_ms);
+        signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, sway_mm_s_q4, signals->sensors.period_ms);
         state->sway_mm_s_q4 = sway_mm_s_q4;
     }
     return fix_less(speed, &signals->predicted->surge_mm_s_q17);

@@ -16,6 +16,7 @@
 #define BRICKPILOT_ESTIMATOR_SPEED_H
 
 #include "core/signals.h"
+#include "estimator/bias.h"
 
 #define SPEED_BEHIND_LIMIT_UM_Q5 3200000L /* 100 mm: beyond it the wheels slip, and the observer forgets */
 
@@ -33,12 +34,11 @@ typedef struct {
 
 /* All zero to begin with, at rest. */
 typedef struct {
-    int32_t speed_mm_s_q17;       /* signals_state_t has it rounded */
-    int32_t accel_mm_s2_q8;       /* the same */
-    int32_t behind_um_q5;         /* travel by the counts minus travel estimated, +-100 mm */
-    int32_t accel_bias_mm_s2_q12; /* +-1 m/s^2 */
-    uint16_t learnt_steps;        /* stays at 65535 */
-    uint16_t rotation_left;       /* of the step before */
+    int32_t speed_mm_s_q17; /* signals_state_t has it rounded */
+    int32_t accel_mm_s2_q8; /* the same */
+    int32_t behind_um_q5;   /* travel by the counts minus travel estimated, +-100 mm */
+    bias_t bias;            /* the accelerometer's, mm/s^2 q12, +-1 m/s^2 */
+    uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
     int16_t sway_mm_s_q4; /* of the step before */
     bool rotation_known;

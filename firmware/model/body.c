@@ -2,7 +2,7 @@
 
 enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
 
-static int32_t clamp_speed(int32_t speed_mm_s_q17)
+static inline int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
     return fix_clamp_q16(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17 / 65536);
 }

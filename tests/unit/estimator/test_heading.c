@@ -62,12 +62,12 @@ static void test_heading_is_the_same_to_both_sides_bit_for_bit(void)
 static void test_heading_learns_the_bias_of_the_first_quiet_block(void)
 {
     run(20, HEADING_BLOCK_STEPS - 1);
-    TEST_ASSERT_FALSE(state.learnt_blocks > 0);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
     TEST_ASSERT_FALSE(signals.at_rest);
     run(20, 1);
-    TEST_ASSERT_TRUE(state.learnt_blocks > 0);
+    TEST_ASSERT_TRUE(state.bias.learnt > 0);
     TEST_ASSERT_TRUE(signals.at_rest);
-    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
     TEST_ASSERT_EQUAL_INT16(0, signals.yaw_rate_mrad_s);
 }
 
@@ -78,7 +78,7 @@ static void test_heading_averages_a_noisy_gyro_at_rest(void)
         seed = seed * 1664525U + 1013904223U;
         run((int16_t)(20 + (int)((seed >> 8) % 81) - 40), 1);
     }
-    TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias.value);
     TEST_ASSERT_TRUE(signals.at_rest);
 }
 
@@ -86,9 +86,9 @@ static void test_heading_bias_follows_slowly_once_learnt(void)
 {
     run(20, 20 * HEADING_BLOCK_STEPS);
     run(36, 2 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_INT16_WITHIN(100, 22 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_INT16_WITHIN(100, 22 * 256, state.bias.value);
     run(36, 60 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_INT16_WITHIN(256, 36 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_INT16_WITHIN(256, 36 * 256, state.bias.value);
 }
 
 static void test_heading_does_not_drift_after_a_rest(void)
@@ -102,7 +102,7 @@ static void test_heading_does_not_drift_after_a_rest(void)
 static void test_heading_learns_nothing_while_driven(void)
 {
     run_driven(20, 3 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_FALSE(state.learnt_blocks > 0);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
 }
 
 static void test_heading_learns_nothing_while_the_model_moves(void)
@@ -119,9 +119,9 @@ static void test_heading_learns_nothing_while_the_wheels_count(void)
         signals.sensors.rotation_left++;
         run(20, 40);
     }
-    TEST_ASSERT_FALSE(state.learnt_blocks > 0);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
     run(20, HEADING_BLOCK_STEPS);
-    TEST_ASSERT_TRUE(state.learnt_blocks > 0);
+    TEST_ASSERT_TRUE(state.bias.learnt > 0);
     signals.sensors.rotation_right--;
     run(20, 1);
     TEST_ASSERT_FALSE(signals.at_rest);
@@ -133,13 +133,13 @@ static void test_heading_learns_nothing_from_a_loud_gyro(void)
         run(20, 10);
         run((int16_t)(21 + CONFIG->quiet_mrad_s), 10);
     }
-    TEST_ASSERT_FALSE(state.learnt_blocks > 0);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
 }
 
 static void test_heading_bias_saturates_at_its_limit(void)
 {
     run(1000, HEADING_BLOCK_STEPS);
-    TEST_ASSERT_EQUAL_INT16(HEADING_BIAS_LIMIT_MRAD_S * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_EQUAL_INT16(HEADING_BIAS_LIMIT_MRAD_S * 256, state.bias.value);
 }
 
 static void test_heading_takes_the_reference_above_all(void)
@@ -200,7 +200,7 @@ static void test_heading_learns_what_a_known_bias_leaves(void)
     signals.sensors.yaw_rate_mrad_s = 190;
     for (int i = 0; i < HEADING_BLOCK_STEPS; i++)
         heading_step(&known, &state, &signals);
-    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
 }
 
 static void test_heading_scales_what_a_known_bias_leaves(void)

@@ -87,7 +87,7 @@ static void test_speed_learns_the_accelerometers_bias_at_rest(void)
         signals.sensors.accel_surge_mm_s2 = i % 2 ? 70 : -10;
         step(Q17);
     }
-    TEST_ASSERT_INT32_WITHIN(4096, 30 * 4096, state.accel_bias_mm_s2_q12);
+    TEST_ASSERT_INT32_WITHIN(4096, 30 * 4096, state.bias.value);
     signals.at_rest = false;
     signals.sensors.accel_surge_mm_s2 = 30;
     hold(100);
@@ -101,8 +101,8 @@ static void test_speed_bias_saturates_and_its_count_stays(void)
     signals.at_rest = true;
     for (int32_t i = 0; i < 66000; i++)
         step(0);
-    TEST_ASSERT_EQUAL_INT32(-1000L * 4096, state.accel_bias_mm_s2_q12);
-    TEST_ASSERT_EQUAL_UINT16(65535, state.learnt_steps);
+    TEST_ASSERT_EQUAL_INT32(-1000L * 4096, state.bias.value);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.bias.learnt);
 }
 
 static void test_speed_is_zero_at_rest(void)

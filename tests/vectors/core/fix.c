@@ -7,6 +7,7 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_u32(fix_mul_u16((uint16_t)a, (uint16_t)b));
     hash_s32(fix_mul(a, b));
     hash_u16(fix_abs_u16(a));
+    hash_s32(fix_q8(a));
     hash_s16(fix_sat16(wide));
     hash_s16(fix_add16(a, b));
     hash_s16(fix_sub16(a, b));

@@ -23,8 +23,8 @@ static void begin(heading_state_t *state)
     if (draw_rarely(1))
         return;
     state->raw_rate_mrad_s = draw_between(-32767, 32767);
-    state->bias_mrad_s_q8 = draw_between(-127 * 256, 127 * 256);
-    state->learnt_blocks = (uint8_t)draw_up_to(255);
+    state->bias.value = draw_between(-127 * 256, 127 * 256);
+    state->bias.learnt = draw_up_to(65535U);
     state->blind_ms = draw_up_to(65000U);
 }
 
@@ -32,17 +32,19 @@ static void hash(const heading_state_t *state, const signals_state_t *signals)
 {
     hash_u32(state->heading_bam32);
     hash_s16(state->raw_rate_mrad_s);
-    hash_s16(state->bias_mrad_s_q8);
-    hash_u8(state->learnt_blocks);
+    hash_s32(state->bias.value);
+    hash_u16(state->bias.learnt);
     hash_u8(state->block_steps);
-    hash_s32(state->block_sum_mrad_s);
-    hash_s16(state->block_least_mrad_s);
-    hash_s16(state->block_most_mrad_s);
+    if (state->block_steps > 0) {
+        hash_s32(state->block_sum_mrad_s);
+        hash_s16(state->block_least_mrad_s);
+        hash_s16(state->block_most_mrad_s);
+    }
     hash_u16(state->blind_ms);
     hash_u16(signals->heading_bam16);
     hash_s16(signals->yaw_rate_mrad_s);
     hash_u8(signals->at_rest);
-    hash_u8(state->learnt_blocks > 0);
+    hash_u8(state->bias.learnt > 0);
     hash_u8(signals->valid);
 }
 

@@ -29,8 +29,8 @@ static void begin(speed_state_t *state, signals_state_t *signals)
     signals->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
     state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
-    state->accel_bias_mm_s2_q12 = draw_within(4096000L); /* 1 m/s^2 */
-    state->learnt_steps = draw_up_to(65535U);
+    state->bias.value = draw_within(4096000L); /* 1 m/s^2 */
+    state->bias.learnt = draw_up_to(65535U);
     state->rotation_known = draw_rarely(1);
 }
 
@@ -41,8 +41,8 @@ static void hash(const speed_state_t *state, const signals_state_t *signals, int
     hash_s16(state->sway_mm_s_q4);
     hash_s32(state->behind_um_q5);
     hash_s32(state->accel_mm_s2_q8);
-    hash_s32(state->accel_bias_mm_s2_q12);
-    hash_u16(state->learnt_steps);
+    hash_s32(state->bias.value);
+    hash_u16(state->bias.learnt);
     hash_u16(state->rotation_left);
     hash_u16(state->rotation_right);
     hash_u8(state->rotation_known);
