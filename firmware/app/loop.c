@@ -8,45 +8,39 @@
 
 enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
-/* Parts of telemetry in a tick, by telemetry_every, so that a report is out before the next begins. */
-static const uint8_t PARTS_AT_ONCE[TELEMETRY_PARTS] = {0, 7, 4, 3, 2, 2, 2};
-
-static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
+static void read_sensors(signals_sensors_t *sensors)
 {
     hal_imu_t imu;
     hal_rotation_t rotation;
     hal_reference_t reference;
-    uint16_t battery_mv;
     const hal_status_t imu_status = hal_imu_read(&imu);
+    uint8_t have = 0;
 
-    sensors->have = 0;
-    sensors->period_ms = period_ms;
     if (imu_status == HAL_OK || imu_status == HAL_PARTLY) {
-        sensors->have |= SENSOR_GYRO;
+        have |= SENSOR_GYRO;
         sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
     if (POSSIBLE(ACCELEROMETER) && imu_status == HAL_OK) {
-        sensors->have |= SENSOR_ACCELEROMETER;
+        have |= SENSOR_ACCELEROMETER;
         sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
         sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
     if (POSSIBLE(ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
-        sensors->have |= SENSOR_ROTATION;
+        have |= SENSOR_ROTATION;
         sensors->rotation_left = rotation.left;
         sensors->rotation_right = rotation.right;
     }
     if (POSSIBLE(REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
-        sensors->have |= SENSOR_REFERENCE;
+        have |= SENSOR_REFERENCE;
         sensors->reference_x_um = reference.x_um;
         sensors->reference_y_um = reference.y_um;
         sensors->reference_heading_bam16 = reference.heading_bam16;
         sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
         sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (POSSIBLE(BATTERY) && hal_battery_read(&battery_mv) == HAL_OK) {
-        sensors->have |= SENSOR_BATTERY;
-        sensors->battery_mv = battery_mv;
-    }
+    if (POSSIBLE(BATTERY) && hal_battery_read(&sensors->battery_mv) == HAL_OK)
+        have |= SENSOR_BATTERY;
+    sensors->have = have;
 }
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
@@ -62,7 +56,8 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         state->until_telemetry = (uint8_t)(every - 1);
         state->next_part = 0;
     }
-    for (uint8_t left = every < TELEMETRY_PARTS ? PARTS_AT_ONCE[every] : 1; left > 0; left--) {
+    /* As many at once as it takes for a report to be out before the next begins. */
+    for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
         telemetry_part(state->next_part++, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
@@ -136,9 +131,10 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     elapsed_ms = elapse(state);
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    read_sensors(&state->output.state.sensors, elapsed_ms < 1            ? 1
-                                               : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
-                                                                         : (uint8_t)elapsed_ms);
+    state->output.state.sensors.period_ms = elapsed_ms < 1            ? 1
+                                            : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
+                                                                      : (uint8_t)elapsed_ms;
+    read_sensors(&state->output.state.sensors);
     command = guard(config, state, elapsed_ms, command);
     step_run(&config->step, route, &state->step, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);

@@ -17,7 +17,7 @@ static int32_t square(int32_t speed_mm_s_q17)
 static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_q17)
 {
     const int32_t loss = scale_apply(&coefficients->drag, square(speed_mm_s_q17));
-    return speed_mm_s_q17 > 0 ? -loss : loss;
+    return speed_mm_s_q17 < 0 ? loss : -loss;
 }
 
 static void predict_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
@@ -83,7 +83,7 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
     const int32_t gain = scale_apply(&coefficients->yaw_rate_from_thrust, left - right);
     const int32_t yaw_rate_before = state->motion.yaw_rate_mrad_s_q12;
 
-    const direction_t before = direction_of(body_heading_bam16(state));
+    const direction_t before = direction_of(rounded_heading_bam16(state));
     state->motion.yaw_rate_mrad_s_q12 =
         fix_clamp_q16(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
     const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
@@ -92,7 +92,7 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
 
     const int32_t x = state->velocity_x_mm_s_q17;
     const int32_t y = state->velocity_y_mm_s_q17;
-    const direction_t ahead = direction_of(body_heading_bam16(state));
+    const direction_t ahead = direction_of(rounded_heading_bam16(state));
     state->motion.surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
     state->motion.sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
 }
@@ -114,7 +114,7 @@ void body_predict(const body_coefficients_t *coefficients, body_state_t *state, 
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
 {
     if (BODY_IS_PAPER(coefficients)) {
-        const direction_t ahead = direction_of(body_heading_bam16(state));
+        const direction_t ahead = direction_of(rounded_heading_bam16(state));
         state->velocity_x_mm_s_q17 = clamp_speed(state->velocity_x_mm_s_q17 + part(change_mm_s_q17, ahead.cos_q15, 0));
         state->velocity_y_mm_s_q17 = clamp_speed(state->velocity_y_mm_s_q17 + part(change_mm_s_q17, ahead.sin_q15, 0));
         state->motion.surge_mm_s_q17 = clamp_speed(state->motion.surge_mm_s_q17 + change_mm_s_q17);
@@ -126,9 +126,4 @@ void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *s
         fix_add_to(quarter, &mean->speed_mrad_s_q13);
     mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536);
     state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
-}
-
-uint16_t body_heading_bam16(const body_state_t *state)
-{
-    return fix_round_bam16(state->heading_bam32);
 }

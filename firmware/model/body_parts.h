@@ -11,6 +11,11 @@ typedef struct {
     int16_t sin_q15;
 } direction_t;
 
+static inline uint16_t rounded_heading_bam16(const body_state_t *state)
+{
+    return fix_round_bam16(state->heading_bam32);
+}
+
 static inline direction_t direction_of(uint16_t angle_bam16)
 {
     return (direction_t){.cos_q15 = trig_cos_q15(angle_bam16), .sin_q15 = trig_sin_q15(angle_bam16)};

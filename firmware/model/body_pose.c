@@ -49,3 +49,8 @@ void body_wheels(const body_coefficients_t *coefficients, const body_state_t *st
     wheels->left_mrad_s_q13 = paper ? first->speed_mrad_s_q13 : first->speed_mrad_s_q13 + second->speed_mrad_s_q13;
     wheels->right_mrad_s_q13 = paper ? second->speed_mrad_s_q13 : first->speed_mrad_s_q13 - second->speed_mrad_s_q13;
 }
+
+uint16_t body_heading_bam16(const body_state_t *state)
+{
+    return rounded_heading_bam16(state);
+}
