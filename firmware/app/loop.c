@@ -4,8 +4,6 @@
 #include "core/fix.h"
 #include "hal.h"
 
-#define POSSIBLE(sensor) ((SENSORS_POSSIBLE & SENSOR_##sensor) != 0)
-
 enum { STEP_MS = 3, LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
 static void read_sensors(signals_sensors_t *sensors)
@@ -20,17 +18,17 @@ static void read_sensors(signals_sensors_t *sensors)
         have |= SENSOR_GYRO;
         sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
-    if (POSSIBLE(ACCELEROMETER) && imu_status == HAL_OK) {
+    if (SENSOR_POSSIBLE(SENSOR_ACCELEROMETER) && imu_status == HAL_OK) {
         have |= SENSOR_ACCELEROMETER;
         sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
         sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
-    if (POSSIBLE(ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
+    if (SENSOR_POSSIBLE(SENSOR_ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
         have |= SENSOR_ROTATION;
         sensors->rotation_left = rotation.left;
         sensors->rotation_right = rotation.right;
     }
-    if (POSSIBLE(REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
+    if (SENSOR_POSSIBLE(SENSOR_REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
         have |= SENSOR_REFERENCE;
         sensors->reference_x_um = reference.x_um;
         sensors->reference_y_um = reference.y_um;
@@ -38,7 +36,7 @@ static void read_sensors(signals_sensors_t *sensors)
         sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
         sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (POSSIBLE(BATTERY) && hal_battery_read(&sensors->battery_mv) == HAL_OK)
+    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&sensors->battery_mv) == HAL_OK)
         have |= SENSOR_BATTERY;
     sensors->have = have;
 }

@@ -54,10 +54,15 @@ static int16_t feedforward(const step_config_t *config, int16_t speed_mm_s_q4)
     return fix_round16(fix_mul(config->feedforward_mv_q10, speed_mm_s_q4), 10);
 }
 
-static void stop(pid_state_t *pid, pid_output_t *out)
+static void hold(bool drive, const pid_config_t *config, pid_state_t *state, const pid_input_t *input,
+                 pid_output_t *out)
 {
-    pid_stop(pid);
-    bytes_clear(out, sizeof *out);
+    if (drive) {
+        pid_step(config, state, input, out);
+    } else {
+        pid_stop(state);
+        bytes_clear(out, sizeof *out);
+    }
 }
 
 static void control(const step_config_t *config, step_state_t *state, step_output_t *out)
@@ -65,23 +70,18 @@ static void control(const step_config_t *config, step_state_t *state, step_outpu
     const signals_demand_t *const demand = &state->mode.demand;
     pid_input_t input;
 
-    if (!demand->drive) {
-        stop(&state->speed_pid, &out->speed);
-        stop(&state->heading_pid, &out->heading);
-        return;
-    }
     input.error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
     input.rate = out->state.accel_mm_s2;
     input.feedforward_mv = feedforward(config, demand->speed_mm_s_q4);
     input.saturated = state->drive.surge_saturated;
     input.period_ms = out->state.sensors.period_ms;
-    pid_step(&config->speed_pid, &state->speed_pid, &input, &out->speed);
+    hold(demand->drive, &config->speed_pid, &state->speed_pid, &input, &out->speed);
 
     input.error = fix_angle_diff_bam16(demand->heading_bam16, out->state.heading_bam16);
     input.rate = out->state.yaw_rate_mrad_s;
     input.feedforward_mv = 0;
     input.saturated = state->drive.yaw_saturated;
-    pid_step(&config->heading_pid, &state->heading_pid, &input, &out->heading);
+    hold(demand->drive, &config->heading_pid, &state->heading_pid, &input, &out->heading);
 }
 
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, mode_command_t command,

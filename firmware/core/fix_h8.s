@@ -569,36 +569,16 @@ _fix_div_u32:
 	rts
 
 ; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,
-; r4 the root, r5 a trial, r6l counts. The rest stays within 16 bits for 13 rounds.
+; r4 the root, r2h:r5 a trial, r6l counts.
 	.align 1
 	.global _fix_sqrt_u32
 _fix_sqrt_u32:
 	SAVE
+	sub.b	r2l,r2l
 	sub.w	r3,r3
 	sub.w	r4,r4
-	mov.b	#13,r6l
+	mov.b	#16,r6l
 .Lroot:
-	.rept	2
-	add.w	r1,r1
-	rotxl	r0l
-	rotxl	r0h
-	rotxl	r3l
-	rotxl	r3h
-	.endr
-	add.w	r4,r4
-	mov.w	r4,r5
-	add.w	r5,r5
-	adds	#1,r5
-	cmp.w	r5,r3
-	bcs	.Lzero
-	sub.w	r5,r3
-	adds	#1,r4
-.Lzero:
-	add.b	#-1,r6l
-	bne	.Lroot
-	mov.b	#3,r6l
-	sub.b	r2l,r2l
-.Lwide_root:
 	.rept	2
 	add.w	r1,r1
 	rotxl	r0l
@@ -611,20 +591,20 @@ _fix_sqrt_u32:
 	sub.b	r2h,r2h
 	mov.w	r4,r5
 	add.w	r5,r5
-	rotxl	r2h		; the trial's third byte
+	rotxl	r2h
 	adds	#1,r5
 	cmp.b	r2h,r2l
-	bcs	.Lwide_zero
-	bne	.Lwide_one
+	bcs	.Lzero
+	bne	.Lone
 	cmp.w	r5,r3
-	bcs	.Lwide_zero
-.Lwide_one:
+	bcs	.Lzero
+.Lone:
 	sub.w	r5,r3
 	subx	r2h,r2l
 	adds	#1,r4
-.Lwide_zero:
+.Lzero:
 	add.b	#-1,r6l
-	bne	.Lwide_root
+	bne	.Lroot
 	mov.w	r4,r0
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5

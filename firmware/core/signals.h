@@ -25,6 +25,8 @@ enum {
 #define SENSORS_POSSIBLE (SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY)
 #endif
 
+#define SENSOR_POSSIBLE(bits) ((SENSORS_POSSIBLE & (bits)) != 0)
+
 /* Whether there is one of `bits`, constants, in this step: false at compile time where none of them is possible. */
 #define SIGNALS_HAVE(signals, bits) (((signals)->sensors.have & ((bits)&SENSORS_POSSIBLE)) != 0)
 

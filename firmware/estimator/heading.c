@@ -42,15 +42,17 @@ static bool quiet(const heading_config_t *config, heading_state_t *state, int16_
     return (uint16_t)((uint16_t)most - (uint16_t)least) <= config->quiet_mrad_s;
 }
 
-/* At the end of a block of which all was still and quiet. */
-static bool block_ends(const heading_config_t *config, heading_state_t *state)
+static void watch_rest(const heading_config_t *config, heading_state_t *state, signals_state_t *signals, int16_t rate)
 {
-    if (++state->block_steps < HEADING_BLOCK_STEPS)
-        return false;
-    bias_learn(&state->bias, state->block_sum_mrad_s * (256 / HEADING_BLOCK_STEPS), config->slowest_weight_bits,
-               HEADING_BIAS_LIMIT_MRAD_S * 256L);
-    state->block_steps = 0;
-    return true;
+    if (!stands(config, state, signals) || !SIGNALS_HAVE(signals, SENSOR_GYRO) || !quiet(config, state, rate)) {
+        state->block_steps = 0;
+        signals->at_rest = false;
+    } else if (++state->block_steps == HEADING_BLOCK_STEPS) {
+        bias_learn(&state->bias, fix_times(state->block_sum_mrad_s, 256 / HEADING_BLOCK_STEPS),
+                   config->slowest_weight_bits, HEADING_BIAS_LIMIT_MRAD_S * 256L);
+        state->block_steps = 0;
+        signals->at_rest = true;
+    }
 }
 
 static int32_t unbiased_mrad_s_q8(const heading_state_t *state, int16_t rate_mrad_s)
@@ -71,31 +73,24 @@ static int16_t integrate(heading_state_t *state, int16_t rate_mrad_s, uint8_t pe
 
 void heading_step(const heading_config_t *config, heading_state_t *state, signals_state_t *signals)
 {
-    bool still = stands(config, state, signals);
-    uint16_t blind_ms = 0;
     int16_t rate;
 
     if (SIGNALS_HAVE(signals, SENSOR_GYRO)) {
         rate = measured_mrad_s(config, signals->sensors.yaw_rate_mrad_s);
-        still = quiet(config, state, rate) && still;
+        state->blind_ms = 0;
     } else {
         rate = fix_add16(fix_round16(signals->predicted->yaw_rate_mrad_s_q12, 12), fix_round16(state->bias.value, 8));
-        blind_ms = (uint16_t)(state->blind_ms + signals->sensors.period_ms);
-        still = false;
+        state->blind_ms = (uint16_t)(state->blind_ms + signals->sensors.period_ms);
+        if (state->blind_ms > BLIND_LIMIT_MS)
+            state->blind_ms = BLIND_LIMIT_MS;
     }
-    if (!still) {
-        state->block_steps = 0;
-        signals->at_rest = false;
-    } else if (block_ends(config, state)) {
-        signals->at_rest = true;
-    }
+    watch_rest(config, state, signals, rate);
     signals->yaw_rate_mrad_s = integrate(state, rate, signals->sensors.period_ms);
     if (SIGNALS_HAVE(signals, SENSOR_REFERENCE)) {
         state->heading_bam32 = (uint32_t)signals->sensors.reference_heading_bam16 << 16;
         signals->yaw_rate_mrad_s = signals->sensors.reference_yaw_rate_mrad_s;
-        blind_ms = 0;
+        state->blind_ms = 0;
     }
-    state->blind_ms = blind_ms < BLIND_LIMIT_MS ? blind_ms : (uint16_t)BLIND_LIMIT_MS;
     signals->valid = state->blind_ms <= config->blind_ms;
     signals->heading_bam16 = fix_round_bam16(state->heading_bam32);
 }

@@ -106,10 +106,11 @@ static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4
 
 int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_state_t *signals)
 {
-    const int16_t before_mm_s_q4 = signals->speed_mm_s_q4;
     int32_t observed = signals->predicted->surge_mm_s_q17;
+    const int16_t predicted_mm_s_q4 = to_q4(observed);
+    const int16_t before_mm_s_q4 = signals->speed_mm_s_q4;
 
-    signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, to_q4(observed), signals->sensors.period_ms);
+    signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, predicted_mm_s_q4, signals->sensors.period_ms);
     if (SIGNALS_HAVE(signals, SENSOR_ACCELEROMETER)) {
         if (signals->at_rest)
             bias_learn(&state->bias, fix_mul(signals->sensors.accel_surge_mm_s2, 4096), config->slowest_weight_bits,
@@ -121,16 +122,15 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_s
         observe_rotation(config, state, signals, &observed);
     if (signals->at_rest) {
         observed = 0;
-        state->behind_um_q5 = 0;
         signals->travel_um_q5 = 0;
+        if (SENSOR_POSSIBLE(SENSOR_ROTATION))
+            state->behind_um_q5 = 0;
     }
     if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
         observed = fix_mul(signals->sensors.reference_speed_mm_s_q4, 8192);
 
-    const int32_t speed = fix_clamp_q16(observed, SPEED_LIMIT_MM_S_Q1);
-    const int32_t jump = fix_less(speed, &state->speed_mm_s_q17);
-    state->speed_mm_s_q17 = speed;
-    signals->speed_mm_s_q4 = to_q4(speed);
+    const int32_t jump = fix_less(fix_clamp_q16(observed, SPEED_LIMIT_MM_S_Q1), &state->speed_mm_s_q17);
+    signals->speed_mm_s_q4 = to_q4(fix_add_to(jump, &state->speed_mm_s_q17));
     signals->accel_mm_s2 = filter_accel(config, state, jump, signals->sensors.period_ms);
     if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
         signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, signals->speed_mm_s_q4, signals->sensors.period_ms);
@@ -139,5 +139,5 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_s
         signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, sway_mm_s_q4, signals->sensors.period_ms);
         state->sway_mm_s_q4 = sway_mm_s_q4;
     }
-    return fix_less(speed, &signals->predicted->surge_mm_s_q17);
+    return fix_less(state->speed_mm_s_q17, &signals->predicted->surge_mm_s_q17);
 }

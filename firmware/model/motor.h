@@ -36,8 +36,6 @@ typedef struct {
     int32_t speed_mrad_s_q13; /* +-96 rad/s, saturates */
 } motor_state_t;
 
-int32_t motor_row(const motor_row_t *row, const motor_state_t *state, int16_t voltage_mv);
-
 /* One step of 3 ms with `voltage_mv` (any) held. `load_mrad_s_q13` is the change of speed that an outside torque causes
  * in this step, +-20 rad/s. */
 void motor_step(const motor_coefficients_t *coefficients, motor_state_t *state, int16_t voltage_mv,

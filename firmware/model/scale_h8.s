@@ -46,36 +46,3 @@ _scale_apply:
 	addx	#0,r3l
 	addx	#0,r3h
 	SIGNED_RESULT
-
-; int32_t motor_row(const motor_row_t *row, const motor_state_t *state, int16_t voltage_mv): three scales of 4 bytes, two values of 4.
-	.align 1
-	.global _motor_row
-_motor_row:
-	mov.w	r4,@-r7
-	mov.w	r5,@-r7
-	mov.w	r0,r4
-	mov.w	r1,r5
-	add.b	#8,r0l
-	addx	#0,r0h
-	mov.w	r2,r1
-	jsr	@_scale_apply16
-	bsr	.Lterm
-	bsr	.Lterm
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
-.Lterm:
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
-	mov.w	r4,r0
-	mov.w	@r5+,r1
-	mov.w	@r5+,r2
-	jsr	@_scale_apply
-	adds	#2,r4
-	adds	#2,r4
-	mov.w	@r7+,r2
-	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
-	rts
