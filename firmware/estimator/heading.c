@@ -60,15 +60,15 @@ static int32_t unbiased_mrad_s_q8(const heading_state_t *state, int16_t rate_mra
     return fix_less(fix_q8(rate_mrad_s), &state->bias.value);
 }
 
-/* Turns by the mean of this step's rate and the one before, less the bias. Returns this step's, without it. */
-static int16_t integrate(heading_state_t *state, int16_t rate_mrad_s, uint8_t period_ms)
+/* Turns by the mean of this step's rate and the one before, less the bias. */
+static void integrate(heading_state_t *state, signals_state_t *signals, int16_t rate_mrad_s)
 {
-    const int32_t before_q8 = unbiased_mrad_s_q8(state, state->raw_rate_mrad_s);
     const int32_t now_q8 = unbiased_mrad_s_q8(state, rate_mrad_s);
-    const int32_t angle_urad_q9 = fix_times(before_q8 + now_q8, period_ms);
+    signals->yaw_rate_mrad_s = fix_round16(now_q8, 8);
+    const int32_t twice_q8 = now_q8 + unbiased_mrad_s_q8(state, state->raw_rate_mrad_s);
+    const int32_t angle_urad_q9 = fix_times(twice_q8, signals->sensors.period_ms);
     state->heading_bam32 += (uint32_t)(angle_urad_q9 + fix_share_q15(angle_urad_q9, BAM32_PER_MRAD_Q9_LESS_1_Q15));
     state->raw_rate_mrad_s = rate_mrad_s;
-    return fix_round16(now_q8, 8);
 }
 
 void heading_step(const heading_config_t *config, heading_state_t *state, signals_state_t *signals)
@@ -85,7 +85,7 @@ void heading_step(const heading_config_t *config, heading_state_t *state, signal
             state->blind_ms = BLIND_LIMIT_MS;
     }
     watch_rest(config, state, signals, rate);
-    signals->yaw_rate_mrad_s = integrate(state, rate, signals->sensors.period_ms);
+    integrate(state, signals, rate);
     if (SIGNALS_HAVE(signals, SENSOR_REFERENCE)) {
         state->heading_bam32 = (uint32_t)signals->sensors.reference_heading_bam16 << 16;
         signals->yaw_rate_mrad_s = signals->sensors.reference_yaw_rate_mrad_s;
