@@ -30,29 +30,6 @@ _fix_mul:
 .Lfirst_positive:
 	rts
 
-; r5:r2 * r6 / 2^16 to r3:r2, all without sign; r6l: the highest byte of what is cut off. Uses r0, r1, r5.
-	.align 1
-	.global _fix_h8_product_q16
-_fix_h8_product_q16:
-	mov.w	r2,r0
-	mov.w	r6,r1
-	PRODUCT
-	mov.w	r6,r1
-	mov.b	r0l,r6l
-	mov.w	r5,r0
-	bne	.Lhigh
-	mov.w	r3,r2
-	sub.w	r3,r3
-	rts
-.Lhigh:
-	mov.w	r3,r5
-	PRODUCT
-	mov.b	r0l,r2h
-	add.w	r5,r2
-	addx	#0,r3l
-	addx	#0,r3h
-	rts
-
 ; uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
 	.align 1
 	.global _fix_mul_u32_q16
@@ -63,6 +40,14 @@ _fix_mul_u32_q16:
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bra	.Lmultiply
+
+.Lall:				; by 2^15: all of it, but at most 2^31 - 1
+	mov.w	r5,r3
+	bpl	.Lfits
+	mov.w	#0x7fff,r3
+	mov.w	#0xffff,r2
+.Lfits:
+	SIGNED_RESULT
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
@@ -96,7 +81,45 @@ _fix_share_q15:
 	add.w	r6,r6
 	bcs	.Lall
 .Lmultiply:
-	jsr	@_fix_h8_product_q16
+	bset	#0,r4h
+
+; r5:r2 * r6 / 2^16, all without sign: where bit 0 of r4h is set, cut; else divided by 2^r4l (0 to 31) too, and rounded. Negated by bit 7
+; of r4h. Uses all registers: the end of a function that began with SAVE.
+	.global _fix_h8_scaled
+_fix_h8_scaled:
+	mov.w	r6,r1
+	sub.w	r3,r3
+	mov.w	r2,r0
+	beq	.Lonly_high
+	PRODUCT
+	mov.w	r6,r1
+.Lonly_high:
+	mov.b	r0l,r6l		; the highest byte of what is cut off
+	mov.w	r5,r0
+	bne	.Lhigh
+	mov.w	r3,r2
+	sub.w	r3,r3
+	bra	.Lproduct
+.Lhigh:
+	mov.w	r3,r5
+	PRODUCT
+	mov.b	r0l,r2h
+	add.w	r5,r2
+	addx	#0,r3l
+	addx	#0,r3h
+.Lproduct:
+	btst	#0,r4h
+	bne	_fix_h8_signed_result
+	mov.b	r4l,r4l
+	beq	.Lunshifted
+	jsr	@.Lround_shift
+	bra	_fix_h8_signed_result
+.Lunshifted:
+	add.b	r6l,r6l
+	addx	#0,r2l
+	addx	#0,r2h
+	addx	#0,r3l
+	addx	#0,r3h
 	.global _fix_h8_signed_result
 _fix_h8_signed_result:
 	mov.b	r4h,r4h
@@ -109,40 +132,51 @@ _fix_h8_signed_result:
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
 	rts
-.Lall:				; by 2^15: all of it, but at most 2^31 - 1
-	mov.w	r5,r3
-	bpl	.Lfits
-	mov.w	#0x7fff,r3
-	mov.w	#0xffff,r2
-.Lfits:
-	bra	_fix_h8_signed_result
 
-; r3:r2 (without sign) / 2^r4l to r3:r2, cut; r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right, or left in a byte more.
+; r3:r2 (without sign) / 2^r4l to r3:r2: _fix_h8_shift cuts, r4l 0 to 31; _fix_h8_round_shift rounds to the nearest, halves up, r4l
+; 1 to 31. Uses r1l, r4l and bit 0 of r4h. Bytes, then bits: right, or left in a byte more. The carry is the last bit to fall off.
 	.align 1
 	.global _fix_h8_shift
 _fix_h8_shift:
 .Lshift:
+	bset	#0,r4h
+	bra	.Lbytes
+	.global _fix_h8_round_shift
+_fix_h8_round_shift:
+.Lround_shift:
+	bclr	#0,r4h
+.Lbytes:
 	cmp.b	#8,r4l
 	bcs	.Lbits
+	mov.b	r2l,r1l
 	mov.b	r2h,r2l
 	mov.b	r3l,r2h
 	mov.b	r3h,r3l
 	sub.b	r3h,r3h
 	add.b	#-8,r4l
-	bra	.Lshift
+	bra	.Lbytes
 .Lbits:
 	cmp.b	#5,r4l
 	bcc	.Lleft
 	mov.b	r4l,r4l
-	beq	.Lshifted
+	bne	.Lright
+	add.b	r1l,r1l
+	bra	.Lshifted
 .Lright:
 	shlr	r3h
 	rotxr	r3l
 	rotxr	r2h
 	rotxr	r2l
-	add.b	#-1,r4l
+	dec	r4l
 	bne	.Lright
 .Lshifted:
+	btst	#0,r4h
+	bne	.Lcut
+	addx	#0,r2l
+	addx	#0,r2h
+	addx	#0,r3l
+	addx	#0,r3h
+.Lcut:
 	rts
 .Lleft:
 	sub.b	r1l,r1l
@@ -151,31 +185,15 @@ _fix_h8_shift:
 	rotxl	r3l
 	rotxl	r3h
 	rotxl	r1l
-	add.b	#1,r4l
-	cmp.b	#8,r4l
-	bne	.Lleft_again
+	inc	r4l
+	btst	#3,r4l
+	beq	.Lleft_again
+	add.b	r2l,r2l
 	mov.b	r2h,r2l
 	mov.b	r3l,r2h
 	mov.b	r3h,r3l
 	mov.b	r1l,r3h
-	rts
-
-; The same, r4l 1 to 31, rounded to the nearest, halves up.
-	.align 1
-	.global _fix_h8_round_shift
-_fix_h8_round_shift:
-.Lround_shift:
-	add.b	#-1,r4l
-	jsr	@.Lshift
-	add.b	#1,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-	shlr	r3h
-	rotxr	r3l
-	rotxr	r2h
-	rotxr	r2l
-	rts
+	bra	.Lshifted
 
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
 	.align 1

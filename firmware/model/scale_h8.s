@@ -34,15 +34,5 @@ _scale_apply:
 	bpl	.Lvalue
 	NEGATE	r5h,r5l,r2h,r2l
 .Lvalue:
-	jsr	@_fix_h8_product_q16
-	mov.b	r4l,r4l
-	beq	.Lunshifted
-	jsr	@_fix_h8_round_shift
-	SIGNED_RESULT
-.Lunshifted:			; what is cut off decides on the rounding
-	add.b	r6l,r6l
-	addx	#0,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-	SIGNED_RESULT
+	bclr	#0,r4h
+	jmp	@_fix_h8_scaled
