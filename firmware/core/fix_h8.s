@@ -112,10 +112,11 @@ _fix_h8_scaled:
 	bne	_fix_h8_signed_result
 	mov.b	r4l,r4l
 	beq	.Lunshifted
-	jsr	@.Lround_shift
-	bra	_fix_h8_signed_result
+	jsr	@.Lshift
+	bra	.Lround
 .Lunshifted:
 	add.b	r6l,r6l
+.Lround:			; up where the last bit that fell off was set
 	addx	#0,r2l
 	addx	#0,r2h
 	addx	#0,r3l
@@ -133,19 +134,10 @@ _fix_h8_signed_result:
 	mov.w	@r7+,r4
 	rts
 
-; r3:r2 (without sign) / 2^r4l to r3:r2: _fix_h8_shift cuts, r4l 0 to 31; _fix_h8_round_shift rounds to the nearest, halves up, r4l
-; 1 to 31. Uses r1l, r4l and bit 0 of r4h. Bytes, then bits: right, or left in a byte more. The carry is the last bit to fall off.
+; r3:r2 (without sign) / 2^r4l to r3:r2, cut; the carry: the last bit that fell off. r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right,
+; or left in a byte more.
 	.align 1
-	.global _fix_h8_shift
-_fix_h8_shift:
 .Lshift:
-	bset	#0,r4h
-	bra	.Lbytes
-	.global _fix_h8_round_shift
-_fix_h8_round_shift:
-.Lround_shift:
-	bclr	#0,r4h
-.Lbytes:
 	cmp.b	#8,r4l
 	bcs	.Lbits
 	mov.b	r2l,r1l
@@ -154,14 +146,14 @@ _fix_h8_round_shift:
 	mov.b	r3h,r3l
 	sub.b	r3h,r3h
 	add.b	#-8,r4l
-	bra	.Lbytes
+	bra	.Lshift
 .Lbits:
 	cmp.b	#5,r4l
 	bcc	.Lleft
 	mov.b	r4l,r4l
 	bne	.Lright
 	add.b	r1l,r1l
-	bra	.Lshifted
+	rts
 .Lright:
 	shlr	r3h
 	rotxr	r3l
@@ -169,14 +161,6 @@ _fix_h8_round_shift:
 	rotxr	r2l
 	dec	r4l
 	bne	.Lright
-.Lshifted:
-	btst	#0,r4h
-	bne	.Lcut
-	addx	#0,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-.Lcut:
 	rts
 .Lleft:
 	sub.b	r1l,r1l
@@ -193,7 +177,7 @@ _fix_h8_round_shift:
 	mov.b	r3l,r2h
 	mov.b	r3h,r3l
 	mov.b	r1l,r3h
-	bra	.Lshifted
+	rts
 
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
 	.align 1
@@ -210,8 +194,8 @@ _fix_fraction:
 _fix_round_shift:
 	SAVE
 	bsr	.Lmagnitude
-	jsr	@.Lround_shift
-	SIGNED_RESULT
+	jsr	@.Lshift
+	jmp	@.Lround
 
 .Lmagnitude:
 	mov.b	r0h,r4h
