@@ -6,45 +6,39 @@
 
 enum { LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
-/* Parts of telemetry in a tick, by telemetry_every, so that a report is out before the next begins. */
-static const uint8_t PARTS_AT_ONCE[TELEMETRY_PARTS] = {0, 7, 4, 3, 2, 2, 2};
-
-static void read_sensors(signals_sensors_t *sensors, uint8_t period_ms)
+static void read_sensors(signals_sensors_t *sensors)
 {
     hal_imu_t imu;
     hal_rotation_t rotation;
     hal_reference_t reference;
-    uint16_t battery_mv;
     const hal_status_t imu_status = hal_imu_read(&imu);
+    uint8_t have = 0;
 
-    sensors->have = 0;
-    sensors->period_ms = period_ms;
     if (imu_status == HAL_OK || imu_status == HAL_PARTLY) {
-        sensors->have |= SENSOR_GYRO;
+        have |= SENSOR_GYRO;
         sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
-    if (imu_status == HAL_OK) {
-        sensors->have |= SENSOR_ACCELEROMETER;
+    if (SENSOR_POSSIBLE(SENSOR_ACCELEROMETER) && imu_status == HAL_OK) {
+        have |= SENSOR_ACCELEROMETER;
         sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
         sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
-    if (hal_rotation_read(&rotation) == HAL_OK) {
-        sensors->have |= SENSOR_ROTATION;
+    if (SENSOR_POSSIBLE(SENSOR_ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
+        have |= SENSOR_ROTATION;
         sensors->rotation_left = rotation.left;
         sensors->rotation_right = rotation.right;
     }
-    if (hal_reference_read(&reference) == HAL_OK) {
-        sensors->have |= SENSOR_REFERENCE;
+    if (SENSOR_POSSIBLE(SENSOR_REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
+        have |= SENSOR_REFERENCE;
         sensors->reference_x_um = reference.x_um;
         sensors->reference_y_um = reference.y_um;
         sensors->reference_heading_bam16 = reference.heading_bam16;
         sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
         sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (hal_battery_read(&battery_mv) == HAL_OK) {
-        sensors->have |= SENSOR_BATTERY;
-        sensors->battery_mv = battery_mv;
-    }
+    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&sensors->battery_mv) == HAL_OK)
+        have |= SENSOR_BATTERY;
+    sensors->have = have;
 }
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
@@ -60,7 +54,8 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         state->until_telemetry = (uint8_t)(every - 1);
         state->next_part = 0;
     }
-    for (uint8_t left = every < TELEMETRY_PARTS ? PARTS_AT_ONCE[every] : 1; left > 0; left--) {
+    /* As many at once as it takes for a report to be out before the next begins. */
+    for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
         telemetry_part(state->next_part++, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
@@ -88,6 +83,14 @@ static void take_time(loop_state_t *state)
     state->started = true;
 }
 
+/* Since the tick before; at most 65535. */
+static uint16_t elapse(loop_state_t *state)
+{
+    const uint32_t now_ms = hal_clock_ms(), elapsed_ms = now_ms - state->clock_ms;
+    state->clock_ms = now_ms;
+    return elapsed_ms > 65535U ? (uint16_t)65535U : (uint16_t)elapsed_ms;
+}
+
 void loop_start(loop_state_t *state)
 {
     take_time(state);
@@ -100,10 +103,10 @@ void loop_heard(loop_state_t *state)
 }
 
 /* What the clock and the silence of all sensors make of the command. */
-static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint32_t elapsed_ms, bool sensed,
+static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint16_t elapsed_ms,
                             mode_command_t command)
 {
-    state->silent_ms = sensed ? 0 : elapsed_ms > 65535U ? 65535U : fix_add_u16(state->silent_ms, (uint16_t)elapsed_ms);
+    state->silent_ms = state->output.state.sensors.have != 0 ? 0 : fix_add_u16(state->silent_ms, elapsed_ms);
     if (state->step.mode.mode != MODE_RUN)
         return command;
     if (state->silent_ms > config->silent_ms) {
@@ -119,19 +122,19 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
 
 void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command)
 {
-    uint32_t now_ms, elapsed_ms;
-    signals_sensors_t sensors;
+    uint16_t elapsed_ms;
 
     if (!state->started)
         take_time(state);
-    now_ms = hal_clock_ms();
-    elapsed_ms = now_ms - state->clock_ms;
-    state->clock_ms = now_ms;
+    elapsed_ms = elapse(state);
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    read_sensors(&sensors, (uint8_t)(elapsed_ms < 1 ? 1 : elapsed_ms > LONGEST_MS ? LONGEST_MS : elapsed_ms));
-    command = guard(config, state, elapsed_ms, sensors.have != 0, command);
-    step_run(&config->step, route, &state->step, &sensors, command, &state->output);
+    state->output.state.sensors.period_ms = elapsed_ms < 1            ? 1
+                                            : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
+                                                                      : (uint8_t)elapsed_ms;
+    read_sensors(&state->output.state.sensors);
+    command = guard(config, state, elapsed_ms, command);
+    step_run(&config->step, route, &state->step, command, &state->output);
     hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);

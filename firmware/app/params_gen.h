@@ -13,20 +13,28 @@ static const loop_config_t PARAMS_COUPLED = {
             .profile = BODY_COUPLED,
             .motor = {
                 {
-                    .current_from_current = {28920, 12},
-                    .current_from_speed = {-22638, 2},
-                    .current_from_voltage = {23117, 3},
-                    .speed_from_current = {27814, 7},
-                    .speed_from_speed = {-30759, 7},
-                    .speed_from_voltage = {27792, 8},
+                    .current = {
+                        .from_current = {28920, 12},
+                        .from_speed = {-22638, 2},
+                        .from_voltage = {23117, 3},
+                    },
+                    .speed = {
+                        .from_current = {27814, 7},
+                        .from_speed = {-30759, 7},
+                        .from_voltage = {27792, 8},
+                    },
                 },
                 {
-                    .current_from_current = {16466, 10},
-                    .current_from_speed = {-22671, 2},
-                    .current_from_voltage = {23147, 3},
-                    .speed_from_current = {21133, 7},
-                    .speed_from_speed = {-23352, 7},
-                    .speed_from_voltage = {21100, 8},
+                    .current = {
+                        .from_current = {16466, 10},
+                        .from_speed = {-22671, 2},
+                        .from_voltage = {23147, 3},
+                    },
+                    .speed = {
+                        .from_current = {21133, 7},
+                        .from_speed = {-23352, 7},
+                        .from_voltage = {21100, 8},
+                    },
                 },
             },
             .drag = {26659, 9},
@@ -191,20 +199,28 @@ static const loop_config_t PARAMS_PAPER = {
             .profile = BODY_PAPER,
             .motor = {
                 {
-                    .current_from_current = {-16798, 6},
-                    .current_from_speed = {-21623, 2},
-                    .current_from_voltage = {22202, 2},
-                    .speed_from_current = {28197, 4},
-                    .speed_from_speed = {-31963, 4},
-                    .speed_from_voltage = {28893, 4},
+                    .current = {
+                        .from_current = {-16798, 6},
+                        .from_speed = {-21623, 2},
+                        .from_voltage = {22202, 2},
+                    },
+                    .speed = {
+                        .from_current = {28197, 4},
+                        .from_speed = {-31963, 4},
+                        .from_voltage = {28893, 4},
+                    },
                 },
                 {
-                    .current_from_current = {-16798, 6},
-                    .current_from_speed = {-21623, 2},
-                    .current_from_voltage = {22202, 2},
-                    .speed_from_current = {28197, 4},
-                    .speed_from_speed = {-31963, 4},
-                    .speed_from_voltage = {28893, 4},
+                    .current = {
+                        .from_current = {-16798, 6},
+                        .from_speed = {-21623, 2},
+                        .from_voltage = {22202, 2},
+                    },
+                    .speed = {
+                        .from_current = {28197, 4},
+                        .from_speed = {-31963, 4},
+                        .from_voltage = {28893, 4},
+                    },
                 },
             },
             .drag = {19791, 9},

@@ -47,15 +47,16 @@ typedef struct {
     uint16_t battery_mv;   /* the newest reading: what the duty was made for */
 } step_state_t;
 
+/* The estimator goes on from `state`: all zero to begin with, too. */
 typedef struct {
-    signals_state_t state;
-    pid_output_t speed; /* parts of the efforts */
+    signals_state_t state; /* state.sensors is what the step is given */
+    pid_output_t speed;    /* parts of the efforts */
     pid_output_t heading;
     signals_effort_t effort;
 } step_output_t;
 
 /* One step. `command` as mode_step() takes it. Never fails; a robot that must not drive gets drive 0. */
-void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
-              mode_command_t command, step_output_t *output);
+void step_run(const step_config_t *config, const route_t *route, step_state_t *state, mode_command_t command,
+              step_output_t *output);
 
 #endif

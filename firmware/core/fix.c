@@ -1,12 +1,8 @@
 #include "core/fix.h"
 
-#ifdef FIX_IN_ASSEMBLY
-#include "core/fix_small.h"
-#endif
-
+#ifndef FIX_IN_ASSEMBLY
 #define BIT31 0x80000000UL
 
-#ifndef FIX_IN_ASSEMBLY
 int32_t fix_add32(int32_t a, int32_t b)
 {
     const uint32_t sum = (uint32_t)a + (uint32_t)b;
@@ -24,9 +20,52 @@ int32_t fix_sub32(int32_t a, int32_t b)
         return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
     return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
 }
-#endif
 
-#ifndef FIX_IN_ASSEMBLY
+int32_t fix_add_to(int32_t value, int32_t *sum)
+{
+    *sum = fix_add32(*sum, value);
+    return *sum;
+}
+
+int32_t fix_less(int32_t value, const int32_t *other)
+{
+    return fix_sub32(value, *other);
+}
+
+int32_t fix_clamp_q16(int32_t value, int16_t limit)
+{
+    return fix_clamp32(value, limit * 65536L);
+}
+
+int16_t fix_round16(int32_t value, uint8_t bits)
+{
+    return fix_sat16(fix_round_shift(value, bits));
+}
+
+int32_t fix_q8(int16_t value)
+{
+    return (int32_t)value * 256;
+}
+
+int32_t fix_times(int32_t value, uint8_t factor)
+{
+    return (int32_t)((uint32_t)value * factor);
+}
+
+int16_t fix_inverse_q15(uint8_t value)
+{
+    const uint16_t inverse = (uint16_t)((32768U + value / 2U) / value);
+    return inverse > 32767U ? (int16_t)32767 : (int16_t)inverse;
+}
+
+uint8_t fix_bits(uint16_t count, uint8_t most)
+{
+    uint8_t bits = 0;
+    for (; count > 0 && bits < most; count >>= 1)
+        bits++;
+    return bits;
+}
+
 uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
 {
     return fix_mul_u16((uint16_t)(a >> 16), b) + (fix_mul_u16((uint16_t)a, b) >> 16);
@@ -36,7 +75,6 @@ uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
 {
     return divisor == 0 ? UINT32_MAX : dividend / divisor;
 }
-#endif
 
 int32_t fix_div(int32_t dividend, uint16_t divisor)
 {
@@ -45,7 +83,6 @@ int32_t fix_div(int32_t dividend, uint16_t divisor)
     return dividend < 0 ? -magnitude : magnitude;
 }
 
-#ifndef FIX_IN_ASSEMBLY
 uint16_t fix_sqrt_u32(uint32_t value)
 {
     uint32_t root = 0;
@@ -76,11 +113,9 @@ int32_t fix_fraction(int32_t value, uint8_t bits)
     const uint32_t magnitude = fix_abs_u32(value) >> bits;
     return (int32_t)(value < 0 ? 0U - magnitude : magnitude);
 }
-#endif
 
 uint16_t fix_round_bam16(uint32_t angle_bam32)
 {
-    const int32_t angle = (int32_t)angle_bam32;
-    const uint32_t magnitude = (fix_abs_u32(angle) + 32768U) >> 16;
-    return (uint16_t)(angle < 0 ? 0U - magnitude : magnitude);
+    return (uint16_t)((angle_bam32 + (angle_bam32 < BIT31 ? 0x8000UL : 0x7FFFUL)) >> 16);
 }
+#endif

@@ -14,8 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: a step's most frequent arithmetic stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
- * stands before the small functions; on the RCX, where each would take 20 to 100 bytes wherever it is used, they are called. */
+/* FIX_IN_ASSEMBLY: on the RCX all of it, and more, stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
+ * stands before the small functions; there, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
 #define FIX_INLINE
@@ -39,6 +39,9 @@ FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
 FIX_INLINE int16_t fix_sat16(int32_t value);
 int32_t fix_add32(int32_t a, int32_t b); /* saturates at +-(2^31 - 1) */
 int32_t fix_sub32(int32_t a, int32_t b);
+int32_t fix_add_to(int32_t value, int32_t *sum); /* *sum = fix_add32(*sum, value), which it returns */
+int32_t fix_less(int32_t value,
+                 const int32_t *other); /* fix_sub32(value, *other); both shorter than what takes two values */
 FIX_INLINE int16_t fix_add16(int16_t a, int16_t b);
 FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b);
 
@@ -46,9 +49,27 @@ FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b);
 FIX_INLINE int32_t fix_clamp32(int32_t value, int32_t limit);
 FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit);
 
+/* `value` limited to -limit * 65536..limit * 65536; limit 0..32767. */
+int32_t fix_clamp_q16(int32_t value, int16_t limit);
+
 /* value / 2^bits, rounded to the nearest, halves away from zero: fix_round_shift(-v, n) = -fix_round_shift(v, n).
  * Any value; bits 1..30, a constant. */
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
+
+/* The same as 16 bits, saturated. */
+int16_t fix_round16(int32_t value, uint8_t bits);
+
+/* value * 256. */
+int32_t fix_q8(int16_t value);
+
+/* value * factor; must fit into 32 bits. */
+int32_t fix_times(int32_t value, uint8_t factor);
+
+/* 32768 / value to the nearest, at most 32767; value 1..255. */
+int16_t fix_inverse_q15(uint8_t value);
+
+/* How many bits `count` has, 0..16, but at most `most`: what is learnt weighs the newest of so many samples as 2^-bits. */
+uint8_t fix_bits(uint16_t count, uint8_t most);
 
 /* The next count: one more, but 65535 stays. */
 FIX_INLINE uint16_t fix_count_u16(uint16_t count);
@@ -78,7 +99,10 @@ int32_t fix_div(int32_t dividend, uint16_t divisor);
 uint16_t fix_sqrt_u32(uint32_t value);
 
 /* Difference of two binary angles, wrapped: -32768..32767 for a - b. */
-FIX_INLINE int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b);
+static inline int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b)
+{
+    return (int16_t)(uint16_t)(a - b);
+}
 
 #ifndef FIX_IN_ASSEMBLY
 #include "core/fix_small.h"

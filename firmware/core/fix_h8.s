@@ -18,19 +18,16 @@ _fix_mul_u16:
 _fix_mul:
 	mov.w	r0,@-r7
 	mov.w	r1,@-r7
-	PRODUCT
-	mov.b	r2l,r1l
-	mov.b	r0l,r1h
+	jsr	@_fix_mul_u16
 	mov.w	@r7+,r2
 	bpl	.Lsecond_positive
-	mov.w	@r7,r0
-	sub.w	r0,r3
+	mov.w	@r7,r3
+	sub.w	r3,r0
 .Lsecond_positive:
-	mov.w	@r7+,r0
+	mov.w	@r7+,r3
 	bpl	.Lfirst_positive
-	sub.w	r2,r3
+	sub.w	r2,r0
 .Lfirst_positive:
-	mov.w	r3,r0
 	rts
 
 ; uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
@@ -43,6 +40,14 @@ _fix_mul_u32_q16:
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bra	.Lmultiply
+
+.Lall:				; by 2^15: all of it, but at most 2^31 - 1
+	mov.w	r5,r3
+	bpl	.Lfits
+	mov.w	#0x7fff,r3
+	mov.w	#0xffff,r2
+.Lfits:
+	SIGNED_RESULT
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
@@ -76,7 +81,46 @@ _fix_share_q15:
 	add.w	r6,r6
 	bcs	.Lall
 .Lmultiply:
-	PRODUCT_Q16
+	bset	#0,r4h
+
+; r5:r2 * r6 / 2^16, all without sign: where bit 0 of r4h is set, cut; else divided by 2^r4l (0 to 31) too, and rounded. Negated by bit 7
+; of r4h. Uses all registers: the end of a function that began with SAVE.
+	.global _fix_h8_scaled
+_fix_h8_scaled:
+	mov.w	r6,r1
+	sub.w	r3,r3
+	mov.w	r2,r0
+	beq	.Lonly_high
+	PRODUCT
+	mov.w	r6,r1
+.Lonly_high:
+	mov.b	r0l,r6l		; the highest byte of what is cut off
+	mov.w	r5,r0
+	bne	.Lhigh
+	mov.w	r3,r2
+	sub.w	r3,r3
+	bra	.Lproduct
+.Lhigh:
+	mov.w	r3,r5
+	PRODUCT
+	mov.b	r0l,r2h
+	add.w	r5,r2
+	addx	#0,r3l
+	addx	#0,r3h
+.Lproduct:
+	btst	#0,r4h
+	bne	_fix_h8_signed_result
+	mov.b	r4l,r4l
+	beq	.Lunshifted
+	jsr	@.Lshift
+	bra	.Lround
+.Lunshifted:
+	add.b	r6l,r6l
+.Lround:			; up where the last bit that fell off was set
+	addx	#0,r2l
+	addx	#0,r2h
+	addx	#0,r3l
+	addx	#0,r3h
 	.global _fix_h8_signed_result
 _fix_h8_signed_result:
 	mov.b	r4h,r4h
@@ -89,21 +133,14 @@ _fix_h8_signed_result:
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
 	rts
-.Lall:				; by 2^15: all of it, but at most 2^31 - 1
-	mov.w	r5,r3
-	bpl	.Lfits
-	mov.w	#0x7fff,r3
-	mov.w	#0xffff,r2
-.Lfits:
-	bra	_fix_h8_signed_result
 
-; r3:r2 (without sign) / 2^r4l to r3:r2, cut; r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right, or left in a byte more.
+; r3:r2 (without sign) / 2^r4l to r3:r2, cut; the carry: the last bit that fell off. r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right,
+; or left in a byte more.
 	.align 1
-	.global _fix_h8_shift
-_fix_h8_shift:
 .Lshift:
 	cmp.b	#8,r4l
 	bcs	.Lbits
+	mov.b	r2l,r1l
 	mov.b	r2h,r2l
 	mov.b	r3l,r2h
 	mov.b	r3h,r3l
@@ -114,15 +151,16 @@ _fix_h8_shift:
 	cmp.b	#5,r4l
 	bcc	.Lleft
 	mov.b	r4l,r4l
-	beq	.Lshifted
+	bne	.Lright
+	add.b	r1l,r1l
+	rts
 .Lright:
 	shlr	r3h
 	rotxr	r3l
 	rotxr	r2h
 	rotxr	r2l
-	add.b	#-1,r4l
+	dec	r4l
 	bne	.Lright
-.Lshifted:
 	rts
 .Lleft:
 	sub.b	r1l,r1l
@@ -131,30 +169,14 @@ _fix_h8_shift:
 	rotxl	r3l
 	rotxl	r3h
 	rotxl	r1l
-	add.b	#1,r4l
-	cmp.b	#8,r4l
-	bne	.Lleft_again
+	inc	r4l
+	btst	#3,r4l
+	beq	.Lleft_again
+	add.b	r2l,r2l
 	mov.b	r2h,r2l
 	mov.b	r3l,r2h
 	mov.b	r3h,r3l
 	mov.b	r1l,r3h
-	rts
-
-; The same, r4l 1 to 31, rounded to the nearest, halves up.
-	.align 1
-	.global _fix_h8_round_shift
-_fix_h8_round_shift:
-.Lround_shift:
-	add.b	#-1,r4l
-	jsr	@.Lshift
-	add.b	#1,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-	shlr	r3h
-	rotxr	r3l
-	rotxr	r2h
-	rotxr	r2l
 	rts
 
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
@@ -162,13 +184,7 @@ _fix_h8_round_shift:
 	.global _fix_fraction
 _fix_fraction:
 	SAVE
-	mov.b	r0h,r4h
-	mov.b	r2l,r4l
-	mov.w	r1,r2
-	mov.w	r0,r3
-	bpl	.Lfraction
-	NEGATE	r3h,r3l,r2h,r2l
-.Lfraction:
+	bsr	.Lmagnitude
 	jsr	@.Lshift
 	SIGNED_RESULT
 
@@ -177,15 +193,32 @@ _fix_fraction:
 	.global _fix_round_shift
 _fix_round_shift:
 	SAVE
+	bsr	.Lmagnitude
+	jsr	@.Lshift
+	jmp	@.Lround
+
+.Lmagnitude:
 	mov.b	r0h,r4h
 	mov.b	r2l,r4l
 	mov.w	r1,r2
 	mov.w	r0,r3
-	bpl	.Lround
+	bpl	.Lnot_negative
 	NEGATE	r3h,r3l,r2h,r2l
-.Lround:
-	jsr	@.Lround_shift
-	SIGNED_RESULT
+.Lnot_negative:
+	rts
+
+; int32_t fix_add_to(int32_t value, int32_t *sum)
+	.align 1
+	.global _fix_add_to
+_fix_add_to:
+	mov.w	r2,@-r7
+	mov.w	@(2,r2),r3
+	mov.w	@r2,r2
+	bsr	.Ladd
+	mov.w	@r7+,r2
+	mov.w	r0,@r2
+	mov.w	r1,@(2,r2)
+	rts
 
 ; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. By signs: the simulator sets V wrong after ADDX and SUBX.
 	.align 1
@@ -193,6 +226,7 @@ _fix_round_shift:
 _fix_add32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
+.Ladd:
 	add.w	r3,r1
 	mov.b	r0h,r3h
 	addx	r2l,r0l
@@ -209,6 +243,15 @@ _fix_add32:
 _fix_sub32:
 	mov.w	@(2,r7),r2
 	mov.w	@(4,r7),r3
+	bra	.Lsubtract
+
+; int32_t fix_less(int32_t value, const int32_t *other)
+	.align 1
+	.global _fix_less
+_fix_less:
+	mov.w	@(2,r2),r3
+	mov.w	@r2,r2
+.Lsubtract:
 	sub.w	r3,r1
 	mov.b	r0h,r3h
 	subx	r2l,r0l
@@ -280,6 +323,100 @@ _fix_clamp32:
 .Lwithin:
 	rts
 
+; int32_t fix_clamp_q16(int32_t value, int16_t limit)
+	.align 1
+	.global _fix_clamp_q16
+_fix_clamp_q16:
+	mov.w	r0,r0
+	bmi	.Lbelow_zero_q16
+	cmp.w	r2,r0
+	blt	.Lwithin_q16
+	bra	.Lclamped_q16
+.Lbelow_zero_q16:
+	not	r2h
+	not	r2l
+	adds	#1,r2
+	cmp.w	r2,r0
+	bge	.Lwithin_q16
+.Lclamped_q16:
+	mov.w	r2,r0
+	sub.w	r1,r1
+.Lwithin_q16:
+	rts
+
+; int32_t fix_q8(int16_t value)
+	.align 1
+	.global _fix_q8
+_fix_q8:
+	sub.b	r1l,r1l
+	mov.b	r0l,r1h
+	mov.b	r0h,r0l
+	bld	#7,r0h
+	subx	r0h,r0h
+	rts
+
+; int32_t fix_times(int32_t value, uint8_t factor): by bytes, the lowest first.
+	.align 1
+	.global _fix_times
+_fix_times:
+	mov.b	r1l,r3l
+	mulxu.b	r2l,r3
+	mov.b	r1h,r1l
+	mulxu.b	r2l,r1
+	add.b	r3h,r1l
+	addx	#0,r1h
+	mov.b	r0h,r2h
+	mulxu.b	r2l,r0
+	add.b	r1h,r0l
+	addx	#0,r0h
+	mov.b	r1l,r1h
+	mov.b	r3l,r1l
+	mov.b	r2h,r3l
+	mulxu.b	r2l,r3
+	add.b	r3l,r0h
+	rts
+
+; int16_t fix_inverse_q15(uint8_t value)
+	.align 1
+	.global _fix_inverse_q15
+_fix_inverse_q15:
+	mov.b	r0l,r1l
+	shlr	r0l
+	sub.b	r2h,r2h
+	mov.b	#0x80,r2l
+	divxu.b	r1l,r2
+	mov.b	r2h,r0h
+	divxu.b	r1l,r0
+	mov.b	r2l,r0h
+	bpl	.Linverse
+	subs	#1,r0
+.Linverse:
+	rts
+
+; uint8_t fix_bits(uint16_t count, uint8_t most)
+	.align 1
+	.global _fix_bits
+_fix_bits:
+	sub.b	r2l,r2l
+.Lcount_bits:
+	mov.w	r0,r0
+	beq	.Lcounted
+	cmp.b	r1l,r2l
+	bcc	.Lcounted
+	inc	r2l
+	shlr	r0h
+	rotxr	r0l
+	bra	.Lcount_bits
+.Lcounted:
+	mov.b	r2l,r0l
+	rts
+
+; int16_t fix_round16(int32_t value, uint8_t bits)
+	.align 1
+	.global _fix_round16
+_fix_round16:
+	jsr	@_fix_round_shift
+
 ; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
 	.align 1
 	.global _fix_sat16
@@ -320,12 +457,85 @@ _fix_sub16:
 	mov.w	#0x7fff,r0
 	rts
 
+; int16_t fix_clamp16(int16_t value, int16_t limit)
+	.align 1
+	.global _fix_clamp16
+_fix_clamp16:
+	cmp.w	r1,r0
+	bgt	.Lclamped16
+	not	r1h
+	not	r1l
+	adds	#1,r1
+	cmp.w	r1,r0
+	bge	.Lwithin16
+.Lclamped16:
+	mov.w	r1,r0
+.Lwithin16:
+	rts
+
+; uint16_t fix_count_u16(uint16_t count), fix_add_u16(uint16_t a, uint16_t b)
+	.align 1
+	.global _fix_count_u16
+_fix_count_u16:
+	mov.w	#1,r1
+	.global _fix_add_u16
+_fix_add_u16:
+	add.w	r1,r0
+	bcc	.Lfits_u16
+	mov.w	#0xffff,r0
+.Lfits_u16:
+	rts
+
+; uint16_t fix_round_bam16(uint32_t angle_bam32): 2^15 more, or 2^15 - 1 of a negative one, and its high word.
+	.align 1
+	.global _fix_round_bam16
+_fix_round_bam16:
+	mov.b	r0h,r2l
+	add.b	r2l,r2l
+	mov.w	#0x8000,r2
+	subx	#0,r2l
+	subx	#0,r2h
+	add.w	r2,r1
+	addx	#0,r0l
+	addx	#0,r0h
+	rts
+
+; uint16_t fix_abs_u16(int16_t value)
+	.align 1
+	.global _fix_abs_u16
+_fix_abs_u16:
+	mov.w	r0,r0
+	bpl	.Labsolute16
+	not	r0h
+	not	r0l
+	adds	#1,r0
+.Labsolute16:
+	rts
+
+; int32_t fix_div(int32_t dividend, uint16_t divisor)
+	.align 1
+	.global _fix_div
+_fix_div:
+	mov.w	r0,@-r7
+	bsr	.Lmagnitude32
+	jsr	@_fix_div_u32
+	mov.w	r0,r0
+	bpl	.Lquotient
+	mov.w	#0x7fff,r0
+	mov.w	#0xffff,r1
+.Lquotient:
+	mov.w	@r7+,r2
+	bmi	.Lnegate32
+	rts
+
 ; uint32_t fix_abs_u32(int32_t value)
 	.align 1
 	.global _fix_abs_u32
 _fix_abs_u32:
+.Lmagnitude32:
 	mov.w	r0,r0
 	bpl	.Labsolute
+.Lnegate32:
 	NEGATE	r0h,r0l,r1h,r1l
 .Labsolute:
 	rts
@@ -352,47 +562,25 @@ _fix_div_u32:
 	sub.w	r0,r0
 	rts
 .Ldivide_half:
-	mov.b	#4,r0l
-.Lfour_rounds:
-	DIVIDE_ROUND
-	DIVIDE_ROUND
+	mov.b	#8,r0l
+.Ltwo_rounds:
 	DIVIDE_ROUND
 	DIVIDE_ROUND
 	add.b	#-1,r0l
-	bne	.Lfour_rounds
+	bne	.Ltwo_rounds
 	rts
 
 ; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,
-; r4 the root, r5 a trial, r6l counts. The rest stays within 16 bits for 13 rounds.
+; r4 the root, r2h:r5 a trial, r6l counts.
 	.align 1
 	.global _fix_sqrt_u32
 _fix_sqrt_u32:
 	SAVE
+	sub.b	r2l,r2l
 	sub.w	r3,r3
 	sub.w	r4,r4
-	mov.b	#13,r6l
+	mov.b	#16,r6l
 .Lroot:
-	.rept	2
-	add.w	r1,r1
-	rotxl	r0l
-	rotxl	r0h
-	rotxl	r3l
-	rotxl	r3h
-	.endr
-	add.w	r4,r4
-	mov.w	r4,r5
-	add.w	r5,r5
-	adds	#1,r5
-	cmp.w	r5,r3
-	bcs	.Lzero
-	sub.w	r5,r3
-	adds	#1,r4
-.Lzero:
-	add.b	#-1,r6l
-	bne	.Lroot
-	mov.b	#3,r6l
-	sub.b	r2l,r2l
-.Lwide_root:
 	.rept	2
 	add.w	r1,r1
 	rotxl	r0l
@@ -405,20 +593,20 @@ _fix_sqrt_u32:
 	sub.b	r2h,r2h
 	mov.w	r4,r5
 	add.w	r5,r5
-	rotxl	r2h		; the trial's third byte
+	rotxl	r2h
 	adds	#1,r5
 	cmp.b	r2h,r2l
-	bcs	.Lwide_zero
-	bne	.Lwide_one
+	bcs	.Lzero
+	bne	.Lone
 	cmp.w	r5,r3
-	bcs	.Lwide_zero
-.Lwide_one:
+	bcs	.Lzero
+.Lone:
 	sub.w	r5,r3
 	subx	r2h,r2l
 	adds	#1,r4
-.Lwide_zero:
+.Lzero:
 	add.b	#-1,r6l
-	bne	.Lwide_root
+	bne	.Lroot
 	mov.w	r4,r0
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5

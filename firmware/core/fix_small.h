@@ -1,10 +1,9 @@
-/* fix_small.h: the bodies of fix.h's small functions: everybody's inline; on the RCX fix.c's alone, but for those in fix_h8.s. */
+/* fix_small.h: the bodies of fix.h's small functions, inline; not for the RCX, which has them in fix_h8.s. */
 #ifndef BRICKPILOT_CORE_FIX_SMALL_H
 #define BRICKPILOT_CORE_FIX_SMALL_H
 
 #include "core/fix.h"
 
-#ifndef FIX_IN_ASSEMBLY
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b)
 {
     return (uint32_t)a * b;
@@ -45,7 +44,6 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
     const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
-#endif
 
 FIX_INLINE uint16_t fix_abs_u16(int16_t value)
 {
@@ -66,11 +64,6 @@ FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b)
 {
     const uint16_t sum = (uint16_t)(a + b);
     return sum < a ? (uint16_t)65535U : sum;
-}
-
-FIX_INLINE int16_t fix_angle_diff_bam16(uint16_t a, uint16_t b)
-{
-    return (int16_t)(uint16_t)(a - b);
 }
 
 #endif

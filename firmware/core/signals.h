@@ -24,6 +24,17 @@ enum {
     SENSOR_BATTERY = 16
 };
 
+/* The sensors that this build can ever have. One for a brick that lacks some, -DSENSORS_POSSIBLE=..., carries no code for them: it
+ * never asks the HAL, and does otherwise what a full build does without them. */
+#ifndef SENSORS_POSSIBLE
+#define SENSORS_POSSIBLE (SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY)
+#endif
+
+#define SENSOR_POSSIBLE(bits) ((SENSORS_POSSIBLE & (bits)) != 0)
+
+/* Whether there is one of `bits`, constants, in this step: false at compile time where none of them is possible. */
+#define SIGNALS_HAVE(signals, bits) (((signals)->sensors.have & ((bits)&SENSORS_POSSIBLE)) != 0)
+
 /* hal -> estimator. Fields whose bit is not set hold no meaning. */
 typedef struct {
     uint8_t have;              /* SENSOR_* bits */
@@ -41,17 +52,39 @@ typedef struct {
     int16_t reference_yaw_rate_mrad_s;
 } signals_sensors_t;
 
-/* estimator -> autopilot, control, telemetry. */
+/* model -> estimator: what the voltages applied should have done by now. */
 typedef struct {
-    int32_t x_um;
+    int32_t surge_mm_s_q17; /* +-8.19 m/s */
+    int32_t sway_mm_s_q17;
+    int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s */
+} signals_motion_t;
+
+/* estimator -> autopilot, control, telemetry. The estimator's stages go on from what it holds of the step before; all zero, or x_um
+ * and y_um set to where the robot stands, to begin with. */
+typedef struct {
+    int32_t x_um; /* +-2147 m, saturates */
     int32_t y_um;
     uint16_t heading_bam16;
     int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */
-    int16_t yaw_rate_mrad_s; /* bias removed */
-    int16_t accel_mm_s2;     /* rate of change of speed, filtered; 0 where nothing tells it */
-    bool at_rest;            /* wheels and body stand still: the gyro bias is being learnt */
-    bool valid;              /* false: too little to steer by */
+    int16_t yaw_rate_mrad_s; /* bias removed, -32767..32767, saturates */
+    int16_t accel_mm_s2;     /* rate of change of speed, filtered, saturates */
+    bool at_rest; /* wheels and body stand still: from the end of the first quiet block until something moves */
+    bool valid;   /* false: too little to steer by */
+
+    /* What the estimator works on, and its stages tell each other; nobody else's. */
+    bool driven; /* a motor got another voltage than 0 in the step that has passed */
+    signals_sensors_t sensors;
+    const signals_motion_t *predicted;
+    int32_t travel_um_q5;      /* forward since the step before, +-2^26 */
+    int32_t sway_travel_um_q5; /* to the right */
 } signals_state_t;
+
+/* Wheels that cannot slide, those of the model's profile `coupled`, never sway: false where a build has no other. */
+#ifdef BODY_WITHOUT_PAPER
+#define SIGNALS_SWAY false
+#else
+#define SIGNALS_SWAY true
+#endif
 
 /* autopilot -> control. */
 typedef struct {

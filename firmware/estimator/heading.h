@@ -13,6 +13,7 @@
 #define BRICKPILOT_ESTIMATOR_HEADING_H
 
 #include "core/signals.h"
+#include "estimator/bias.h"
 
 #define HEADING_BLOCK_STEPS (STEP_MS < 6 ? 64 : 16) /* 0.2 s, in a power of two of steps */
 #define HEADING_BIAS_LIMIT_MRAD_S 127
@@ -28,38 +29,21 @@ typedef struct {
 
 /* All zero to begin with, or with heading_bam32 set to where the robot points. */
 typedef struct {
+    bias_t bias; /* mrad/s q8, of blocks: beside the known one, +-127 mrad/s */
     uint32_t heading_bam32;
-    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is left */
-    int16_t bias_mrad_s_q8;  /* learnt, beside the known one: +-127 mrad/s, saturates */
-    uint8_t learnt_blocks;   /* stays at 255 */
-    uint8_t block_steps;
     int32_t block_sum_mrad_s;
+    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is left */
     int16_t block_least_mrad_s;
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
     uint16_t blind_ms; /* since the last gyro sample or reference */
-    bool at_rest;
+    uint8_t block_steps;
 } heading_state_t;
 
-typedef struct {
-    const signals_sensors_t *sensors;
-    int16_t predicted_speed_mm_s_q4;   /* the model's */
-    int16_t predicted_yaw_rate_mrad_s; /* the model's: stands in where there is no gyro */
-    bool driven;                       /* a motor got another voltage than 0 */
-} heading_input_t;
-
-typedef struct {
-    uint16_t heading_bam16;
-    int16_t yaw_rate_mrad_s; /* bias removed, -32767..32767, saturates */
-    bool at_rest;            /* from the end of the first quiet block until something moves */
-    bool bias_known;         /* at least one block was learnt */
-    bool valid;              /* not blind for longer than blind_ms */
-} heading_output_t;
-
-/* One step of sensors->period_ms (1..20). The heading is the integral of the mean of two samples: error below 2e-5 of
- * the angle turned, and 2^-8 mrad/s of bias. */
-void heading_step(const heading_config_t *config, heading_state_t *state, const heading_input_t *input,
-                  heading_output_t *output);
+/* One step of sensors.period_ms (1..20). Takes the sensors, `driven` and the model's surge; its yaw rate where there is no gyro.
+ * Sets heading, yaw rate, at_rest, and valid: not blind for longer than blind_ms. The heading is the integral of the mean of two
+ * samples: error below 2e-5 of the angle turned, and 2^-8 mrad/s of bias. */
+void heading_step(const heading_config_t *config, heading_state_t *state, signals_state_t *signals);
 
 #endif

@@ -16,6 +16,7 @@
 #define BRICKPILOT_ESTIMATOR_SPEED_H
 
 #include "core/signals.h"
+#include "estimator/bias.h"
 
 #define SPEED_BEHIND_LIMIT_UM_Q5 3200000L /* 100 mm: beyond it the wheels slip, and the observer forgets */
 
@@ -33,34 +34,18 @@ typedef struct {
 
 /* All zero to begin with, at rest. */
 typedef struct {
-    int32_t speed_mm_s_q17;
-    int16_t speed_mm_s_q4; /* the same, rounded */
-    int16_t sway_mm_s_q4;
-    int32_t behind_um_q5;         /* travel by the counts minus travel estimated, +-100 mm */
-    int32_t accel_mm_s2_q8;       /* filtered */
-    int32_t accel_bias_mm_s2_q12; /* +-1 m/s^2 */
-    uint16_t learnt_steps;        /* stays at 65535 */
-    uint16_t rotation_left;       /* of the step before */
+    int32_t speed_mm_s_q17; /* signals_state_t has it rounded */
+    int32_t accel_mm_s2_q8; /* the same */
+    int32_t behind_um_q5;   /* travel by the counts minus travel estimated, +-100 mm */
+    bias_t bias;            /* the accelerometer's, mm/s^2 q12, +-1 m/s^2 */
+    uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
+    int16_t sway_mm_s_q4; /* of the step before */
     bool rotation_known;
 } speed_state_t;
 
-typedef struct {
-    const signals_sensors_t *sensors;
-    int32_t predicted_mm_s_q17;      /* the model's surge now, a step after its last correction; +-8.2 m/s */
-    int32_t predicted_sway_mm_s_q17; /* the model's; 0 where wheels cannot slide */
-    int16_t yaw_rate_mrad_s;         /* bias removed */
-    bool at_rest;                    /* of heading_step() */
-} speed_input_t;
-
-typedef struct {
-    int32_t correction_mm_s_q17; /* what the model's surge lacks; +-16.4 m/s */
-    int16_t speed_mm_s_q4;       /* saturates at +-2.047 m/s */
-    int16_t accel_mm_s2;         /* rate of change of speed, filtered, saturates */
-    int32_t travel_um_q5;        /* forward since the step before, the sensors' correction included */
-    int32_t sway_travel_um_q5;
-} speed_output_t;
-
-void speed_step(const speed_config_t *config, speed_state_t *state, const speed_input_t *input, speed_output_t *output);
+/* One step. Takes the sensors, the model's surge (now, a step after its last correction) and sway, heading_step()'s yaw rate and at_rest.
+ * Sets speed, acceleration and both travels. Returns what the model's surge lacks, mm/s q17, +-16.4 m/s. */
+int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_state_t *signals);
 
 #endif

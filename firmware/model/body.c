@@ -2,9 +2,9 @@
 
 enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
 
-static int32_t clamp_speed(int32_t speed_mm_s_q17)
+static inline int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
-    return fix_clamp32(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17);
+    return fix_clamp_q16(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17 / 65536);
 }
 /* Square of a speed, (mm/s)^2 q2. */
 static int32_t square(int32_t speed_mm_s_q17)
@@ -17,7 +17,7 @@ static int32_t square(int32_t speed_mm_s_q17)
 static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_q17)
 {
     const int32_t loss = scale_apply(&coefficients->drag, square(speed_mm_s_q17));
-    return speed_mm_s_q17 > 0 ? -loss : loss;
+    return speed_mm_s_q17 < 0 ? loss : -loss;
 }
 
 static void predict_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
@@ -26,10 +26,11 @@ static void predict_coupled(const body_coefficients_t *coefficients, body_state_
     motor_state_t *const mean = &state->motor[0];
     motor_state_t *const difference = &state->motor[1];
 
-    motor_step(&coefficients->motor[0], mean, (int16_t)(left_mv + right_mv), drag(coefficients, state->surge_mm_s_q17));
+    motor_step(&coefficients->motor[0], mean, (int16_t)(left_mv + right_mv),
+               drag(coefficients, state->motion.surge_mm_s_q17));
     motor_step(&coefficients->motor[1], difference, (int16_t)(left_mv - right_mv), 0);
-    state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
-    state->yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13);
+    state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
+    state->motion.yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13);
 }
 
 #ifndef BODY_WITHOUT_PAPER
@@ -55,7 +56,7 @@ static bool moves(int32_t surge_mm_s_q17, int32_t sway_mm_s_q17)
  * image ahead of it. */
 static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
 {
-    if (!moves(state->surge_mm_s_q17, state->sway_mm_s_q17))
+    if (!moves(state->motion.surge_mm_s_q17, state->motion.sway_mm_s_q17))
         return heading_bam16;
     const uint16_t course_bam16 = trig_atan2_bam16(state->velocity_y_mm_s_q17, state->velocity_x_mm_s_q17);
     const int16_t astray_bam16 = fix_angle_diff_bam16(course_bam16, heading_bam16);
@@ -80,19 +81,20 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
     const int32_t left = thrust(coefficients, 0, &state->motor[0], left_mv);
     const int32_t right = thrust(coefficients, 1, &state->motor[1], right_mv);
     const int32_t gain = scale_apply(&coefficients->yaw_rate_from_thrust, left - right);
-    const int32_t yaw_rate_before = state->yaw_rate_mrad_s_q12;
+    const int32_t yaw_rate_before = state->motion.yaw_rate_mrad_s_q12;
 
-    const direction_t before = direction_of(body_heading_bam16(state));
-    state->yaw_rate_mrad_s_q12 = fix_clamp32(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12);
+    const direction_t before = direction_of(rounded_heading_bam16(state));
+    state->motion.yaw_rate_mrad_s_q12 =
+        fix_clamp_q16(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
     const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
     push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
-         drag(coefficients, state->surge_mm_s_q17), drag(coefficients, state->sway_mm_s_q17));
+         drag(coefficients, state->motion.surge_mm_s_q17), drag(coefficients, state->motion.sway_mm_s_q17));
 
     const int32_t x = state->velocity_x_mm_s_q17;
     const int32_t y = state->velocity_y_mm_s_q17;
-    const direction_t ahead = direction_of(body_heading_bam16(state));
-    state->surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
-    state->sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
+    const direction_t ahead = direction_of(rounded_heading_bam16(state));
+    state->motion.surge_mm_s_q17 = clamp_speed(part(x, ahead.cos_q15, 0) + part(y, ahead.sin_q15, 0));
+    state->motion.sway_mm_s_q17 = clamp_speed(part(y, ahead.cos_q15, 0) - part(x, ahead.sin_q15, 0));
 }
 #endif
 
@@ -112,20 +114,16 @@ void body_predict(const body_coefficients_t *coefficients, body_state_t *state, 
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
 {
     if (BODY_IS_PAPER(coefficients)) {
-        const direction_t ahead = direction_of(body_heading_bam16(state));
+        const direction_t ahead = direction_of(rounded_heading_bam16(state));
         state->velocity_x_mm_s_q17 = clamp_speed(state->velocity_x_mm_s_q17 + part(change_mm_s_q17, ahead.cos_q15, 0));
         state->velocity_y_mm_s_q17 = clamp_speed(state->velocity_y_mm_s_q17 + part(change_mm_s_q17, ahead.sin_q15, 0));
-        state->surge_mm_s_q17 = clamp_speed(state->surge_mm_s_q17 + change_mm_s_q17);
+        state->motion.surge_mm_s_q17 = clamp_speed(state->motion.surge_mm_s_q17 + change_mm_s_q17);
         return;
     }
     motor_state_t *const mean = &state->motor[0];
     const int32_t quarter = scale_apply(&coefficients->quarter_wheel_from_surge, change_mm_s_q17);
-    const int32_t change = fix_add32(fix_add32(quarter, quarter), fix_add32(quarter, quarter));
-    mean->speed_mrad_s_q13 = fix_clamp32(fix_add32(mean->speed_mrad_s_q13, change), MOTOR_SPEED_LIMIT_MRAD_S_Q13);
-    state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
-}
-
-uint16_t body_heading_bam16(const body_state_t *state)
-{
-    return fix_round_bam16(state->heading_bam32);
+    for (uint8_t i = 0; i < 4; i++)
+        fix_add_to(quarter, &mean->speed_mrad_s_q13);
+    mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536);
+    state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
 }

@@ -59,11 +59,9 @@ typedef struct {
     motor_state_t motor[2];      /* as coefficients.motor */
     int32_t velocity_x_mm_s_q17; /* paper: in the room */
     int32_t velocity_y_mm_s_q17;
-    int32_t surge_mm_s_q17; /* +-8.19 m/s, saturates */
-    int32_t sway_mm_s_q17;
-    int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s, saturates */
-    uint32_t heading_bam32;      /* 2^32 = one turn */
-    int32_t x_um;                /* +-2147 m, saturates */
+    signals_motion_t motion; /* saturates */
+    uint32_t heading_bam32;  /* 2^32 = one turn */
+    int32_t x_um;            /* +-2147 m, saturates */
     int32_t y_um;
     int16_t x_rest_um_q12; /* what x_um leaves out, below 1 um */
     int16_t y_rest_um_q12;

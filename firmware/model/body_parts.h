@@ -11,6 +11,11 @@ typedef struct {
     int16_t sin_q15;
 } direction_t;
 
+static inline uint16_t rounded_heading_bam16(const body_state_t *state)
+{
+    return fix_round_bam16(state->heading_bam32);
+}
+
 static inline direction_t direction_of(uint16_t angle_bam16)
 {
     return (direction_t){.cos_q15 = trig_cos_q15(angle_bam16), .sin_q15 = trig_sin_q15(angle_bam16)};
@@ -35,7 +40,7 @@ static inline int32_t middle(int32_t before, int32_t after)
 /* By the mean of two yaw rates: it has changed linearly. Returns the heading in the middle of the step. */
 static inline uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t before_mrad_s_q12)
 {
-    const int32_t mean = middle(before_mrad_s_q12, state->yaw_rate_mrad_s_q12);
+    const int32_t mean = middle(before_mrad_s_q12, state->motion.yaw_rate_mrad_s_q12);
     const int32_t turned = scale_apply(&coefficients->heading_from_yaw_rate, mean);
     const uint16_t middle_bam16 = fix_round_bam16(state->heading_bam32 + (uint32_t)half(turned));
     state->heading_bam32 += (uint32_t)turned;

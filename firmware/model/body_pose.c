@@ -24,7 +24,7 @@ static int32_t mean_travel_um_q12(const body_coefficients_t *coefficients, int32
 
 void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv)
 {
-    const int32_t surge = state->surge_mm_s_q17, yaw_rate = state->yaw_rate_mrad_s_q12;
+    const int32_t surge = state->motion.surge_mm_s_q17, yaw_rate = state->motion.yaw_rate_mrad_s_q12;
     const int32_t x = state->velocity_x_mm_s_q17, y = state->velocity_y_mm_s_q17;
 
     body_predict(coefficients, state, left_mv, right_mv);
@@ -33,7 +33,7 @@ void body_step(const body_coefficients_t *coefficients, body_state_t *state, int
              mean_travel_um_q12(coefficients, y, state->velocity_y_mm_s_q17));
     } else {
         const direction_t along = direction_of(turn(coefficients, state, yaw_rate));
-        const int32_t travel_um_q12 = mean_travel_um_q12(coefficients, surge, state->surge_mm_s_q17);
+        const int32_t travel_um_q12 = mean_travel_um_q12(coefficients, surge, state->motion.surge_mm_s_q17);
         move(state, part(travel_um_q12, along.cos_q15, 0), part(travel_um_q12, along.sin_q15, 0));
     }
 }
@@ -48,4 +48,9 @@ void body_wheels(const body_coefficients_t *coefficients, const body_state_t *st
     wheels->right_current_ua_q7 = paper ? second->current_ua_q7 : first->current_ua_q7 - second->current_ua_q7;
     wheels->left_mrad_s_q13 = paper ? first->speed_mrad_s_q13 : first->speed_mrad_s_q13 + second->speed_mrad_s_q13;
     wheels->right_mrad_s_q13 = paper ? second->speed_mrad_s_q13 : first->speed_mrad_s_q13 - second->speed_mrad_s_q13;
+}
+
+uint16_t body_heading_bam16(const body_state_t *state)
+{
+    return rounded_heading_bam16(state);
 }

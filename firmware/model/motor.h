@@ -17,15 +17,17 @@
 #define MOTOR_VOLTAGE_LIMIT_MV 16383
 #define MOTOR_SPEED_LIMIT_MRAD_S_Q13 786432000L /* 96 rad/s: two of them still fit in 31 bits */
 
-/* New current = sum of the current_from_ terms; change of speed = sum of the speed_from_ terms. The generator refuses
- * parameters with which a sum could pass 2^31 anywhere within the limits above. */
+/* A state's new value or change: the sum of these shares of what there was. The generator refuses parameters with which a sum could pass
+ * 2^31 anywhere within the limits above. */
 typedef struct {
-    scale_t current_from_current;
-    scale_t current_from_speed;
-    scale_t current_from_voltage; /* for scale_apply16, input mV */
-    scale_t speed_from_current;
-    scale_t speed_from_speed; /* less than zero: this is minus the share of speed lost in a step */
-    scale_t speed_from_voltage;
+    scale_t from_current;
+    scale_t from_speed;
+    scale_t from_voltage; /* for scale_apply16, input mV */
+} motor_row_t;
+
+typedef struct {
+    motor_row_t current; /* the new one */
+    motor_row_t speed;   /* its change; from_speed is less than zero: minus the share of speed lost in a step */
 } motor_coefficients_t;
 
 /* All zero is a motor at rest. */

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +18,10 @@ PARTS = 16
 PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
+# Those that an RCX's program is built for. The host's build is for all sensors, and is fed these alone.
+POSSIBLE = re.findall(r"-DSENSORS_POSSIBLE=\([A-Z_|]+\)", (ROOT / "hal/rcx/build").read_text())
+OF_EACH_SENSORS = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed")
+
 # These call the HAL: the missions on the simulator do so too, tests/python/test_hil_h8sim.py.
 WITHOUT_VECTORS = {"app/loop", "app/serve"}
 NOT_ON_THE_RCX = {"wire/slcan"}
@@ -24,6 +29,7 @@ NOT_ON_THE_RCX = {"wire/slcan"}
 VECTORS = ROOT / "tests/vectors"
 MODULES = sorted(path.relative_to(VECTORS).with_suffix("").as_posix() for path in VECTORS.glob("*/*.c"))
 CASES = [(module, flag) for module in MODULES for flag in (PROFILES if module in OF_EACH_PROFILE else ("",))]
+CASES += [(module, flag) for flag in POSSIBLE for module in OF_EACH_SENSORS]
 
 Told = tuple[list[str], list[str], list[str]]
 """What the host's program says, the same under the sanitizer, and the RCX's on its simulator."""
@@ -56,13 +62,14 @@ def told(
     """Of every case that is asked for, as many at a time as there are processors, the longest first."""
     parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
     cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
-    folder = tmp_path_factory.mktemp("vectors")
-    for flag in {flag for _, flag in cases}:
-        for kind in ("host", "checked", "h8"):
-            build(ROOT, kind, folder / flag / kind, flag, (module for module, its in cases if its == flag))
+    folders = {flag: tmp_path_factory.mktemp("vectors") for _, flag in cases}
+    for flag, folder in folders.items():
+        fed = flag.replace("SENSORS_POSSIBLE", "DRAWN_SENSORS")
+        for kind, flags in (("host", fed), ("checked", fed), ("h8", flag)):
+            build(ROOT, kind, folder / kind, flags, (module for module, its in cases if its == flag))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         cases.sort(key=lambda case: case[0] not in OF_EACH_PROFILE)
-        yield {(module, flag): pool.submit(tell, folder / flag, module) for module, flag in cases}
+        yield {(module, flag): pool.submit(tell, folders[flag], module) for module, flag in cases}
 
 
 def first_difference(wanted: list[str], found: list[str]) -> str:
@@ -82,6 +89,10 @@ def test_a_module_gives_the_same_on_the_h8(
     assert first_difference(host, h8) == "", f"{module} {flag}"
 
 
+def test_vectors_are_of_both_sets_of_sensors() -> None:
+    assert len(POSSIBLE) == 2
+
+
 def test_every_module_has_vectors() -> None:
     sources = [*(ROOT / "firmware").rglob("*.c"), *(ROOT / "hal/wire").glob("*.c")]
     named = {f"{path.parent.name}/{path.stem.removesuffix('_gen')}" for path in sources}
@@ -92,8 +103,8 @@ def test_every_module_has_vectors() -> None:
     ("file", "of", "to", "module"),
     [
         ("core/h8.inc", "addx	#0,r3h\n	add.b	r0h,r3l", "add.b	r0h,r3l", "core/fix"),
-        ("core/fix_h8.s", "mov.b	#13,r6l", "mov.b	#14,r6l", "core/fix"),
-        ("model/scale_h8.s", "add.b	r0l,r0l", "add.b	r1l,r1l", "model/scale"),
+        ("core/fix_h8.s", "mov.b	#16,r6l", "mov.b	#15,r6l", "core/fix"),
+        ("model/scale_h8.s", "mov.b	#1,r4l", "mov.b	#2,r4l", "model/scale"),
     ],
 )
 def test_a_slip_in_what_the_h8_alone_does_is_caught(file: str, of: str, to: str, module: str, tmp_path: Path) -> None:

@@ -205,7 +205,16 @@ def test_record_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
     is_whole(tmp_path, "record", 256)
 
 
-@pytest.mark.parametrize(("sensors", "most"), [("imu", 20530), ("rotation", 20460)])
+@pytest.mark.parametrize("sensors", CONFIGURATIONS)
+def test_the_autopilot_asks_for_no_sensor_that_is_never_there(tmp_path: Path, sensors: str) -> None:
+    subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)
+    loop = tmp_path / "brickpilot-objects/firmware_app_loop.o"
+    asked = subprocess.run(["h8300-hms-nm", "-u", loop], capture_output=True, text=True, check=True).stdout
+    wanted = {"imu", "battery"} | ({"rotation"} & {sensors})
+    assert set(re.findall(r"_hal_(\w+)_read", asked)) == wanted
+
+
+@pytest.mark.parametrize(("sensors", "most"), [("imu", 18610), ("rotation", 18680)])
 def test_the_autopilot_grows_no_larger(tmp_path: Path, sensors: str, most: int) -> None:
     """When it shrinks, its limit shrinks with it. The goal is 12 KB."""
     subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)

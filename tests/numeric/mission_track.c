@@ -108,8 +108,8 @@ static signals_sensors_t reference_of_model(const body_state_t *body)
     return (signals_sensors_t){.reference_x_um = body->x_um,
                                .reference_y_um = body->y_um,
                                .reference_heading_bam16 = body_heading_bam16(body),
-                               .reference_speed_mm_s_q4 = (int16_t)lround(body->surge_mm_s_q17 / 8192.0),
-                               .reference_yaw_rate_mrad_s = (int16_t)lround(body->yaw_rate_mrad_s_q12 / 4096.0)};
+                               .reference_speed_mm_s_q4 = (int16_t)lround(body->motion.surge_mm_s_q17 / 8192.0),
+                               .reference_yaw_rate_mrad_s = (int16_t)lround(body->motion.yaw_rate_mrad_s_q12 / 4096.0)};
 }
 
 static signals_sensors_t reference_of_state(const bp_state *state)
@@ -155,7 +155,7 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
     route_waypoint_t waypoints[MISSION_WAYPOINTS];
     route_t route;
     step_state_t state = {0};
-    step_output_t output;
+    step_output_t output = {.effort = {0}};
 
     own.mode.los.cruise_mm_s_q4 = (int16_t)lround(mission->cruise * 16e3);
     set_route(mission, waypoints, &route);
@@ -164,9 +164,8 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
         const bool model = flown->coefficients != NULL;
         const double position[] = {model ? flown->model.x_um * 1e-6 : flown->paper.state.x,
                                    model ? flown->model.y_um * 1e-6 : flown->paper.state.y};
-        signals_sensors_t sensors;
-        sense(flown, &sensors);
-        step_run(&own, &route, &state, &sensors, step == 0 ? MODE_START : MODE_NONE, &output);
+        sense(flown, &output.state.sensors);
+        step_run(&own, &route, &state, step == 0 ? MODE_START : MODE_NONE, &output);
         record(track, mission, step, position, state.mode.guidance.waypoint, state.mode.mode == MODE_ARRIVED);
         advance(flown, &state.drive);
     }

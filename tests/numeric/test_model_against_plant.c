@@ -128,9 +128,9 @@ static void read_model(const body_coefficients_t *coefficients, const body_state
     si[CURRENT_RIGHT] = wheels.right_current_ua_q7 / 128e6;
     si[WHEEL_LEFT] = wheels.left_mrad_s_q13 / 8192e3;
     si[WHEEL_RIGHT] = wheels.right_mrad_s_q13 / 8192e3;
-    si[SURGE] = body->surge_mm_s_q17 / 131072e3;
-    si[SWAY] = body->sway_mm_s_q17 / 131072e3;
-    si[YAW_RATE] = body->yaw_rate_mrad_s_q12 / 4096e3;
+    si[SURGE] = body->motion.surge_mm_s_q17 / 131072e3;
+    si[SWAY] = body->motion.sway_mm_s_q17 / 131072e3;
+    si[YAW_RATE] = body->motion.yaw_rate_mrad_s_q12 / 4096e3;
     si[HEADING] = body->heading_bam32 * (2 * PI / 4294967296.0);
     si[X] = body->x_um * 1e-6;
     si[Y] = body->y_um * 1e-6;

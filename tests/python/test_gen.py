@@ -67,15 +67,15 @@ def test_a_step_is_what_the_differential_equation_gives(seed: int, inertia_of) -
     np.testing.assert_allclose(found, integrate(values, inertia, start, voltage, torque), rtol=1e-7, atol=1e-9)
 
 
-def steady(motor: dict[str, Scale]) -> float:
+def steady(motor: dict[str, dict[str, Scale]]) -> float:
     """Speed per volt in which the rounded coefficients come to rest."""
     m = np.array(
         [
-            [motor["current_from_current"].factor - 1, motor["current_from_speed"].factor],
-            [motor["speed_from_current"].factor, motor["speed_from_speed"].factor],
+            [motor["current"]["from_current"].factor - 1, motor["current"]["from_speed"].factor],
+            [motor["speed"]["from_current"].factor, motor["speed"]["from_speed"].factor],
         ]
     )
-    drive = np.array([motor["current_from_voltage"].factor16, motor["speed_from_voltage"].factor16])
+    drive = np.array([motor["current"]["from_voltage"].factor16, motor["speed"]["from_voltage"].factor16])
     current, speed = np.linalg.solve(m, -drive * VOLTAGE)
     assert current / CURRENT < 1
     return float(speed / WHEEL_SPEED)

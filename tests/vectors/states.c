@@ -7,7 +7,7 @@
 
 void draw_sensors(signals_sensors_t *sensors)
 {
-    sensors->have = (uint8_t)(draw_u16() & 31U);
+    sensors->have = (uint8_t)(draw_u16() & DRAWN_SENSORS);
     sensors->period_ms = draw_rarely(2) ? (uint8_t)draw_between(1, 20) : BODY_PERIOD_MS;
     sensors->accel_surge_mm_s2 = draw_between(-32767, 32767);
     sensors->accel_sway_mm_s2 = draw_between(-32767, 32767);
@@ -107,9 +107,9 @@ void hash_body_state(const body_state_t *state)
     }
     hash_s32(state->velocity_x_mm_s_q17);
     hash_s32(state->velocity_y_mm_s_q17);
-    hash_s32(state->surge_mm_s_q17);
-    hash_s32(state->sway_mm_s_q17);
-    hash_s32(state->yaw_rate_mrad_s_q12);
+    hash_s32(state->motion.surge_mm_s_q17);
+    hash_s32(state->motion.sway_mm_s_q17);
+    hash_s32(state->motion.yaw_rate_mrad_s_q12);
     hash_u32(state->heading_bam32);
     hash_s32(state->x_um);
     hash_s32(state->y_um);

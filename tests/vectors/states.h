@@ -12,6 +12,11 @@
 #define PARAMS PARAMS_COUPLED
 #endif
 
+/* What the vectors' sensors have at most: a full build is fed what one for fewer is with -DDRAWN_SENSORS. */
+#ifndef DRAWN_SENSORS
+#define DRAWN_SENSORS SENSORS_POSSIBLE
+#endif
+
 void draw_sensors(signals_sensors_t *sensors);
 void draw_motion(signals_state_t *motion);
 

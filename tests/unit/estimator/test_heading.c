@@ -4,31 +4,30 @@
 
 static const heading_config_t *const CONFIG = &PARAMS_COUPLED.step.heading;
 static heading_state_t state;
-static signals_sensors_t sensors;
-static heading_input_t input;
-static heading_output_t output;
+static signals_state_t signals;
+static signals_motion_t predicted;
 
 void setUp(void)
 {
     state = (heading_state_t){.heading_bam32 = 0};
-    sensors = (signals_sensors_t){.have = SENSOR_GYRO, .period_ms = 3};
-    input = (heading_input_t){.sensors = &sensors};
+    predicted = (signals_motion_t){.surge_mm_s_q17 = 0};
+    signals = (signals_state_t){.sensors = {.have = SENSOR_GYRO, .period_ms = 3}, .predicted = &predicted};
 }
 
 void tearDown(void) {}
 
 static void run(int16_t rate_mrad_s, int steps)
 {
-    sensors.yaw_rate_mrad_s = rate_mrad_s;
+    signals.sensors.yaw_rate_mrad_s = rate_mrad_s;
     for (int i = 0; i < steps; i++)
-        heading_step(CONFIG, &state, &input, &output);
+        heading_step(CONFIG, &state, &signals);
 }
 
 static void run_driven(int16_t rate_mrad_s, int steps)
 {
-    input.driven = true;
+    signals.driven = true;
     run(rate_mrad_s, steps);
-    input.driven = false;
+    signals.driven = false;
 }
 
 static void test_heading_turns_3_rad_in_3_s_at_1_rad_s(void)
@@ -36,8 +35,8 @@ static void test_heading_turns_3_rad_in_3_s_at_1_rad_s(void)
     state.raw_rate_mrad_s = 1000;
     run_driven(1000, 1000);
     TEST_ASSERT_UINT32_WITHIN(683565276U * 3 / 50000, 683565276U * 3, state.heading_bam32);
-    TEST_ASSERT_EQUAL_UINT16((state.heading_bam32 + 32768U) >> 16, output.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16((state.heading_bam32 + 32768U) >> 16, signals.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_takes_the_mean_of_two_samples(void)
@@ -50,26 +49,26 @@ static void test_heading_is_the_same_to_both_sides_bit_for_bit(void)
 {
     run(17, 200);
     run_driven(1234, 777);
-    const heading_output_t right = output;
+    const signals_state_t right = signals;
     const uint32_t turned = state.heading_bam32;
     setUp();
     run(-17, 200);
     run_driven(-1234, 777);
     TEST_ASSERT_EQUAL_UINT32(0U - turned, state.heading_bam32);
-    TEST_ASSERT_EQUAL_UINT16((uint16_t)(0U - right.heading_bam16), output.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(-right.yaw_rate_mrad_s, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)(0U - right.heading_bam16), signals.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-right.yaw_rate_mrad_s, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_learns_the_bias_of_the_first_quiet_block(void)
 {
     run(20, HEADING_BLOCK_STEPS - 1);
-    TEST_ASSERT_FALSE(output.bias_known);
-    TEST_ASSERT_FALSE(output.at_rest);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
+    TEST_ASSERT_FALSE(signals.at_rest);
     run(20, 1);
-    TEST_ASSERT_TRUE(output.bias_known);
-    TEST_ASSERT_TRUE(output.at_rest);
-    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
-    TEST_ASSERT_EQUAL_INT16(0, output.yaw_rate_mrad_s);
+    TEST_ASSERT_TRUE(state.bias.learnt > 0);
+    TEST_ASSERT_TRUE(signals.at_rest);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
+    TEST_ASSERT_EQUAL_INT16(0, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_averages_a_noisy_gyro_at_rest(void)
@@ -79,17 +78,17 @@ static void test_heading_averages_a_noisy_gyro_at_rest(void)
         seed = seed * 1664525U + 1013904223U;
         run((int16_t)(20 + (int)((seed >> 8) % 81) - 40), 1);
     }
-    TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias_mrad_s_q8);
-    TEST_ASSERT_TRUE(output.at_rest);
+    TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias.value);
+    TEST_ASSERT_TRUE(signals.at_rest);
 }
 
 static void test_heading_bias_follows_slowly_once_learnt(void)
 {
     run(20, 20 * HEADING_BLOCK_STEPS);
     run(36, 2 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_INT16_WITHIN(100, 22 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_INT16_WITHIN(100, 22 * 256, state.bias.value);
     run(36, 60 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_INT16_WITHIN(256, 36 * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_INT16_WITHIN(256, 36 * 256, state.bias.value);
 }
 
 static void test_heading_does_not_drift_after_a_rest(void)
@@ -103,29 +102,29 @@ static void test_heading_does_not_drift_after_a_rest(void)
 static void test_heading_learns_nothing_while_driven(void)
 {
     run_driven(20, 3 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_FALSE(output.bias_known);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
 }
 
 static void test_heading_learns_nothing_while_the_model_moves(void)
 {
-    input.predicted_speed_mm_s_q4 = (int16_t) - (CONFIG->rest_speed_mm_s_q4 + 1);
+    predicted.surge_mm_s_q17 = -(CONFIG->rest_speed_mm_s_q4 + 1) * 8192;
     run(20, 3 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_FALSE(output.at_rest);
+    TEST_ASSERT_FALSE(signals.at_rest);
 }
 
 static void test_heading_learns_nothing_while_the_wheels_count(void)
 {
-    sensors.have |= SENSOR_ROTATION;
+    signals.sensors.have |= SENSOR_ROTATION;
     for (int i = 0; i < 8; i++) {
-        sensors.rotation_left++;
+        signals.sensors.rotation_left++;
         run(20, 40);
     }
-    TEST_ASSERT_FALSE(output.bias_known);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
     run(20, HEADING_BLOCK_STEPS);
-    TEST_ASSERT_TRUE(output.bias_known);
-    sensors.rotation_right--;
+    TEST_ASSERT_TRUE(state.bias.learnt > 0);
+    signals.sensors.rotation_right--;
     run(20, 1);
-    TEST_ASSERT_FALSE(output.at_rest);
+    TEST_ASSERT_FALSE(signals.at_rest);
 }
 
 static void test_heading_learns_nothing_from_a_loud_gyro(void)
@@ -134,42 +133,42 @@ static void test_heading_learns_nothing_from_a_loud_gyro(void)
         run(20, 10);
         run((int16_t)(21 + CONFIG->quiet_mrad_s), 10);
     }
-    TEST_ASSERT_FALSE(output.bias_known);
+    TEST_ASSERT_FALSE(state.bias.learnt > 0);
 }
 
 static void test_heading_bias_saturates_at_its_limit(void)
 {
     run(1000, HEADING_BLOCK_STEPS);
-    TEST_ASSERT_EQUAL_INT16(HEADING_BIAS_LIMIT_MRAD_S * 256, state.bias_mrad_s_q8);
+    TEST_ASSERT_EQUAL_INT16(HEADING_BIAS_LIMIT_MRAD_S * 256, state.bias.value);
 }
 
 static void test_heading_takes_the_reference_above_all(void)
 {
     run(500, 10);
-    sensors.have |= SENSOR_REFERENCE;
-    sensors.reference_heading_bam16 = 54321;
-    sensors.reference_yaw_rate_mrad_s = -77;
+    signals.sensors.have |= SENSOR_REFERENCE;
+    signals.sensors.reference_heading_bam16 = 54321;
+    signals.sensors.reference_yaw_rate_mrad_s = -77;
     run(500, 1);
-    TEST_ASSERT_EQUAL_UINT16(54321, output.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(-77, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(54321, signals.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-77, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long(void)
 {
     run(20, HEADING_BLOCK_STEPS);
     run_driven(1020, 100);
-    sensors.have = 0;
-    input.predicted_yaw_rate_mrad_s = 1000;
+    signals.sensors.have = 0;
+    predicted.yaw_rate_mrad_s_q12 = 1000 * 4096;
     run_driven(0, 33);
-    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
-    TEST_ASSERT_TRUE(output.valid);
+    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_TRUE(signals.valid);
     run_driven(0, 1);
-    TEST_ASSERT_FALSE(output.valid);
+    TEST_ASSERT_FALSE(signals.valid);
     run_driven(0, 30000);
-    TEST_ASSERT_FALSE(output.valid);
-    sensors.have = SENSOR_GYRO;
+    TEST_ASSERT_FALSE(signals.valid);
+    signals.sensors.have = SENSOR_GYRO;
     run_driven(1020, 1);
-    TEST_ASSERT_TRUE(output.valid);
+    TEST_ASSERT_TRUE(signals.valid);
 }
 
 /* A gyro of which bias and scale are known beforehand, driven. */
@@ -178,38 +177,38 @@ static void run_known(int16_t bias_mrad_s, int16_t scale_q15, int16_t rate_mrad_
     heading_config_t known = *CONFIG;
     known.gyro_bias_mrad_s = bias_mrad_s;
     known.gyro_scale_q15 = scale_q15;
-    sensors.yaw_rate_mrad_s = rate_mrad_s;
-    input.driven = true;
+    signals.sensors.yaw_rate_mrad_s = rate_mrad_s;
+    signals.driven = true;
     for (int i = 0; i < steps; i++)
-        heading_step(&known, &state, &input, &output);
-    input.driven = false;
+        heading_step(&known, &state, &signals);
+    signals.driven = false;
 }
 
 static void test_heading_takes_a_known_bias_out_without_a_rest(void)
 {
     run_known(170, 0, 170, 1000);
     TEST_ASSERT_EQUAL_UINT32(0, state.heading_bam32);
-    TEST_ASSERT_EQUAL_INT16(0, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(0, signals.yaw_rate_mrad_s);
     run_known(170, 0, 1170, 1);
-    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_learns_what_a_known_bias_leaves(void)
 {
     heading_config_t known = *CONFIG;
     known.gyro_bias_mrad_s = 170;
-    sensors.yaw_rate_mrad_s = 190;
+    signals.sensors.yaw_rate_mrad_s = 190;
     for (int i = 0; i < HEADING_BLOCK_STEPS; i++)
-        heading_step(&known, &state, &input, &output);
-    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias_mrad_s_q8);
+        heading_step(&known, &state, &signals);
+    TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
 }
 
 static void test_heading_scales_what_a_known_bias_leaves(void)
 {
     run_known(100, -2979, 1200, 1); /* 1 / 1.1 */
-    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
     run_known(100, -2979, -1000, 1);
-    TEST_ASSERT_EQUAL_INT16(-1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(-1000, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit(void)
@@ -224,17 +223,17 @@ static void test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit(v
 static void test_heading_of_a_known_gyro_saturates(void)
 {
     run_known(-32767, 32767, 32767, 1);
-    TEST_ASSERT_EQUAL_INT16(32767, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(32767, signals.yaw_rate_mrad_s);
     run_known(32767, 32767, -32767, 1);
-    TEST_ASSERT_EQUAL_INT16(-32767, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(-32767, signals.yaw_rate_mrad_s);
 }
 
 static void test_heading_leaves_the_models_yaw_rate_as_it_is(void)
 {
-    sensors.have = 0;
-    input.predicted_yaw_rate_mrad_s = 1000;
+    signals.sensors.have = 0;
+    predicted.yaw_rate_mrad_s_q12 = 1000 * 4096;
     run_known(100, -2979, 0, 1);
-    TEST_ASSERT_EQUAL_INT16(1000, output.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
 }
 
 int main(void)

@@ -5,23 +5,23 @@
 static const speed_config_t *const CONFIG = &PARAMS_COUPLED.step.speed;
 enum { Q17 = 131072 };
 static speed_state_t state;
-static signals_sensors_t sensors;
-static speed_input_t input;
-static speed_output_t output;
+static signals_state_t signals;
+static signals_motion_t predicted;
+static int32_t correction_mm_s_q17;
 
 void setUp(void)
 {
     state = (speed_state_t){.speed_mm_s_q17 = 0};
-    sensors = (signals_sensors_t){.period_ms = 3};
-    input = (speed_input_t){.sensors = &sensors};
+    predicted = (signals_motion_t){.surge_mm_s_q17 = 0};
+    signals = (signals_state_t){.sensors = {.period_ms = 3}, .predicted = &predicted};
 }
 
 void tearDown(void) {}
 
 static void step(int32_t predicted_mm_s_q17)
 {
-    input.predicted_mm_s_q17 = predicted_mm_s_q17;
-    speed_step(CONFIG, &state, &input, &output);
+    predicted.surge_mm_s_q17 = predicted_mm_s_q17;
+    correction_mm_s_q17 = speed_step(CONFIG, &state, &signals);
 }
 
 /* A model that would stay at its speed, and takes every correction. */
@@ -34,10 +34,11 @@ static void hold(int steps)
 /* Counts of a vehicle at this speed, from 0.25 counts on; 5.341 mm a count. */
 static void roll(int speed_mm_s, int steps)
 {
-    sensors.have |= SENSOR_ROTATION;
+    signals.sensors.have |= SENSOR_ROTATION;
     for (int i = 1; i <= steps; i++) {
         const int32_t travel_um = speed_mm_s * 3 * i + 1335;
-        sensors.rotation_left = sensors.rotation_right = (uint16_t)(travel_um / 5341 + (travel_um < 0 ? -1 : 0));
+        signals.sensors.rotation_left = signals.sensors.rotation_right =
+            (uint16_t)(travel_um / 5341 + (travel_um < 0 ? -1 : 0));
         hold(1);
     }
 }
@@ -45,23 +46,23 @@ static void roll(int speed_mm_s, int steps)
 static void test_speed_without_sensors_is_the_models(void)
 {
     step(400 * Q17);
-    TEST_ASSERT_EQUAL_INT16(400 * 16, output.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT32(0, output.correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(400 * 3 * 32 / 2, output.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT16(400 * 16, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(400 * 3 * 32 / 2, signals.travel_um_q5);
 }
 
 static void test_speed_takes_its_share_of_the_accelerometer(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    sensors.accel_surge_mm_s2 = 1000;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.sensors.accel_surge_mm_s2 = 1000;
     hold(1);
-    TEST_ASSERT_INT32_WITHIN(300, 3 * Q17 / 5, output.correction_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(300, 3 * Q17 / 5, correction_mm_s_q17);
 }
 
 static void test_speed_corrects_nothing_where_model_and_accelerometer_agree(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    sensors.accel_surge_mm_s2 = 1000;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.sensors.accel_surge_mm_s2 = 1000;
     for (int i = 0; i < 100; i++)
         step(state.speed_mm_s_q17 + 3 * Q17);
     TEST_ASSERT_INT32_WITHIN(Q17 / 10, 300 * Q17, state.speed_mm_s_q17);
@@ -69,48 +70,48 @@ static void test_speed_corrects_nothing_where_model_and_accelerometer_agree(void
 
 static void test_speed_knows_the_accelerometer_feels_turning(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    sensors.accel_surge_mm_s2 = -600;
-    input.predicted_sway_mm_s_q17 = 200 * Q17;
-    input.yaw_rate_mrad_s = 3000;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.sensors.accel_surge_mm_s2 = -600;
+    predicted.sway_mm_s_q17 = 200 * Q17;
+    signals.yaw_rate_mrad_s = 3000;
     hold(100);
     TEST_ASSERT_INT32_WITHIN(Q17 / 10, 0, state.speed_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(200 * 3 * 2 * 16, output.sway_travel_um_q5);
+    TEST_ASSERT_EQUAL_INT32(200 * 3 * 2 * 16, signals.sway_travel_um_q5);
 }
 
 static void test_speed_learns_the_accelerometers_bias_at_rest(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    input.at_rest = true;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.at_rest = true;
     for (int i = 0; i < 4000; i++) {
-        sensors.accel_surge_mm_s2 = i % 2 ? 70 : -10;
+        signals.sensors.accel_surge_mm_s2 = i % 2 ? 70 : -10;
         step(Q17);
     }
-    TEST_ASSERT_INT32_WITHIN(4096, 30 * 4096, state.accel_bias_mm_s2_q12);
-    input.at_rest = false;
-    sensors.accel_surge_mm_s2 = 30;
+    TEST_ASSERT_INT32_WITHIN(4096, 30 * 4096, state.bias.value);
+    signals.at_rest = false;
+    signals.sensors.accel_surge_mm_s2 = 30;
     hold(100);
     TEST_ASSERT_INT32_WITHIN(Q17, 0, state.speed_mm_s_q17);
 }
 
 static void test_speed_bias_saturates_and_its_count_stays(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    sensors.accel_surge_mm_s2 = -30000;
-    input.at_rest = true;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.sensors.accel_surge_mm_s2 = -30000;
+    signals.at_rest = true;
     for (int32_t i = 0; i < 66000; i++)
         step(0);
-    TEST_ASSERT_EQUAL_INT32(-1000L * 4096, state.accel_bias_mm_s2_q12);
-    TEST_ASSERT_EQUAL_UINT16(65535, state.learnt_steps);
+    TEST_ASSERT_EQUAL_INT32(-1000L * 4096, state.bias.value);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.bias.learnt);
 }
 
 static void test_speed_is_zero_at_rest(void)
 {
-    input.at_rest = true;
+    signals.at_rest = true;
     step(3 * Q17);
-    TEST_ASSERT_EQUAL_INT16(0, output.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT32(-3 * Q17, output.correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(0, output.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT16(0, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT32(-3 * Q17, correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(0, signals.travel_um_q5);
 }
 
 static void test_speed_finds_the_speed_of_the_counts(void)
@@ -122,29 +123,29 @@ static void test_speed_finds_the_speed_of_the_counts(void)
 static void test_speed_travel_keeps_to_the_counts(void)
 {
     int32_t travel_um_q5 = 0;
-    sensors.have = SENSOR_ROTATION;
+    signals.sensors.have = SENSOR_ROTATION;
     for (int i = 1; i <= 5000; i++) {
-        sensors.rotation_left = sensors.rotation_right = (uint16_t)(300 * 3 * i / 5341);
+        signals.sensors.rotation_left = signals.sensors.rotation_right = (uint16_t)(300 * 3 * i / 5341);
         step(i < 2500 ? state.speed_mm_s_q17 : state.speed_mm_s_q17 / 100 * 99);
-        travel_um_q5 += output.travel_um_q5;
+        travel_um_q5 += signals.travel_um_q5;
     }
     TEST_ASSERT_INT32_WITHIN(60000, 300 * 3 * 5000, travel_um_q5 / 32);
 }
 
 static void test_speed_ignores_counts_from_before_the_first_step(void)
 {
-    sensors.have = SENSOR_ROTATION;
-    sensors.rotation_left = sensors.rotation_right = 30000;
+    signals.sensors.have = SENSOR_ROTATION;
+    signals.sensors.rotation_left = signals.sensors.rotation_right = 30000;
     hold(10);
-    TEST_ASSERT_EQUAL_INT16(0, output.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(0, signals.speed_mm_s_q4);
 }
 
 static void test_speed_counts_wrap_unnoticed(void)
 {
-    sensors.have = SENSOR_ROTATION;
-    sensors.rotation_left = sensors.rotation_right = 65535;
+    signals.sensors.have = SENSOR_ROTATION;
+    signals.sensors.rotation_left = signals.sensors.rotation_right = 65535;
     hold(1);
-    sensors.rotation_left = sensors.rotation_right = 0;
+    signals.sensors.rotation_left = signals.sensors.rotation_right = 0;
     hold(1);
     TEST_ASSERT_INT32_WITHIN(5341 * 32 / 20, 5341 * 32, state.behind_um_q5);
 }
@@ -152,7 +153,7 @@ static void test_speed_counts_wrap_unnoticed(void)
 static void test_speed_observer_forgets_what_slips(void)
 {
     roll(0, 1);
-    sensors.rotation_left = sensors.rotation_right = 2000;
+    signals.sensors.rotation_left = signals.sensors.rotation_right = 2000;
     hold(1);
     TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
 }
@@ -164,11 +165,11 @@ static int32_t behind_um_q5(int16_t mismatch_q15, int left, int right)
     config.count_mismatch_q15 = mismatch_q15;
     config.behind_to_travel_q15 = 0;
     setUp();
-    sensors.have = SENSOR_ROTATION;
+    signals.sensors.have = SENSOR_ROTATION;
     for (int i = 0; i < 2; i++) {
-        sensors.rotation_left = (uint16_t)(i * left);
-        sensors.rotation_right = (uint16_t)(i * right);
-        speed_step(&config, &state, &input, &output);
+        signals.sensors.rotation_left = (uint16_t)(i * left);
+        signals.sensors.rotation_right = (uint16_t)(i * right);
+        speed_step(&config, &state, &signals);
     }
     return state.behind_um_q5;
 }
@@ -188,54 +189,55 @@ static void test_speed_of_counts_without_end_saturates(void)
     speed_config_t config = *CONFIG;
     config.count_travel_um_q2 = 65535;
     config.count_mismatch_q15 = 32767;
-    sensors.have = SENSOR_ROTATION;
-    speed_step(&config, &state, &input, &output);
-    sensors.rotation_left = 32767;
-    speed_step(&config, &state, &input, &output);
+    signals.sensors.have = SENSOR_ROTATION;
+    speed_step(&config, &state, &signals);
+    signals.sensors.rotation_left = 32767;
+    speed_step(&config, &state, &signals);
     TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
 }
 
 static void test_speed_is_the_same_backward_bit_for_bit(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER;
-    sensors.accel_surge_mm_s2 = 321;
-    input.predicted_sway_mm_s_q17 = 12345678;
-    input.yaw_rate_mrad_s = 777;
+    signals.sensors.have = SENSOR_ACCELEROMETER;
+    signals.sensors.accel_surge_mm_s2 = 321;
+    predicted.sway_mm_s_q17 = 12345678;
+    signals.yaw_rate_mrad_s = 777;
     roll(300, 500);
-    const speed_output_t forward = output;
+    const signals_state_t forward = signals;
+    const int32_t forward_correction = correction_mm_s_q17;
     setUp();
-    sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION;
-    sensors.accel_surge_mm_s2 = -321;
-    input.predicted_sway_mm_s_q17 = -12345678;
-    input.yaw_rate_mrad_s = 777;
+    signals.sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION;
+    signals.sensors.accel_surge_mm_s2 = -321;
+    predicted.sway_mm_s_q17 = -12345678;
+    signals.yaw_rate_mrad_s = 777;
     for (int i = 1; i <= 500; i++) {
-        sensors.rotation_left = sensors.rotation_right = (uint16_t)(0 - (300 * 3 * i + 1335) / 5341);
+        signals.sensors.rotation_left = signals.sensors.rotation_right = (uint16_t)(0 - (300 * 3 * i + 1335) / 5341);
         hold(1);
     }
-    TEST_ASSERT_NOT_EQUAL_INT32(0, forward.correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(-forward.correction_mm_s_q17, output.correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT16(-forward.speed_mm_s_q4, output.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT16(-forward.accel_mm_s2, output.accel_mm_s2);
-    TEST_ASSERT_EQUAL_INT32(-forward.travel_um_q5, output.travel_um_q5);
+    TEST_ASSERT_NOT_EQUAL_INT32(0, forward_correction);
+    TEST_ASSERT_EQUAL_INT32(-forward_correction, correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT16(-forward.speed_mm_s_q4, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(-forward.accel_mm_s2, signals.accel_mm_s2);
+    TEST_ASSERT_EQUAL_INT32(-forward.travel_um_q5, signals.travel_um_q5);
 }
 
 static void test_speed_takes_the_reference_above_all(void)
 {
-    sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE;
-    sensors.accel_surge_mm_s2 = 5000;
-    sensors.reference_speed_mm_s_q4 = -1234;
+    signals.sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE;
+    signals.sensors.accel_surge_mm_s2 = 5000;
+    signals.sensors.reference_speed_mm_s_q4 = -1234;
     step(400 * Q17);
-    TEST_ASSERT_EQUAL_INT16(-1234, output.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT32(-1234 * (Q17 / 16) - 400 * Q17, output.correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT16(-1234, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT32(-1234 * (Q17 / 16) - 400 * Q17, correction_mm_s_q17);
 }
 
 static void assert_accel_of_a_ramp(uint8_t period_ms)
 {
     setUp();
-    sensors.period_ms = period_ms;
+    signals.sensors.period_ms = period_ms;
     for (int i = 1; i <= 100; i++)
         step(i * period_ms * (Q17 / 5));
-    TEST_ASSERT_INT16_WITHIN(2, 200, output.accel_mm_s2);
+    TEST_ASSERT_INT16_WITHIN(2, 200, signals.accel_mm_s2);
 }
 
 static void test_speed_tells_its_rate_of_change_at_any_period(void)
@@ -248,8 +250,8 @@ static void test_speed_tells_its_rate_of_change_at_any_period(void)
 static void test_speed_output_saturates(void)
 {
     step(8000 * Q17);
-    TEST_ASSERT_EQUAL_INT16(32767, output.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT32(0, output.correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT16(32767, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
 }
 
 int main(void)

@@ -41,9 +41,9 @@ static void assert_left_and_right_mirror(const body_coefficients_t *coefficients
     TEST_ASSERT_EQUAL_INT32(one.x_um, other.x_um);
     TEST_ASSERT_EQUAL_INT32(one.y_um, -other.y_um);
     TEST_ASSERT_EQUAL_UINT32(one.heading_bam32, 0U - other.heading_bam32);
-    TEST_ASSERT_EQUAL_INT32(one.surge_mm_s_q17, other.surge_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(one.sway_mm_s_q17, -other.sway_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(one.yaw_rate_mrad_s_q12, -other.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_EQUAL_INT32(one.motion.surge_mm_s_q17, other.motion.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(one.motion.sway_mm_s_q17, -other.motion.sway_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(one.motion.yaw_rate_mrad_s_q12, -other.motion.yaw_rate_mrad_s_q12);
     TEST_ASSERT_EQUAL_INT32(wheels.left_mrad_s_q13, mirrored.right_mrad_s_q13);
     TEST_ASSERT_EQUAL_INT32(wheels.right_current_ua_q7, mirrored.left_current_ua_q7);
 }
@@ -62,7 +62,7 @@ static void test_coupled_forward_and_backward_mirror_bit_for_bit(void)
     TEST_ASSERT_EQUAL_INT32(forward.x_um, -backward.x_um);
     TEST_ASSERT_EQUAL_INT32(forward.y_um, backward.y_um);
     TEST_ASSERT_EQUAL_UINT32(forward.heading_bam32, 0U - backward.heading_bam32);
-    TEST_ASSERT_EQUAL_INT32(forward.surge_mm_s_q17, -backward.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(forward.motion.surge_mm_s_q17, -backward.motion.surge_mm_s_q17);
 }
 
 static void test_paper_forward_and_backward_mirror_bit_for_bit_on_the_straight(void)
@@ -72,7 +72,7 @@ static void test_paper_forward_and_backward_mirror_bit_for_bit_on_the_straight(v
     const body_state_t backward = run(PAPER, -5000, -5000, 700);
     TEST_ASSERT_GREATER_THAN_INT32(700000, forward.x_um);
     TEST_ASSERT_EQUAL_INT32(forward.x_um, -backward.x_um);
-    TEST_ASSERT_EQUAL_INT32(forward.surge_mm_s_q17, -backward.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(forward.motion.surge_mm_s_q17, -backward.motion.surge_mm_s_q17);
     TEST_ASSERT_EQUAL_INT32(0, backward.y_um);
 }
 
@@ -80,19 +80,19 @@ static void test_paper_forward_and_backward_mirror_bit_for_bit_on_the_straight(v
 static void test_paper_outruns_its_wheels_and_coupled_does_not(void)
 {
     run(PAPER, 4500, 4500, 2333);
-    TEST_ASSERT_INT32_WITHIN(40, 1540, state.surge_mm_s_q17 / 131072);
+    TEST_ASSERT_INT32_WITHIN(40, 1540, state.motion.surge_mm_s_q17 / 131072);
     setUp();
     run(COUPLED, 4500, 4500, 2333);
-    TEST_ASSERT_INT32_WITHIN(10, 670, state.surge_mm_s_q17 / 131072);
+    TEST_ASSERT_INT32_WITHIN(10, 670, state.motion.surge_mm_s_q17 / 131072);
 }
 
 /* Fault 3: thrust follows the velocity. */
 static void test_paper_is_driven_sideways_by_a_little_sway(void)
 {
-    state.velocity_y_mm_s_q17 = state.sway_mm_s_q17 = 131072;
+    state.velocity_y_mm_s_q17 = state.motion.sway_mm_s_q17 = 131072;
     run(PAPER, 9000, 9000, 300);
-    TEST_ASSERT_GREATER_THAN_INT32(50 * 131072, state.sway_mm_s_q17);
-    TEST_ASSERT_INT32_WITHIN(131072, 0, state.surge_mm_s_q17);
+    TEST_ASSERT_GREATER_THAN_INT32(50 * 131072, state.motion.sway_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(131072, 0, state.motion.surge_mm_s_q17);
 }
 
 /* Fault 4: nothing damps yaw. */
@@ -100,14 +100,14 @@ static void test_paper_spin_goes_on_and_coupled_spin_stops(void)
 {
     run(PAPER, 4500, -4500, 1000);
     run(PAPER, 0, 0, 300);
-    const int32_t spin = state.yaw_rate_mrad_s_q12;
+    const int32_t spin = state.motion.yaw_rate_mrad_s_q12;
     run(PAPER, 0, 0, 1000);
-    TEST_ASSERT_EQUAL_INT32(spin, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_EQUAL_INT32(spin, state.motion.yaw_rate_mrad_s_q12);
     TEST_ASSERT_GREATER_THAN_INT32(1000 * 4096, spin);
     setUp();
     run(COUPLED, 4500, -4500, 1000);
     run(COUPLED, 0, 0, 2000);
-    TEST_ASSERT_INT32_WITHIN(4096 / 10, 0, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_INT32_WITHIN(4096 / 10, 0, state.motion.yaw_rate_mrad_s_q12);
 }
 
 static void test_paper_at_rest_is_pushed_along_its_heading(void)
@@ -120,27 +120,27 @@ static void test_paper_at_rest_is_pushed_along_its_heading(void)
 
 static void test_paper_crawling_below_the_rest_speed_has_no_direction(void)
 {
-    state.velocity_y_mm_s_q17 = state.sway_mm_s_q17 = BODY_REST_SPEED_MM_S_Q17 / 2;
+    state.velocity_y_mm_s_q17 = state.motion.sway_mm_s_q17 = BODY_REST_SPEED_MM_S_Q17 / 2;
     run(PAPER, 9000, 9000, 1);
-    TEST_ASSERT_GREATER_THAN_INT32(BODY_REST_SPEED_MM_S_Q17, state.surge_mm_s_q17);
+    TEST_ASSERT_GREATER_THAN_INT32(BODY_REST_SPEED_MM_S_Q17, state.motion.surge_mm_s_q17);
     TEST_ASSERT_EQUAL_INT32(BODY_REST_SPEED_MM_S_Q17 / 2, state.velocity_y_mm_s_q17);
 }
 
 static void test_paper_moving_backward_is_pushed_ahead(void)
 {
-    state.velocity_x_mm_s_q17 = state.surge_mm_s_q17 = -100 * 131072;
+    state.velocity_x_mm_s_q17 = state.motion.surge_mm_s_q17 = -100 * 131072;
     run(PAPER, 9000, 9000, 20);
-    TEST_ASSERT_GREATER_THAN_INT32(-100 * 131072, state.surge_mm_s_q17);
+    TEST_ASSERT_GREATER_THAN_INT32(-100 * 131072, state.motion.surge_mm_s_q17);
 }
 
 static void test_body_with_the_left_wheel_faster_turns_right(void)
 {
     run(COUPLED, 4500, 1500, 100);
-    TEST_ASSERT_GREATER_THAN_INT32(1000 * 4096, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_GREATER_THAN_INT32(1000 * 4096, state.motion.yaw_rate_mrad_s_q12);
     TEST_ASSERT_GREATER_THAN_INT32(0, state.y_um);
     setUp();
     run(PAPER, 4500, 1500, 100);
-    TEST_ASSERT_GREATER_THAN_INT32(100 * 4096, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_GREATER_THAN_INT32(100 * 4096, state.motion.yaw_rate_mrad_s_q12);
 }
 
 static void test_body_clamps_voltages_beyond_its_range(void)
@@ -149,36 +149,36 @@ static void test_body_clamps_voltages_beyond_its_range(void)
     const body_state_t beyond = state;
     setUp();
     run(COUPLED, 16383, -16383, 50);
-    TEST_ASSERT_EQUAL_INT32(state.yaw_rate_mrad_s_q12, beyond.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_EQUAL_INT32(state.motion.yaw_rate_mrad_s_q12, beyond.motion.yaw_rate_mrad_s_q12);
 }
 
 static void test_body_saturates_and_never_wraps(void)
 {
     for (int i = 0; i < 60; i++) {
         run(PAPER, INT16_MAX, INT16_MIN, 500);
-        TEST_ASSERT_GREATER_OR_EQUAL_INT32(0, state.yaw_rate_mrad_s_q12);
+        TEST_ASSERT_GREATER_OR_EQUAL_INT32(0, state.motion.yaw_rate_mrad_s_q12);
     }
-    TEST_ASSERT_EQUAL_INT32(BODY_YAW_RATE_LIMIT_MRAD_S_Q12, state.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_EQUAL_INT32(BODY_YAW_RATE_LIMIT_MRAD_S_Q12, state.motion.yaw_rate_mrad_s_q12);
     setUp();
-    state.velocity_x_mm_s_q17 = state.surge_mm_s_q17 = BODY_SPEED_LIMIT_MM_S_Q17;
+    state.velocity_x_mm_s_q17 = state.motion.surge_mm_s_q17 = BODY_SPEED_LIMIT_MM_S_Q17;
     state.x_um = INT32_MAX - 10;
     run(PAPER, INT16_MAX, INT16_MAX, 100);
     TEST_ASSERT_EQUAL_INT32(INT32_MAX, state.x_um);
-    TEST_ASSERT_LESS_OR_EQUAL_INT32(BODY_SPEED_LIMIT_MM_S_Q17, state.surge_mm_s_q17);
+    TEST_ASSERT_LESS_OR_EQUAL_INT32(BODY_SPEED_LIMIT_MM_S_Q17, state.motion.surge_mm_s_q17);
 }
 
 static void assert_surge_takes_a_correction(const body_coefficients_t *coefficients)
 {
     setUp();
     run(coefficients, 4500, 4500, 200);
-    const int32_t before = state.surge_mm_s_q17;
+    const int32_t before = state.motion.surge_mm_s_q17;
     body_correct_surge(coefficients, &state, 20 * 131072);
-    TEST_ASSERT_INT32_WITHIN(200, before + 20 * 131072, state.surge_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(200, before + 20 * 131072, state.motion.surge_mm_s_q17);
     run(coefficients, 4500, 4500, 1);
-    TEST_ASSERT_INT32_WITHIN(3 * 131072, before + 20 * 131072, state.surge_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(3 * 131072, before + 20 * 131072, state.motion.surge_mm_s_q17);
     body_correct_surge(coefficients, &state, -BODY_SPEED_LIMIT_MM_S_Q17);
     body_correct_surge(coefficients, &state, -BODY_SPEED_LIMIT_MM_S_Q17);
-    TEST_ASSERT_LESS_THAN_INT32(-3000 * 131072, state.surge_mm_s_q17);
+    TEST_ASSERT_LESS_THAN_INT32(-3000 * 131072, state.motion.surge_mm_s_q17);
 }
 
 static void test_body_surge_takes_a_correction_and_keeps_it(void)

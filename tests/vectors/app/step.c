@@ -17,7 +17,7 @@ typedef struct {
     bool wild; /* the sensors say anything; else what a robot about its waypoint would */
 } run_t;
 
-static void begin(run_t *run)
+static void begin(run_t *run, step_output_t *output)
 {
     static const uint8_t fits[] = {SENSOR_REFERENCE | SENSOR_BATTERY,
                                    SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_BATTERY,
@@ -34,7 +34,8 @@ static void begin(run_t *run)
     }
     draw_route(&run->route, run->waypoints);
     bytes_clear(&run->state, sizeof run->state);
-    run->have = fits[draw_u16() & 3U];
+    bytes_clear(output, sizeof *output);
+    run->have = fits[draw_u16() & 3U] & DRAWN_SENSORS;
     run->wild = draw_rarely(2);
 }
 
@@ -64,9 +65,9 @@ static void sense(run_t *run)
 
 static void hash(const step_state_t *state, const step_output_t *output)
 {
-    hash_s32(state->model.surge_mm_s_q17);
-    hash_s32(state->model.sway_mm_s_q17);
-    hash_s32(state->model.yaw_rate_mrad_s_q12);
+    hash_s32(state->model.motion.surge_mm_s_q17);
+    hash_s32(state->model.motion.sway_mm_s_q17);
+    hash_s32(state->model.motion.yaw_rate_mrad_s_q12);
     hash_s32(state->speed.behind_um_q5);
     hash_u8((uint8_t)state->mode.mode);
     hash_u8((uint8_t)state->mode.fault);
@@ -97,7 +98,7 @@ void vectors_feed(void)
 
     if (left == 0) {
         left = RUN_STEPS;
-        begin(&run);
+        begin(&run, &output);
     }
     left--;
     if (run.state.mode.mode != MODE_RUN)
@@ -105,6 +106,7 @@ void vectors_feed(void)
     if (draw_rarely(6))
         command = (mode_command_t)draw_up_to(MODE_CUT);
     sense(&run);
-    step_run(&run.config, &run.route, &run.state, &run.sensors, command, &output);
+    bytes_copy(&output.state.sensors, &run.sensors, sizeof run.sensors);
+    step_run(&run.config, &run.route, &run.state, command, &output);
     hash(&run.state, &output);
 }

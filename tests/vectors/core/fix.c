@@ -7,6 +7,7 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_u32(fix_mul_u16((uint16_t)a, (uint16_t)b));
     hash_s32(fix_mul(a, b));
     hash_u16(fix_abs_u16(a));
+    hash_s32(fix_q8(a));
     hash_s16(fix_sat16(wide));
     hash_s16(fix_add16(a, b));
     hash_s16(fix_sub16(a, b));
@@ -22,6 +23,9 @@ static void feed_32(int32_t a, int32_t b)
     hash_s32(fix_add32(a, b));
     hash_s32(fix_sub32(a, b));
     hash_s32(fix_clamp32(a, b & 0x7FFFFFFFL));
+    hash_s32(fix_less(a, &b));
+    hash_s32(fix_add_to(a, &b));
+    hash_s32(b);
     hash_u16(fix_round_bam16((uint32_t)a));
     hash_u16(fix_sqrt_u32((uint32_t)a));
 }
@@ -29,8 +33,10 @@ static void feed_32(int32_t a, int32_t b)
 static void feed_shifts(int32_t value, uint8_t bits)
 {
     hash_s32(fix_fraction(value, bits));
-    if (bits > 0 && bits < 31)
+    if (bits > 0 && bits < 31) {
         hash_s32(fix_round_shift(value, bits));
+        hash_s16(fix_round16(value, bits));
+    }
 }
 
 static void feed_mixed(int32_t a, int16_t b)
@@ -38,6 +44,11 @@ static void feed_mixed(int32_t a, int16_t b)
     hash_u32(fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
     hash_s32(fix_share_q15(a, b));
     hash_u32(fix_div_u32((uint32_t)a, (uint16_t)b));
+    hash_s32(fix_clamp_q16(a, (int16_t)(b & 0x7FFF)));
+    hash_u8(fix_bits((uint16_t)b, (uint8_t)a & 31U));
+    hash_s32(fix_times(a, (uint8_t)b));
+    if ((uint8_t)b != 0)
+        hash_s16(fix_inverse_q15((uint8_t)b));
     if (b != 0)
         hash_s32(fix_div(a, (uint16_t)b));
 }

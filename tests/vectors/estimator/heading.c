@@ -23,27 +23,29 @@ static void begin(heading_state_t *state)
     if (draw_rarely(1))
         return;
     state->raw_rate_mrad_s = draw_between(-32767, 32767);
-    state->bias_mrad_s_q8 = draw_between(-127 * 256, 127 * 256);
-    state->learnt_blocks = (uint8_t)draw_up_to(255);
+    state->bias.value = draw_between(-127 * 256, 127 * 256);
+    state->bias.learnt = draw_up_to(65535U);
     state->blind_ms = draw_up_to(65000U);
 }
 
-static void hash(const heading_state_t *state, const heading_output_t *output)
+static void hash(const heading_state_t *state, const signals_state_t *signals)
 {
     hash_u32(state->heading_bam32);
     hash_s16(state->raw_rate_mrad_s);
-    hash_s16(state->bias_mrad_s_q8);
-    hash_u8(state->learnt_blocks);
+    hash_s32(state->bias.value);
+    hash_u16(state->bias.learnt);
     hash_u8(state->block_steps);
-    hash_s32(state->block_sum_mrad_s);
-    hash_s16(state->block_least_mrad_s);
-    hash_s16(state->block_most_mrad_s);
+    if (state->block_steps > 0) {
+        hash_s32(state->block_sum_mrad_s);
+        hash_s16(state->block_least_mrad_s);
+        hash_s16(state->block_most_mrad_s);
+    }
     hash_u16(state->blind_ms);
-    hash_u16(output->heading_bam16);
-    hash_s16(output->yaw_rate_mrad_s);
-    hash_u8(output->at_rest);
-    hash_u8(output->bias_known);
-    hash_u8(output->valid);
+    hash_u16(signals->heading_bam16);
+    hash_s16(signals->yaw_rate_mrad_s);
+    hash_u8(signals->at_rest);
+    hash_u8(state->bias.learnt > 0);
+    hash_u8(signals->valid);
 }
 
 /* Half of the runs are of a robot that stands, whose bias is learnt. */
@@ -52,11 +54,11 @@ void vectors_feed(void)
     static heading_config_t drawn;
     static const heading_config_t *config;
     static heading_state_t state;
-    static signals_sensors_t sensors;
+    static signals_state_t signals;
+    static signals_motion_t predicted;
+    signals_sensors_t *const sensors = &signals.sensors;
     static uint8_t left;
     static bool stands;
-    heading_input_t input;
-    heading_output_t output;
 
     if (left == 0) {
         left = RUN_STEPS;
@@ -64,22 +66,23 @@ void vectors_feed(void)
         draw_config(&drawn);
         config = draw_rarely(1) ? &drawn : &PARAMS.step.heading;
         begin(&state);
+        signals.at_rest = false;
+        signals.predicted = &predicted;
     }
     left--;
-    input.sensors = &sensors;
     if (stands) {
-        sensors.have = SENSOR_GYRO | SENSOR_ROTATION;
-        sensors.period_ms = BODY_PERIOD_MS;
-        sensors.yaw_rate_mrad_s =
-            (int16_t)((sensors.rotation_left & 127U) + (draw_u16() & 63U)); /* a bias, and noise */
-        input.predicted_speed_mm_s_q4 = 0;
-        input.driven = draw_rarely(8);
+        sensors->have = (SENSOR_GYRO | SENSOR_ROTATION) & DRAWN_SENSORS;
+        sensors->period_ms = BODY_PERIOD_MS;
+        sensors->yaw_rate_mrad_s =
+            (int16_t)((sensors->rotation_left & 127U) + (draw_u16() & 63U)); /* a bias, and noise */
+        predicted.surge_mm_s_q17 = 0;
+        signals.driven = draw_rarely(8);
     } else {
-        draw_sensors(&sensors);
-        input.predicted_speed_mm_s_q4 = draw_between(-32767, 32767);
-        input.driven = draw_rarely(1);
+        draw_sensors(sensors);
+        predicted.surge_mm_s_q17 = draw_between(-32767, 32767) * 8192L;
+        signals.driven = draw_rarely(1);
     }
-    input.predicted_yaw_rate_mrad_s = draw_between(-32767, 32767);
-    heading_step(config, &state, &input, &output);
-    hash(&state, &output);
+    predicted.yaw_rate_mrad_s_q12 = draw_between(-32767, 32767) * 4096L;
+    heading_step(config, &state, &signals);
+    hash(&state, &signals);
 }

@@ -19,37 +19,38 @@ static void draw_config(speed_config_t *config)
     config->accel_filter_q15 = draw_between(1, 32767);
 }
 
-static void begin(speed_state_t *state)
+static void begin(speed_state_t *state, signals_state_t *signals)
 {
     bytes_clear(state, sizeof *state);
+    signals->speed_mm_s_q4 = 0;
     if (draw_rarely(1))
         return;
     state->speed_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
-    state->speed_mm_s_q4 = draw_s16();
+    signals->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
     state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
-    state->accel_bias_mm_s2_q12 = draw_within(4096000L); /* 1 m/s^2 */
-    state->learnt_steps = draw_up_to(65535U);
+    state->bias.value = draw_within(4096000L); /* 1 m/s^2 */
+    state->bias.learnt = draw_up_to(65535U);
     state->rotation_known = draw_rarely(1);
 }
 
-static void hash(const speed_state_t *state, const speed_output_t *output)
+static void hash(const speed_state_t *state, const signals_state_t *signals, int32_t correction_mm_s_q17)
 {
     hash_s32(state->speed_mm_s_q17);
-    hash_s16(state->speed_mm_s_q4);
+    hash_s16(signals->speed_mm_s_q4);
     hash_s16(state->sway_mm_s_q4);
     hash_s32(state->behind_um_q5);
     hash_s32(state->accel_mm_s2_q8);
-    hash_s32(state->accel_bias_mm_s2_q12);
-    hash_u16(state->learnt_steps);
+    hash_s32(state->bias.value);
+    hash_u16(state->bias.learnt);
     hash_u16(state->rotation_left);
     hash_u16(state->rotation_right);
     hash_u8(state->rotation_known);
-    hash_s32(output->correction_mm_s_q17);
-    hash_s16(output->speed_mm_s_q4);
-    hash_s16(output->accel_mm_s2);
-    hash_s32(output->travel_um_q5);
-    hash_s32(output->sway_travel_um_q5);
+    hash_s32(correction_mm_s_q17);
+    hash_s16(signals->speed_mm_s_q4);
+    hash_s16(signals->accel_mm_s2);
+    hash_s32(signals->travel_um_q5);
+    hash_s32(signals->sway_travel_um_q5);
 }
 
 void vectors_feed(void)
@@ -57,25 +58,25 @@ void vectors_feed(void)
     static speed_config_t drawn;
     static const speed_config_t *config;
     static speed_state_t state;
-    static signals_sensors_t sensors;
+    static signals_state_t signals;
+    static signals_motion_t predicted;
     static uint8_t left;
-    speed_input_t input;
-    speed_output_t output;
+    int32_t correction_mm_s_q17;
 
     if (left == 0) {
         left = RUN_STEPS;
         draw_config(&drawn);
         config = draw_rarely(1) ? &drawn : &PARAMS.step.speed;
-        begin(&state);
+        begin(&state, &signals);
     }
     left--;
-    input.sensors = &sensors;
-    draw_sensors(&sensors);
-    input.predicted_mm_s_q17 =
+    signals.predicted = &predicted;
+    draw_sensors(&signals.sensors);
+    predicted.surge_mm_s_q17 =
         draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : state.speed_mm_s_q17 + draw_within(131072L);
-    input.predicted_sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
-    input.yaw_rate_mrad_s = draw_between(-32767, 32767);
-    input.at_rest = draw_rarely(2);
-    speed_step(config, &state, &input, &output);
-    hash(&state, &output);
+    predicted.sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
+    signals.yaw_rate_mrad_s = draw_between(-32767, 32767);
+    signals.at_rest = draw_rarely(2);
+    correction_mm_s_q17 = speed_step(config, &state, &signals);
+    hash(&state, &signals, correction_mm_s_q17);
 }

@@ -15,12 +15,13 @@ static void begin(const body_coefficients_t *coefficients, body_state_t *state)
     }
     state->velocity_x_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
     state->velocity_y_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
-    state->surge_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
-    state->sway_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
-    state->yaw_rate_mrad_s_q12 = draw_within(BODY_YAW_RATE_LIMIT_MRAD_S_Q12);
+    state->motion.surge_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
+    state->motion.sway_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
+    state->motion.yaw_rate_mrad_s_q12 = draw_within(BODY_YAW_RATE_LIMIT_MRAD_S_Q12);
     if (!BODY_IS_PAPER(coefficients)) { /* the wheels tell: see body.h */
-        state->surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, state->motor[0].speed_mrad_s_q13);
-        state->yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, state->motor[1].speed_mrad_s_q13);
+        state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, state->motor[0].speed_mrad_s_q13);
+        state->motion.yaw_rate_mrad_s_q12 =
+            scale_apply(&coefficients->yaw_rate_from_wheel, state->motor[1].speed_mrad_s_q13);
     }
     state->heading_bam32 = (uint32_t)draw_s32();
     state->x_um = draw_s32();

@@ -69,16 +69,20 @@ def difference_inertia(values: Values) -> float:
     return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
 
 
-def _motor(exact: MotorStep, share: float, name: str) -> dict[str, Scale]:
+def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
     """`share`: part of the input voltage that counts; one half where the input is a sum or difference of two."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
-        "current_from_current": scale(transition[0, 0], f"{name} current_from_current"),
-        "current_from_speed": scale(transition[0, 1] * CURRENT / WHEEL_SPEED, f"{name} current_from_speed"),
-        "current_from_voltage": scale16(voltage[0] * CURRENT / VOLTAGE, f"{name} current_from_voltage"),
-        "speed_from_current": scale(transition[1, 0] * WHEEL_SPEED / CURRENT, f"{name} speed_from_current"),
-        "speed_from_speed": scale(transition[1, 1] - 1, f"{name} speed_from_speed"),
-        "speed_from_voltage": scale16(voltage[1] * WHEEL_SPEED / VOLTAGE, f"{name} speed_from_voltage"),
+        "current": {
+            "from_current": scale(transition[0, 0], f"{name} current from current"),
+            "from_speed": scale(transition[0, 1] * CURRENT / WHEEL_SPEED, f"{name} current from speed"),
+            "from_voltage": scale16(voltage[0] * CURRENT / VOLTAGE, f"{name} current from voltage"),
+        },
+        "speed": {
+            "from_current": scale(transition[1, 0] * WHEEL_SPEED / CURRENT, f"{name} speed from current"),
+            "from_speed": scale(transition[1, 1] - 1, f"{name} speed from speed"),
+            "from_voltage": scale16(voltage[1] * WHEEL_SPEED / VOLTAGE, f"{name} speed from voltage"),
+        },
     }
 
 
@@ -109,7 +113,7 @@ def pose(step: float) -> dict[str, Scale]:
     }
 
 
-Coefficients = dict[str, Scale | list[dict[str, Scale]]]
+Coefficients = dict[str, Scale | list[dict[str, dict[str, Scale]]]]
 
 
 def coupled(values: Values, step: float) -> Coefficients:
