@@ -71,6 +71,17 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
+int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+{
+    return fix_sat16(fix_share_q15(value, factor_q15));
+}
+
+int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+{
+    const uint32_t magnitude = fix_mul_u32_q16(fix_abs_u32(value), factor_q16);
+    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
 int32_t fix_fraction(int32_t value, uint8_t bits)
 {
     const uint32_t magnitude = fix_abs_u32(value) >> bits;

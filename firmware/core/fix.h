@@ -62,6 +62,12 @@ uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
 int32_t fix_share_q15(int32_t value, int16_t factor_q15);
 
+/* The same, saturated at +-32767. */
+int16_t fix_share16_q15(int16_t value, int16_t factor_q15);
+
+/* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
+int32_t fix_share_q16(int32_t value, uint16_t factor_q16);
+
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);
 

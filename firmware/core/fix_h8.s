@@ -424,3 +424,30 @@ _fix_sqrt_u32:
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
 	rts
+
+; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+	.align 1
+	.global _fix_share_q16
+_fix_share_q16:
+	SAVE
+	mov.b	r0h,r4h
+	mov.w	r2,r6
+	mov.w	r1,r2
+	mov.w	r0,r5
+	bpl	.Lshare
+	NEGATE	r5h,r5l,r2h,r2l
+.Lshare:
+	jmp	@.Lmultiply
+
+; int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+	.align 1
+	.global _fix_share16_q15
+_fix_share16_q15:
+	mov.w	r1,r2
+	mov.w	r0,r1
+	mov.b	r0h,r0l
+	add.b	r0l,r0l
+	subx	r0l,r0l
+	mov.b	r0l,r0h
+	jsr	@_fix_share_q15
+	jmp	@_fix_sat16

@@ -13,6 +13,7 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_s16(fix_clamp16(a, (int16_t)(b & 0x7FFF)));
     hash_u16(fix_count_u16((uint16_t)a));
     hash_u16(fix_add_u16((uint16_t)a, (uint16_t)b));
+    hash_s16(fix_share16_q15(a, b));
     hash_s16(fix_angle_diff_bam16((uint16_t)a, (uint16_t)b));
 }
 
@@ -37,6 +38,7 @@ static void feed_mixed(int32_t a, int16_t b)
 {
     hash_u32(fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
     hash_s32(fix_share_q15(a, b));
+    hash_s32(fix_share_q16(a, (uint16_t)b));
     hash_u32(fix_div_u32((uint32_t)a, (uint16_t)b));
     if (b != 0)
         hash_s32(fix_div(a, (uint16_t)b));
