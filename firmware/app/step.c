@@ -67,7 +67,7 @@ static void estimate(const step_config_t *config, step_state_t *state, const sig
     out->valid = heading.valid;
 }
 
-static void no_output(pid_output_t *output)
+static void no_output(pid_terms_t *output)
 {
     output->output_mv = output->proportional_mv = output->integral_mv = output->derivative_mv = 0;
     output->limited = 0;
@@ -81,37 +81,37 @@ static int16_t feedforward(const step_config_t *config, int16_t speed_mm_s_q4)
 static void control_speed(const step_config_t *config, step_state_t *state, uint8_t period_ms, step_output_t *out)
 {
     const signals_demand_t *demand = &state->mode.demand;
-    pid_input_t input;
+    pid_terms_t *const terms = &out->speed;
 
     if (!demand->drive) {
         pid_stop(&state->speed_pid);
-        no_output(&out->speed);
+        no_output(terms);
         return;
     }
-    input.error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
-    input.rate = out->state.accel_mm_s2;
-    input.feedforward_mv = feedforward(config, demand->speed_mm_s_q4);
-    input.saturated = state->drive.surge_saturated;
-    input.period_ms = period_ms;
-    pid_step(&config->speed_pid, &state->speed_pid, &input, &out->speed);
+    terms->error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
+    terms->rate = out->state.accel_mm_s2;
+    terms->feedforward_mv = feedforward(config, demand->speed_mm_s_q4);
+    terms->saturated = state->drive.surge_saturated;
+    terms->period_ms = period_ms;
+    pid_step(&config->speed_pid, &state->speed_pid, terms);
 }
 
 static void control_heading(const step_config_t *config, step_state_t *state, uint8_t period_ms, step_output_t *out)
 {
     const signals_demand_t *demand = &state->mode.demand;
-    pid_input_t input;
+    pid_terms_t *const terms = &out->heading;
 
     if (!demand->drive) {
         pid_stop(&state->heading_pid);
-        no_output(&out->heading);
+        no_output(terms);
         return;
     }
-    input.error = fix_angle_diff_bam16(demand->heading_bam16, out->state.heading_bam16);
-    input.rate = out->state.yaw_rate_mrad_s;
-    input.feedforward_mv = 0;
-    input.saturated = state->drive.yaw_saturated;
-    input.period_ms = period_ms;
-    pid_step(&config->heading_pid, &state->heading_pid, &input, &out->heading);
+    terms->error = fix_angle_diff_bam16(demand->heading_bam16, out->state.heading_bam16);
+    terms->rate = out->state.yaw_rate_mrad_s;
+    terms->feedforward_mv = 0;
+    terms->saturated = state->drive.yaw_saturated;
+    terms->period_ms = period_ms;
+    pid_step(&config->heading_pid, &state->heading_pid, terms);
 }
 
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,

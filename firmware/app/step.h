@@ -49,8 +49,8 @@ typedef struct {
 
 typedef struct {
     signals_state_t state;
-    pid_output_t speed; /* parts of the efforts */
-    pid_output_t heading;
+    pid_terms_t speed; /* parts of the efforts */
+    pid_terms_t heading;
     signals_effort_t effort;
 } step_output_t;
 
