@@ -71,6 +71,14 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
+int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+{
+    if (asked == given)
+        return 0;
+    *steps = fix_count_u16(*steps);
+    return asked > given ? 1 : -1;
+}
+
 int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
 {
     return fix_sat16(fix_share_q15(value, factor_q15));

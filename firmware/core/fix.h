@@ -53,6 +53,9 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 /* The next count: one more, but 65535 stays. */
 FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 
+/* 1 where more was asked than given, -1 where less, 0 where given in full; the others are counted in *steps, which stays at 65535. */
+int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps);
+
 /* Sum that stays at 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 

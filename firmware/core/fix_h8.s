@@ -444,6 +444,7 @@ _fix_share_q16:
 	.global _fix_share16_q15
 _fix_share16_q15:
 	mov.w	r1,r2
+	beq	.Lno_share
 	mov.w	r0,r1
 	mov.b	r0h,r0l
 	add.b	r0l,r0l
@@ -451,3 +452,29 @@ _fix_share16_q15:
 	mov.b	r0l,r0h
 	jsr	@_fix_share_q15
 	jmp	@_fix_sat16
+.Lno_share:
+	sub.w	r0,r0
+	rts
+
+; int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+	.align 1
+	.global _fix_excess
+_fix_excess:
+	cmp.w	r1,r0
+	beq	.Lin_full
+	mov.w	@r2,r3
+	adds	#1,r3
+	mov.w	r3,r3
+	beq	.Lcounted
+	mov.w	r3,@r2
+.Lcounted:
+	cmp.w	r1,r0
+	bgt	.Lmore
+	mov.w	#-1,r0
+	rts
+.Lmore:
+	mov.w	#1,r0
+	rts
+.Lin_full:
+	sub.w	r0,r0
+	rts
