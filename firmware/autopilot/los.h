@@ -26,7 +26,7 @@ typedef struct {
     uint16_t overshoot_mm;         /* past the waypoint by more than this is an overshoot, 1..32767 */
     uint8_t max_overshoots;        /* per leg; the next one fails the leg; 255: none does */
     bool skip_failed;              /* a failed leg: go on to the next waypoint; the last one always ends the route */
-    uint32_t leg_timeout_ms;       /* a leg that takes longer fails */
+    uint32_t leg_timeout_ms;       /* a leg that takes longer fails; 0..2^31-1 */
 } los_config_t;
 
 /* Kept in bytes, as all names of states are: the RCX compares a byte with a constant in half of what a word takes. */
@@ -41,11 +41,17 @@ enum {
 };
 typedef uint8_t los_status_t;
 
-/* In the arena: mm, or for a direction its cosine and sine, Q15. */
+/* A direction in the arena that stays for many steps, by what takes time to compute. */
 typedef struct {
-    int16_t x;
-    int16_t y;
-} los_vector_t;
+    int16_t cos_q15;
+    int16_t sin_q15;
+} los_direction_t;
+
+/* From the robot to the waypoint in one coordinate. */
+typedef struct {
+    int32_t um;
+    int16_t mm;
+} los_offset_t;
 
 /* All zero: the next step begins the route at its first waypoint, from wherever the robot is. */
 typedef struct {
@@ -53,9 +59,10 @@ typedef struct {
     const los_config_t *config;
     const route_t *route;
     const signals_state_t *signals;
-    los_vector_t to_mm;           /* from the robot to the waypoint */
-    int32_t distance_squared_mm2; /* its square */
-    uint16_t sight_bam16;         /* its direction */
+    los_offset_t to_x;
+    los_offset_t to_y;
+    int32_t distance_squared_mm2;
+    uint16_t sight_bam16; /* the direction from the robot to the waypoint */
     uint8_t period_ms;
 
     los_phase_t phase;
@@ -69,8 +76,8 @@ typedef struct {
     uint16_t bearing_bam16;      /* to the waypoint, held near it */
     int16_t heading_error_bam16; /* bearing minus heading */
     int16_t cross_track_mm;      /* from the leg's line, right of it positive */
-    los_vector_t pass_q15;       /* ahead at the beginning of DRIVE: normal to the plane of the overshoot rule */
-    los_vector_t left_q15;       /* of the leg's line, from the waypoint before to this one */
+    los_direction_t pass;        /* ahead at the beginning of DRIVE: normal to the plane of the overshoot rule */
+    los_direction_t left;        /* of the leg's line, from the waypoint before to this one */
     uint16_t hold_heading_bam16; /* at the beginning of BRAKE */
     uint16_t quiet_ms;           /* how long the condition that ends the phase has held */
     uint32_t leg_ms;             /* time on this leg */
@@ -81,7 +88,7 @@ void los_reset(los_state_t *state);
 
 /* One step, period_ms 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on time-out
  * or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset().
- * `demand`: drive is false unless LOS_UNDERWAY. */
+ * `demand`: speed and heading; whether to drive at all is the mode's. */
 void los_step(const los_config_t *config, const route_t *route, los_state_t *state, const signals_state_t *signals,
               uint8_t period_ms, signals_demand_t *demand);
 

@@ -44,6 +44,7 @@ void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *
         return;
     }
     state->lost_ms = 0;
+    state->demand.drive = true;
     los_step(&config->los, route, &state->los, signals, period_ms, &state->demand);
     if (state->los.status == LOS_ARRIVED)
         enter(state, MODE_ARRIVED, MODE_NO_FAULT);

@@ -13,22 +13,17 @@ static uint16_t factor_q14(uint8_t period_ms)
     return (uint16_t)((uint16_t)(period_ms * 131U) << 3) + (uint16_t)((uint16_t)(period_ms * 160U + 128U) >> 8);
 }
 
-static int8_t sign(int32_t value)
-{
-    return (int8_t)(value > 0 ? 1 : value < 0 ? -1 : 0);
-}
-
 static void integrate(const pid_config_t *config, pid_state_t *state, const pid_terms_t *terms)
 {
     const int32_t rate_mv_s_q10 = fix_mul(config->ki_mv_q10, terms->error);
     const int32_t change_mv_q16 = (int32_t)((uint32_t)fix_share_q16(rate_mv_s_q10, factor_q14(terms->period_ms)) << 2);
-    const int8_t direction = sign(change_mv_q16);
+    const int8_t direction = change_mv_q16 < 0 ? -1 : 1;
 
-    if (direction != 0 && (direction == terms->limited || direction == terms->saturated))
+    if (change_mv_q16 != 0 && (direction == terms->limited || direction == terms->saturated))
         state->held_steps = fix_count_u16(state->held_steps);
     else
-        state->integral_mv_q16 =
-            fix_clamp32(fix_add32(state->integral_mv_q16, change_mv_q16), (int32_t)config->limit_mv << 16);
+        state->integral_mv_q16 = fix_clamp32(fix_add32(state->integral_mv_q16, change_mv_q16),
+                                             (int32_t)((uint32_t)(uint16_t)config->limit_mv << 16));
 }
 
 /* Rounded by magnitude; saturated for telemetry. */
@@ -46,15 +41,15 @@ void pid_stop(pid_state_t *state)
 
 void pid_step(const pid_config_t *config, pid_state_t *state, pid_terms_t *terms)
 {
+    int16_t asked_mv;
     int32_t wanted_mv = part_mv(config->kp_mv_q10, terms->error, &terms->proportional_mv);
 
     wanted_mv += part_mv((int16_t)-config->kd_mv_q10, terms->rate, &terms->derivative_mv);
     terms->integral_mv = (int16_t)fix_round_shift(state->integral_mv_q16, 16);
     wanted_mv += terms->integral_mv;
     wanted_mv += terms->feedforward_mv;
-    terms->output_mv = (int16_t)fix_clamp32(wanted_mv, config->limit_mv);
-    terms->limited = sign(wanted_mv - terms->output_mv);
-    if (terms->limited != 0)
-        state->limited_steps = fix_count_u16(state->limited_steps);
+    asked_mv = fix_sat16(wanted_mv);
+    terms->output_mv = fix_clamp16(asked_mv, config->limit_mv);
+    terms->limited = fix_excess(asked_mv, terms->output_mv, &state->limited_steps);
     integrate(config, state, terms);
 }

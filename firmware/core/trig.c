@@ -104,9 +104,9 @@ static uint16_t octant_bam16(uint16_t minor, uint16_t major)
     return (uint16_t)(value(&trig_arctan_bam16_q2, (uint16_t)fix_div_u32((uint32_t)minor << 16, major)) + 2U) >> 2;
 }
 
-uint16_t trig_atan2_bam16(int32_t y, int32_t x)
+uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x)
 {
-    uint32_t across = fix_abs_u32(y), along = fix_abs_u32(x);
+    uint32_t across = fix_abs_u32(*y), along = fix_abs_u32(*x);
     uint16_t angle_bam16;
 
     while ((across | along) >> 16 != 0) {
@@ -117,8 +117,8 @@ uint16_t trig_atan2_bam16(int32_t y, int32_t x)
         angle_bam16 = octant_bam16((uint16_t)across, (uint16_t)along);
     else
         angle_bam16 = (uint16_t)(QUARTER_TURN - octant_bam16((uint16_t)along, (uint16_t)across));
-    if (x < 0)
+    if (*x < 0)
         angle_bam16 = (uint16_t)(HALF_TURN - angle_bam16);
-    return y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
+    return *y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
 }
 #endif

@@ -93,17 +93,20 @@ _trig_sin_q15:
 	adds	#1,r0
 	rts
 
-; uint16_t trig_atan2_bam16(int32_t y, int32_t x): x is on the stack. r4:r5 and r0:r1 the magnitudes of y and x, r6h and r6l their signs.
+; uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x): r4:r5 and r0:r1 their magnitudes; y's sign is on the stack, x's in r6l.
 	.align 1
 	.global _trig_atan2_bam16
 _trig_atan2_bam16:
 	SAVE
-	mov.b	r0h,r6h
+	mov.w	r1,r6
+	mov.w	@(2,r0),r1
+	mov.w	@r0,r0
+	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	mov.w	r0,r4
 	mov.w	r1,r5
-	mov.w	@(8,r7),r0
-	mov.w	@(10,r7),r1
+	mov.w	@r6,r0
+	mov.w	@(2,r6),r1
 	mov.b	r0h,r6l
 	jsr	@_fix_abs_u32
 .Lhalve:			; until both have 16 bits
@@ -148,7 +151,7 @@ _trig_atan2_bam16:
 	sub.w	r0,r1
 	mov.w	r1,r0
 .Lforward:
-	mov.b	r6h,r6h
+	mov.w	@r7+,r1
 	bpl	.Lright
 	not	r0h
 	not	r0l

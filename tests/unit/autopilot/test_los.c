@@ -127,7 +127,7 @@ static void test_los_takes_the_ends_of_every_range(void)
     static const route_waypoint_t CORNERS[] = {{30000, 30000}, {-30000, -30000}};
     config.cruise_mm_s_q4 = INT16_MAX;
     config.decel_mm_s2 = 32767;
-    config.leg_timeout_ms = UINT32_MAX;
+    config.leg_timeout_ms = INT32_MAX;
     set_route(CORNERS, 2);
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++) {

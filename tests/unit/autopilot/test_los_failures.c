@@ -9,7 +9,7 @@ static void test_los_leg_that_takes_too_long_ends_the_route(void)
     }
     step();
     TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
-    TEST_ASSERT_FALSE(demand.drive);
+    TEST_ASSERT_EQUAL(LOS_END, state.phase);
     TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
 }
 
@@ -94,7 +94,7 @@ static void test_los_too_many_overshoots_end_the_route(void)
         TEST_ASSERT_EQUAL_UINT16(pass, state.overshoots);
     }
     TEST_ASSERT_EQUAL(LOS_OVERSHOT, state.status);
-    TEST_ASSERT_FALSE(demand.drive);
+    TEST_ASSERT_EQUAL(LOS_END, state.phase);
 }
 
 static void test_los_too_many_overshoots_skip_the_waypoint_where_told_to(void)

@@ -16,7 +16,7 @@ static void test_los_reaches_the_eight_waypoints_of_the_paper_in_order_in_60_s(v
     }
     TEST_ASSERT_EQUAL_UINT8(8, reached);
     TEST_ASSERT_EQUAL(LOS_ARRIVED, state.status);
-    TEST_ASSERT_FALSE(demand.drive);
+    TEST_ASSERT_EQUAL(LOS_END, state.phase);
     TEST_ASSERT_EQUAL_UINT16(0, state.overshoots);
 }
 

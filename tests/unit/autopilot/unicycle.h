@@ -72,12 +72,12 @@ static inline signals_state_t sensed(void)
 
 static inline void drive(double period_s)
 {
-    const double wanted = demand.drive ? demand.speed_mm_s_q4 / 16.0 : 0.0;
+    const double wanted = state.phase != LOS_END ? demand.speed_mm_s_q4 / 16.0 : 0.0;
     const double change = wanted - robot.speed_mm_s;
     const double most = robot.brake_mm_s2 * period_s;
     robot.speed_mm_s += fmin(fmax(change, -most), most);
     const double error = fix_angle_diff_bam16(demand.heading_bam16, bam16(robot.heading)) * TURN / 65536.0;
-    robot.yaw_rate = demand.drive ? fmin(fmax(8.0 * error, -3.0), 3.0) : 0.0;
+    robot.yaw_rate = state.phase != LOS_END ? fmin(fmax(8.0 * error, -3.0), 3.0) : 0.0;
     robot.heading += robot.yaw_rate * period_s;
     robot.x_mm += robot.speed_mm_s * cos(robot.heading) * period_s;
     robot.y_mm += robot.speed_mm_s * sin(robot.heading) * period_s;
