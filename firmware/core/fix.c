@@ -38,13 +38,6 @@ uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
 }
 #endif
 
-int32_t fix_div(int32_t dividend, uint16_t divisor)
-{
-    const uint32_t quotient = fix_div_u32(fix_abs_u32(dividend), divisor);
-    const int32_t magnitude = quotient < BIT31 ? (int32_t)quotient : FIX_INT32_MAX;
-    return dividend < 0 ? -magnitude : magnitude;
-}
-
 #ifndef FIX_IN_ASSEMBLY
 uint16_t fix_sqrt_u32(uint32_t value)
 {

@@ -80,9 +80,6 @@ uint16_t fix_round_bam16(uint32_t angle_bam32);
 /* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. */
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor);
 
-/* dividend / divisor, rounded towards zero, saturated; divisor 1..65535. */
-int32_t fix_div(int32_t dividend, uint16_t divisor);
-
 /* Integer square root, rounded down. Any operand. */
 uint16_t fix_sqrt_u32(uint32_t value);
 
