@@ -192,16 +192,18 @@ static void move(los_state_t *los)
 static int16_t approach_speed_mm_s_q4(const los_state_t *los)
 {
     const los_config_t *config = los->config;
-    const uint16_t twice_decel = (uint16_t)(config->decel_mm_s2 << 1), cruise = (uint16_t)config->cruise_mm_s_q4;
+    const uint16_t twice_decel = (uint16_t)(config->decel_mm_s2 << 1);
     const uint16_t x_mm = fix_abs_u16(los->to_x.mm), y_mm = fix_abs_u16(los->to_y.mm);
-    uint16_t braking;
+    uint16_t speed = (uint16_t)config->cruise_mm_s_q4, braking;
 
-    if (fix_mul_u16(twice_decel, x_mm > y_mm ? x_mm : y_mm) > (fix_mul_u16(cruise, cruise) - 1U) >> 8)
-        return config->cruise_mm_s_q4;
-    braking = fix_sqrt_u32(fix_mul_u16(twice_decel, fix_sqrt_u32((uint32_t)los->distance_squared_mm2)) << 8);
-    if (braking > cruise)
-        return config->cruise_mm_s_q4;
-    return braking > (uint16_t)config->creep_mm_s_q4 ? (int16_t)braking : config->creep_mm_s_q4;
+    if (fix_mul_u16(twice_decel, x_mm > y_mm ? x_mm : y_mm) <= (fix_mul_u16(speed, speed) - 1U) >> 8) {
+        braking = fix_sqrt_u32(fix_mul_u16(twice_decel, fix_sqrt_u32((uint32_t)los->distance_squared_mm2)) << 8);
+        if (braking < speed)
+            speed = braking;
+        if (speed < (uint16_t)config->creep_mm_s_q4)
+            speed = (uint16_t)config->creep_mm_s_q4;
+    }
+    return (int16_t)speed;
 }
 
 static void steer_leg(los_state_t *los)

@@ -37,10 +37,9 @@ void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *
     if (state->mode != MODE_RUN)
         return;
     if (!signals->valid) {
-        const uint16_t lost_ms = fix_add_u16(state->lost_ms, period_ms);
-        if (lost_ms > config->lost_ms)
+        state->lost_ms = fix_add_u16(state->lost_ms, period_ms);
+        if (state->lost_ms > config->lost_ms)
             enter(state, MODE_FAULT, MODE_STATE_LOST);
-        state->lost_ms = lost_ms;
         return;
     }
     state->lost_ms = 0;

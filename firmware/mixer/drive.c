@@ -2,7 +2,7 @@
 
 #include "core/fix.h"
 
-enum { FULL_FROM_MV = 2048 }; /* of which 16 times are more than any size */
+enum { FULL_FROM_MV = 2047 }; /* of which 16 times are more than any size */
 
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s)
 {
@@ -14,11 +14,7 @@ int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mra
 /* `size_mv` in the direction of `voltage_mv`. */
 static int16_t along(int16_t voltage_mv, int16_t size_mv)
 {
-    if (size_mv == 0)
-        return 0;
-    if (fix_abs_u16(voltage_mv) < FULL_FROM_MV)
-        return fix_clamp16((int16_t)(voltage_mv * 16), size_mv);
-    return voltage_mv < 0 ? (int16_t)-size_mv : size_mv;
+    return size_mv == 0 ? 0 : fix_clamp16((int16_t)(fix_clamp16(voltage_mv, FULL_FROM_MV) * 16), size_mv);
 }
 
 int16_t drive_voltage_mv(const drive_config_t *config, const drive_side_t *side, int16_t wanted_mv,
