@@ -54,34 +54,36 @@ static int16_t feedforward(const step_config_t *config, int16_t speed_mm_s_q4)
     return fix_round16(fix_mul(config->feedforward_mv_q10, speed_mm_s_q4), 10);
 }
 
-static void hold(bool drive, const pid_config_t *config, pid_state_t *state, const pid_input_t *input,
-                 pid_output_t *out)
+static void hold(bool drive, const pid_config_t *config, pid_state_t *state, pid_terms_t *terms)
 {
     if (drive) {
-        pid_step(config, state, input, out);
+        pid_step(config, state, terms);
     } else {
         pid_stop(state);
-        bytes_clear(out, sizeof *out);
+        bytes_clear(terms, sizeof *terms);
     }
 }
 
 static void control(const step_config_t *config, step_state_t *state, step_output_t *out)
 {
     const signals_demand_t *const demand = &state->mode.demand;
-    pid_input_t input;
+    const uint8_t period_ms = out->state.sensors.period_ms;
+    pid_terms_t *terms = &out->speed;
 
-    input.error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
-    input.rate = out->state.accel_mm_s2;
-    input.feedforward_mv = feedforward(config, demand->speed_mm_s_q4);
-    input.saturated = state->drive.surge_saturated;
-    input.period_ms = out->state.sensors.period_ms;
-    hold(demand->drive, &config->speed_pid, &state->speed_pid, &input, &out->speed);
+    terms->error = fix_sub16(demand->speed_mm_s_q4, out->state.speed_mm_s_q4);
+    terms->rate = out->state.accel_mm_s2;
+    terms->feedforward_mv = feedforward(config, demand->speed_mm_s_q4);
+    terms->saturated = state->drive.surge_saturated;
+    terms->period_ms = period_ms;
+    hold(demand->drive, &config->speed_pid, &state->speed_pid, terms);
 
-    input.error = fix_angle_diff_bam16(demand->heading_bam16, out->state.heading_bam16);
-    input.rate = out->state.yaw_rate_mrad_s;
-    input.feedforward_mv = 0;
-    input.saturated = state->drive.yaw_saturated;
-    hold(demand->drive, &config->heading_pid, &state->heading_pid, &input, &out->heading);
+    terms = &out->heading;
+    terms->error = fix_angle_diff_bam16(demand->heading_bam16, out->state.heading_bam16);
+    terms->rate = out->state.yaw_rate_mrad_s;
+    terms->feedforward_mv = 0;
+    terms->saturated = state->drive.yaw_saturated;
+    terms->period_ms = period_ms;
+    hold(demand->drive, &config->heading_pid, &state->heading_pid, terms);
 }
 
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, mode_command_t command,

@@ -50,8 +50,8 @@ typedef struct {
 /* The estimator goes on from `state`: all zero to begin with, too. */
 typedef struct {
     signals_state_t state; /* state.sensors is what the step is given */
-    pid_output_t speed;    /* parts of the efforts */
-    pid_output_t heading;
+    pid_terms_t speed;     /* parts of the efforts */
+    pid_terms_t heading;
     signals_effort_t effort;
 } step_output_t;
 

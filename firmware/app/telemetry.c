@@ -13,7 +13,7 @@ static void pack_x(uint8_t tick_ms, const step_state_t *state, const step_output
     x.x = output->state.x_um;
     x.heading = (int16_t)output->state.heading_bam16;
     x.tick_ms = tick_ms;
-    x.waypoint = state->mode.guidance.waypoint;
+    x.waypoint = state->mode.los.waypoint;
     (void)wire_telemetry_x_pack(data, &x, MESSAGE_DATA_MAX);
 }
 
@@ -23,7 +23,7 @@ static void pack_y(uint8_t tick_ms, const step_state_t *state, const step_output
     y.y = output->state.y_um;
     y.speed = output->state.speed_mm_s_q4;
     y.tick_ms = tick_ms;
-    y.overshoots = sat_u8(state->mode.guidance.overshoots);
+    y.overshoots = sat_u8(state->mode.los.overshoots);
     (void)wire_telemetry_y_pack(data, &y, MESSAGE_DATA_MAX);
 }
 
@@ -31,11 +31,11 @@ static void pack_track(uint8_t tick_ms, const step_state_t *state, const step_ou
 {
     struct wire_telemetry_track_t track;
     track.yaw_rate = output->state.yaw_rate_mrad_s;
-    track.cross_track = state->mode.guidance.cross_track_mm;
-    track.heading_error = state->mode.guidance.heading_error_bam16;
+    track.cross_track = state->mode.los.cross_track_mm;
+    track.heading_error = state->mode.los.heading_error_bam16;
     track.tick_ms = tick_ms;
     track.mode = (uint8_t)state->mode.mode;
-    track.phase = (uint8_t)state->mode.guidance.phase;
+    track.phase = (uint8_t)state->mode.los.phase;
     track.at_rest = output->state.at_rest ? 1 : 0;
     track.valid = output->state.valid ? 1 : 0;
     (void)wire_telemetry_track_pack(data, &track, MESSAGE_DATA_MAX);
@@ -54,7 +54,7 @@ static void pack_demand(uint8_t tick_ms, const step_state_t *state, uint8_t *dat
     (void)wire_telemetry_demand_pack(data, &demand, MESSAGE_DATA_MAX);
 }
 
-static void pack_speed(uint8_t tick_ms, const pid_output_t *pid, uint8_t *data)
+static void pack_speed(uint8_t tick_ms, const pid_terms_t *pid, uint8_t *data)
 {
     struct wire_telemetry_speed_t speed;
     speed.proportional = pid->proportional_mv;
@@ -64,7 +64,7 @@ static void pack_speed(uint8_t tick_ms, const pid_output_t *pid, uint8_t *data)
     (void)wire_telemetry_speed_pack(data, &speed, MESSAGE_DATA_MAX);
 }
 
-static void pack_heading(uint8_t tick_ms, const pid_output_t *pid, uint8_t *data)
+static void pack_heading(uint8_t tick_ms, const pid_terms_t *pid, uint8_t *data)
 {
     struct wire_telemetry_heading_t heading;
     heading.proportional = pid->proportional_mv;

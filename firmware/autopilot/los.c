@@ -1,37 +1,38 @@
 #include "autopilot/los.h"
 
+#include "core/bytes.h"
 #include "core/fix.h"
 #include "core/trig.h"
 
-/* The waypoint as seen from the robot, in the axes of the arena. */
-typedef struct {
-    int16_t x_mm;
-    int16_t y_mm;
-    uint32_t distance_squared_mm2;
-    uint16_t bearing_bam16;
-} sight_t;
+#define QUARTER_TURN 16384U
+
+static int32_t product(const los_state_t *los, int16_t x, int16_t y)
+{
+    const int32_t along_x = fix_mul(los->to_x.mm, x);
+    return along_x + fix_mul(los->to_y.mm, y);
+}
+
+/* How far the waypoint lies in a direction. */
+static int16_t along_mm(const los_state_t *los, const los_direction_t *direction)
+{
+    return fix_sat16(fix_round_shift(product(los, direction->cos_q15, direction->sin_q15), 15));
+}
 
 /* By magnitude, so that both directions round alike; 16777 / 2^24 is 1/1000, low by 13 parts in a million. */
-static int16_t mm_from_um(int32_t um)
+static void look_across(int16_t waypoint_mm, const int32_t *robot_um, los_offset_t *to)
 {
-    const int32_t magnitude = fix_round_shift((int32_t)fix_mul_u32_q16(fix_abs_u32(um), 16777), 8);
-    return fix_sat16(um < 0 ? -magnitude : magnitude);
+    to->um = fix_sub32(fix_mul(waypoint_mm, 1000), *robot_um);
+    to->mm = fix_sat16(fix_round_shift(fix_share_q16(to->um, 16777), 8));
 }
 
-static int32_t um_from_mm(int16_t mm)
+static void look(los_state_t *los)
 {
-    return fix_mul(mm, 1000);
-}
+    const route_waypoint_t *waypoint = &los->route->waypoints[los->waypoint];
 
-static void look(sight_t *sight, const route_waypoint_t *waypoint, const signals_state_t *signals)
-{
-    const int32_t x_um = fix_sub32(um_from_mm(waypoint->x_mm), signals->x_um);
-    const int32_t y_um = fix_sub32(um_from_mm(waypoint->y_mm), signals->y_um);
-    sight->x_mm = mm_from_um(x_um);
-    sight->y_mm = mm_from_um(y_um);
-    sight->distance_squared_mm2 =
-        (uint32_t)fix_mul(sight->x_mm, sight->x_mm) + (uint32_t)fix_mul(sight->y_mm, sight->y_mm);
-    sight->bearing_bam16 = trig_atan2_bam16(y_um, x_um);
+    look_across(waypoint->x_mm, &los->signals->x_um, &los->to_x);
+    look_across(waypoint->y_mm, &los->signals->y_um, &los->to_y);
+    los->distance_squared_mm2 = product(los, los->to_x.mm, los->to_y.mm);
+    los->sight_bam16 = trig_atan2_bam16(&los->to_y.um, &los->to_x.um);
 }
 
 static void look_along(los_direction_t *direction, uint16_t bearing_bam16)
@@ -40,220 +41,207 @@ static void look_along(los_direction_t *direction, uint16_t bearing_bam16)
     direction->sin_q15 = trig_sin_q15(bearing_bam16);
 }
 
-/* How far the waypoint is ahead, and how far to the left, of who looks along `direction`. */
-static int16_t ahead_mm(const sight_t *sight, const los_direction_t *direction)
+static uint16_t heading_error_bam16(los_state_t *los)
 {
-    const int32_t x = fix_mul(sight->x_mm, direction->cos_q15);
-    return fix_sat16(fix_round_shift(x + fix_mul(sight->y_mm, direction->sin_q15), 15));
+    los->heading_error_bam16 = fix_angle_diff_bam16(los->bearing_bam16, los->signals->heading_bam16);
+    return fix_abs_u16(los->heading_error_bam16);
 }
 
-static int16_t left_mm(const sight_t *sight, const los_direction_t *direction)
+/* The square of the distance to the waypoint, less that of a distance. */
+static int32_t beyond_mm2(const los_state_t *los, uint16_t distance_mm)
 {
-    const int32_t x = fix_mul(sight->x_mm, direction->sin_q15);
-    return fix_sat16(fix_round_shift(x - fix_mul(sight->y_mm, direction->cos_q15), 15));
+    return los->distance_squared_mm2 - (int32_t)fix_mul_u16(distance_mm, distance_mm);
 }
 
-/* Rounded down to mm, the waypoint is farther than that. */
-static bool beyond(const sight_t *sight, uint16_t distance_mm)
+static void enter(los_state_t *los, los_phase_t phase)
 {
-    return sight->distance_squared_mm2 > fix_mul_u16(distance_mm, distance_mm) + 2UL * distance_mm;
+    los->phase = phase;
+    los->quiet_ms = 0;
 }
 
-static uint16_t heading_error_bam16(const los_state_t *state, const signals_state_t *signals)
+static void enter_brake(los_state_t *los)
 {
-    return fix_abs_u16(fix_angle_diff_bam16(state->bearing_bam16, signals->heading_bam16));
+    los->hold_heading_bam16 = los->signals->heading_bam16;
+    enter(los, LOS_BRAKE);
 }
 
-static void enter(los_state_t *state, los_phase_t phase)
+static void enter_drive(los_state_t *los)
 {
-    state->phase = phase;
-    state->quiet_ms = 0;
+    look_along(&los->pass, los->sight_bam16);
+    los->passing = true;
+    enter(los, LOS_DRIVE);
 }
 
-static void enter_brake(los_state_t *state, const signals_state_t *signals)
+static void end(los_state_t *los, los_status_t status)
 {
-    state->hold_heading_bam16 = signals->heading_bam16;
-    enter(state, LOS_BRAKE);
+    los->status = status;
+    enter(los, LOS_END);
 }
 
-static void enter_drive(los_state_t *state, const sight_t *sight)
+/* True where it is too large to drive. */
+static bool pivots(los_state_t *los)
 {
-    look_along(&state->pass, sight->bearing_bam16);
-    state->passing = true;
-    enter(state, LOS_DRIVE);
-}
-
-static void begin_leg(const los_config_t *config, los_state_t *state, const sight_t *sight,
-                      const signals_state_t *signals)
-{
-    state->leg_ms = 0;
-    state->leg_overshoots = 0;
-    state->passing = false;
-    state->bearing_bam16 = sight->bearing_bam16;
-    if (heading_error_bam16(state, signals) > config->pivot_bam16)
-        enter_brake(state, signals);
-    else
-        enter_drive(state, sight);
-}
-
-static void end(los_state_t *state, los_status_t status)
-{
-    state->status = status;
-    enter(state, LOS_END);
-}
-
-static void reach(const los_config_t *config, const route_t *route, los_state_t *state, sight_t *sight,
-                  const signals_state_t *signals)
-{
-    if (state->waypoint + 1 >= route->count) {
-        state->last_reached = true;
-        enter_brake(state, signals);
-        return;
-    }
-    const route_waypoint_t *from = &route->waypoints[state->waypoint];
-    state->waypoint++;
-    const route_waypoint_t *to = &route->waypoints[state->waypoint];
-    look_along(&state->leg, trig_atan2_bam16((int32_t)to->y_mm - from->y_mm, (int32_t)to->x_mm - from->x_mm));
-    look(sight, to, signals);
-    begin_leg(config, state, sight, signals);
-}
-
-static void fail(const los_config_t *config, const route_t *route, los_state_t *state, sight_t *sight,
-                 const signals_state_t *signals, los_status_t status)
-{
-    if (!config->skip_failed || state->waypoint + 1 >= route->count) {
-        end(state, status);
-        return;
-    }
-    state->skipped++;
-    state->waypoint++;
-    look(sight, &route->waypoints[state->waypoint], signals);
-    look_along(&state->leg, sight->bearing_bam16);
-    begin_leg(config, state, sight, signals);
-}
-
-/* True when this step finds the robot past the plane through the waypoint. */
-static bool overshoots(const los_config_t *config, los_state_t *state, const sight_t *sight,
-                       const signals_state_t *signals)
-{
-    if (!state->passing || ahead_mm(sight, &state->pass) >= -(int32_t)config->overshoot_mm)
+    if (heading_error_bam16(los) <= los->config->pivot_bam16)
         return false;
-    state->passing = false;
-    state->overshoots = fix_count_u16(state->overshoots);
-    state->leg_overshoots++;
-    if (state->phase == LOS_DRIVE)
-        enter_brake(state, signals);
+    enter_brake(los);
     return true;
 }
 
-static bool quiet_for(los_state_t *state, bool quiet, uint8_t period_ms, uint16_t needed_ms)
+static void follow_line(los_state_t *los, uint16_t bearing_bam16)
 {
-    const uint32_t total_ms = (uint32_t)state->quiet_ms + period_ms;
-    state->quiet_ms = quiet ? (uint16_t)total_ms : 0;
-    return quiet && total_ms >= needed_ms;
+    look_along(&los->left, (uint16_t)(bearing_bam16 - QUARTER_TURN));
 }
 
-static void brake(const los_config_t *config, los_state_t *state, const sight_t *sight, const signals_state_t *signals,
-                  uint8_t period_ms)
+static void begin_leg(los_state_t *los)
 {
-    const bool at_rest = fix_abs_u16(signals->speed_mm_s_q4) <= config->rest_speed_mm_s_q4;
-    state->bearing_bam16 = sight->bearing_bam16;
-    if (!quiet_for(state, at_rest, period_ms, config->rest_ms))
-        return;
-    if (state->last_reached)
-        end(state, LOS_ARRIVED);
-    else
-        enter(state, LOS_TURN);
+    look(los);
+    follow_line(los, los->sight_bam16);
+    los->leg_ms = 0;
+    los->leg_overshoots = 0;
+    los->passing = false;
+    los->bearing_bam16 = los->sight_bam16;
+    if (!pivots(los))
+        enter_drive(los);
 }
 
-static void turn(const los_config_t *config, los_state_t *state, const sight_t *sight, const signals_state_t *signals,
-                 uint8_t period_ms)
+/* False when there is none. */
+static bool begin_next_leg(los_state_t *los)
 {
-    const bool aligned = heading_error_bam16(state, signals) <= config->align_bam16;
-    const bool still = fix_abs_u16(signals->yaw_rate_mrad_s) <= config->rest_yaw_rate_mrad_s;
-    if (quiet_for(state, aligned && still, period_ms, config->settle_ms))
-        enter_drive(state, sight);
+    const uint8_t next = (uint8_t)(los->waypoint + 1);
+    if (next >= los->route->count)
+        return false;
+    los->waypoint = next;
+    begin_leg(los);
+    return true;
 }
 
-static void move(const los_config_t *config, los_state_t *state, const sight_t *sight, const signals_state_t *signals,
-                 uint8_t period_ms)
+static void reach(los_state_t *los)
 {
-    if (state->phase == LOS_BRAKE) {
-        brake(config, state, sight, signals, period_ms);
+    const route_waypoint_t *from = &los->route->waypoints[los->waypoint];
+    if (begin_next_leg(los)) {
+        const int32_t x_mm = (int32_t)from[1].x_mm - from->x_mm, y_mm = (int32_t)from[1].y_mm - from->y_mm;
+        follow_line(los, trig_atan2_bam16(&y_mm, &x_mm));
         return;
     }
-    if (beyond(sight, config->bearing_hold_mm))
-        state->bearing_bam16 = sight->bearing_bam16;
-    if (state->phase == LOS_TURN)
-        turn(config, state, sight, signals, period_ms);
-    else if (heading_error_bam16(state, signals) > config->pivot_bam16)
-        enter_brake(state, signals);
+    los->last_reached = true;
+    enter_brake(los);
 }
 
-/* The speed from which the robot can still brake: the square root of 2 decel distance. */
-static int16_t approach_speed_mm_s_q4(const los_config_t *config, const sight_t *sight)
+static void fail(los_state_t *los, los_status_t status)
 {
-    const uint32_t squared_mm2_s2 = fix_mul_u16(config->decel_mm_s2, fix_sqrt_u32(sight->distance_squared_mm2)) << 1;
-    const uint16_t cruise = (uint16_t)config->cruise_mm_s_q4;
-    if (squared_mm2_s2 >= (1UL << 24) || squared_mm2_s2 << 8 >= fix_mul_u16(cruise, cruise))
-        return config->cruise_mm_s_q4;
-    const uint16_t braking_q4 = fix_sqrt_u32(squared_mm2_s2 << 8);
-    return braking_q4 > (uint16_t)config->creep_mm_s_q4 ? (int16_t)braking_q4 : config->creep_mm_s_q4;
-}
-
-static void report(const los_config_t *config, const los_state_t *state, const sight_t *sight,
-                   const signals_state_t *signals, los_output_t *output)
-{
-    output->demand.drive = state->phase != LOS_END;
-    output->demand.speed_mm_s_q4 = state->phase == LOS_DRIVE ? approach_speed_mm_s_q4(config, sight) : 0;
-    output->demand.heading_bam16 = state->phase == LOS_BRAKE ? state->hold_heading_bam16 : state->bearing_bam16;
-    output->status = state->status;
-    output->phase = state->phase;
-    output->waypoint = state->waypoint;
-    output->cross_track_mm = left_mm(sight, &state->leg);
-    output->heading_error_bam16 = fix_angle_diff_bam16(state->bearing_bam16, signals->heading_bam16);
-    output->overshoots = state->overshoots;
-    output->skipped = state->skipped;
-    output->leg_ms = state->leg_ms;
-}
-
-static void steer_leg(const los_config_t *config, const route_t *route, los_state_t *state, sight_t *sight,
-                      const signals_state_t *signals, uint8_t period_ms)
-{
-    state->leg_ms += period_ms;
-    if (state->leg_ms > config->leg_timeout_ms)
-        fail(config, route, state, sight, signals, LOS_TIMED_OUT);
-    else if (state->last_reached)
-        brake(config, state, sight, signals, period_ms);
-    else if (sight->distance_squared_mm2 <= fix_mul_u16(config->acceptance_mm, config->acceptance_mm))
-        reach(config, route, state, sight, signals);
-    else if (overshoots(config, state, sight, signals) && state->leg_overshoots > config->max_overshoots)
-        fail(config, route, state, sight, signals, LOS_OVERSHOT);
+    if (los->config->skip_failed && begin_next_leg(los))
+        los->skipped++;
     else
-        move(config, state, sight, signals, period_ms);
+        end(los, status);
 }
 
-void los_reset(los_state_t *state)
+/* True when this step finds the robot past the plane through the waypoint once too often. */
+static bool overshoots(los_state_t *los)
 {
-    state->phase = LOS_BEGIN;
-    state->status = LOS_UNDERWAY;
-    state->waypoint = 0;
-    state->last_reached = false;
-    state->hold_heading_bam16 = 0;
-    state->overshoots = 0;
-    state->skipped = 0;
+    if (!los->passing || along_mm(los, &los->pass) >= -(int16_t)los->config->overshoot_mm)
+        return false;
+    los->passing = false;
+    los->overshoots = fix_count_u16(los->overshoots);
+    los->leg_overshoots++;
+    if (los->phase == LOS_DRIVE)
+        enter_brake(los);
+    return los->leg_overshoots > los->config->max_overshoots;
 }
 
-void los_step(const los_config_t *config, const route_t *route, los_state_t *state, const signals_state_t *signals,
-              uint8_t period_ms, los_output_t *output)
+/* What ends the phase holds in this step: whether it has for long enough. */
+static bool held(los_state_t *los, uint16_t needed_ms)
 {
-    sight_t sight;
-    look(&sight, &route->waypoints[state->waypoint], signals);
-    if (state->phase == LOS_BEGIN) {
-        look_along(&state->leg, sight.bearing_bam16);
-        begin_leg(config, state, &sight, signals);
+    los->quiet_ms = fix_add_u16(los->quiet_ms, los->period_ms);
+    return los->quiet_ms >= needed_ms;
+}
+
+static void brake(los_state_t *los)
+{
+    const los_config_t *config = los->config;
+    los->bearing_bam16 = los->sight_bam16;
+    if (fix_abs_u16(los->signals->speed_mm_s_q4) > config->rest_speed_mm_s_q4)
+        los->quiet_ms = 0;
+    else if (!held(los, config->rest_ms))
+        return;
+    else if (los->last_reached)
+        end(los, LOS_ARRIVED);
+    else
+        enter(los, LOS_TURN);
+}
+
+static void move(los_state_t *los)
+{
+    const los_config_t *config = los->config;
+    if (los->phase == LOS_BRAKE) {
+        brake(los);
+        return;
     }
-    if (state->phase != LOS_END)
-        steer_leg(config, route, state, &sight, signals, period_ms);
-    report(config, state, &sight, signals, output);
+    if (beyond_mm2(los, (uint16_t)(config->bearing_hold_mm + 1U)) >= 0)
+        los->bearing_bam16 = los->sight_bam16;
+    if (los->phase == LOS_DRIVE)
+        (void)pivots(los);
+    else if (heading_error_bam16(los) > config->align_bam16 ||
+             fix_abs_u16(los->signals->yaw_rate_mrad_s) > config->rest_yaw_rate_mrad_s)
+        los->quiet_ms = 0;
+    else if (held(los, config->settle_ms))
+        enter_drive(los);
+}
+
+/* The speed from which the robot can still brake: the square root of 2 decel distance. No root where the larger part of the
+ * distance is enough for cruise. */
+static int16_t approach_speed_mm_s_q4(const los_state_t *los)
+{
+    const los_config_t *config = los->config;
+    const uint16_t twice_decel = (uint16_t)(config->decel_mm_s2 << 1);
+    const uint16_t x_mm = fix_abs_u16(los->to_x.mm), y_mm = fix_abs_u16(los->to_y.mm);
+    uint16_t speed = (uint16_t)config->cruise_mm_s_q4, braking;
+
+    if (fix_mul_u16(twice_decel, x_mm > y_mm ? x_mm : y_mm) <= (fix_mul_u16(speed, speed) - 1U) >> 8) {
+        braking = fix_sqrt_u32(fix_mul_u16(twice_decel, fix_sqrt_u32((uint32_t)los->distance_squared_mm2)) << 8);
+        if (braking < speed)
+            speed = braking;
+        if (speed < (uint16_t)config->creep_mm_s_q4)
+            speed = (uint16_t)config->creep_mm_s_q4;
+    }
+    return (int16_t)speed;
+}
+
+static void steer_leg(los_state_t *los)
+{
+    los->leg_ms += los->period_ms;
+    if ((int32_t)(los->config->leg_timeout_ms - los->leg_ms) < 0)
+        fail(los, LOS_TIMED_OUT);
+    else if (los->last_reached)
+        brake(los);
+    else if (beyond_mm2(los, los->config->acceptance_mm) <= 0)
+        reach(los);
+    else if (overshoots(los))
+        fail(los, LOS_OVERSHOT);
+    else
+        move(los);
+}
+
+void los_reset(los_state_t *los)
+{
+    bytes_clear(los, sizeof *los);
+}
+
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
+              uint8_t period_ms, signals_demand_t *demand)
+{
+    los->config = config;
+    los->route = route;
+    los->signals = signals;
+    los->period_ms = period_ms;
+    if (los->phase == LOS_BEGIN)
+        begin_leg(los);
+    else
+        look(los);
+    if (los->phase != LOS_END)
+        steer_leg(los);
+
+    demand->speed_mm_s_q4 = los->phase == LOS_DRIVE ? approach_speed_mm_s_q4(los) : 0;
+    demand->heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
+    los->cross_track_mm = along_mm(los, &los->left);
+    (void)heading_error_bam16(los);
 }

@@ -26,17 +26,20 @@ typedef struct {
     uint16_t overshoot_mm;         /* past the waypoint by more than this is an overshoot, 1..32767 */
     uint8_t max_overshoots;        /* per leg; the next one fails the leg; 255: none does */
     bool skip_failed;              /* a failed leg: go on to the next waypoint; the last one always ends the route */
-    uint32_t leg_timeout_ms;       /* a leg that takes longer fails */
+    uint32_t leg_timeout_ms;       /* a leg that takes longer fails; 0..2^31-1 */
 } los_config_t;
 
-typedef enum { LOS_BEGIN = 0, LOS_BRAKE = 1, LOS_TURN = 2, LOS_DRIVE = 3, LOS_END = 4 } los_phase_t;
+/* Kept in bytes, as all names of states are: the RCX compares a byte with a constant in half of what a word takes. */
+enum { LOS_BEGIN = 0, LOS_BRAKE = 1, LOS_TURN = 2, LOS_DRIVE = 3, LOS_END = 4 };
+typedef uint8_t los_phase_t;
 
-typedef enum {
+enum {
     LOS_UNDERWAY = 0,
     LOS_ARRIVED = 1,   /* the last waypoint is reached, and the robot rests */
     LOS_TIMED_OUT = 2, /* a leg failed, and the route with it */
     LOS_OVERSHOT = 3
-} los_status_t;
+};
+typedef uint8_t los_status_t;
 
 /* A direction in the arena that stays for many steps, by what takes time to compute. */
 typedef struct {
@@ -44,42 +47,49 @@ typedef struct {
     int16_t sin_q15;
 } los_direction_t;
 
+/* From the robot to the waypoint in one coordinate. */
+typedef struct {
+    int32_t um;
+    int16_t mm;
+} los_offset_t;
+
 /* All zero: the next step begins the route at its first waypoint, from wherever the robot is. */
 typedef struct {
+    /* What the newest step was about; every step begins with making it new. */
+    const los_config_t *config;
+    const route_t *route;
+    const signals_state_t *signals;
+    los_offset_t to_x;
+    los_offset_t to_y;
+    int32_t distance_squared_mm2;
+    uint16_t sight_bam16; /* the direction from the robot to the waypoint */
+    uint8_t period_ms;
+
     los_phase_t phase;
     los_status_t status;
-    uint8_t waypoint;            /* index of the one steered to */
+    uint8_t waypoint;            /* index of the one steered to; stays at the last when arrived */
+    uint8_t skipped;             /* waypoints given up */
     bool last_reached;           /* what is left is to brake */
-    uint8_t leg_overshoots;      /* on this leg */
     bool passing;                /* since the last DRIVE the waypoint has not been overshot */
+    uint8_t leg_overshoots;      /* on this leg */
+    uint16_t overshoots;         /* of all legs; stays at 65535 */
     uint16_t bearing_bam16;      /* to the waypoint, held near it */
-    los_direction_t pass;        /* at the beginning of DRIVE: normal to the plane of the overshoot rule */
-    los_direction_t leg;         /* from the waypoint before to this one: cross-track error is measured from it */
+    int16_t heading_error_bam16; /* bearing minus heading */
+    int16_t cross_track_mm;      /* from the leg's line, right of it positive */
+    los_direction_t pass;        /* ahead at the beginning of DRIVE: normal to the plane of the overshoot rule */
+    los_direction_t left;        /* of the leg's line, from the waypoint before to this one */
     uint16_t hold_heading_bam16; /* at the beginning of BRAKE */
     uint16_t quiet_ms;           /* how long the condition that ends the phase has held */
     uint32_t leg_ms;             /* time on this leg */
-    uint16_t overshoots;         /* of all legs; stays at 65535 */
-    uint8_t skipped;             /* waypoints given up */
 } los_state_t;
-
-typedef struct {
-    signals_demand_t demand; /* drive is false unless LOS_UNDERWAY */
-    los_status_t status;
-    los_phase_t phase;
-    uint8_t waypoint;            /* index; stays at the last when arrived */
-    int16_t cross_track_mm;      /* from the leg's line, right of it positive */
-    int16_t heading_error_bam16; /* bearing to the waypoint minus heading */
-    uint16_t overshoots;
-    uint8_t skipped;
-    uint32_t leg_ms;
-} los_output_t;
 
 /* Makes the next step begin the route again; clears the counts. */
 void los_reset(los_state_t *state);
 
 /* One step, period_ms 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on time-out
- * or overshoots; past the end (arrived or failed) nothing changes until los_reset(). */
+ * or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset().
+ * `demand`: speed and heading; whether to drive at all is the mode's. */
 void los_step(const los_config_t *config, const route_t *route, los_state_t *state, const signals_state_t *signals,
-              uint8_t period_ms, los_output_t *output);
+              uint8_t period_ms, signals_demand_t *demand);
 
 #endif

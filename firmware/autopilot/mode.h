@@ -16,11 +16,13 @@ typedef struct {
     uint16_t lost_ms; /* the state may be invalid for so long in RUN; the last demand is kept meanwhile */
 } mode_config_t;
 
-typedef enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 } mode_name_t;
+enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 };
+typedef uint8_t mode_name_t;
 
-typedef enum { MODE_NONE = 0, MODE_START = 1, MODE_ABORT = 2, MODE_RESET = 3, MODE_CUT = 4 } mode_command_t;
+enum { MODE_NONE = 0, MODE_START = 1, MODE_ABORT = 2, MODE_RESET = 3, MODE_CUT = 4 };
+typedef uint8_t mode_command_t;
 
-typedef enum {
+enum {
     MODE_NO_FAULT = 0,
     MODE_LEG_TIMED_OUT = 1,
     MODE_LEG_OVERSHOT = 2,
@@ -28,7 +30,8 @@ typedef enum {
     MODE_COMMANDED = 4,
     MODE_NO_ROUTE = 5, /* started with an empty route */
     MODE_SILENT = 6    /* cut: neither a sensor nor a command was heard */
-} mode_fault_t;
+};
+typedef uint8_t mode_fault_t;
 
 /* All zero is IDLE. */
 typedef struct {
@@ -36,12 +39,11 @@ typedef struct {
     mode_fault_t fault; /* why FAULT was entered; cleared by a reset */
     uint16_t lost_ms;   /* for how long the state has been invalid */
     signals_demand_t demand;
-    los_state_t los;
-    los_output_t guidance; /* of the last step in RUN */
+    los_state_t los; /* of the last step in RUN */
 } mode_state_t;
 
 /* One step, period_ms 1..255. `command` acts where the diagram has an arrow for it (abort and cut: in RUN) and is ignored
- * elsewhere. What the robot shall do and how far it is stands in state->demand, ->mode, ->fault and ->guidance. */
+ * elsewhere. What the robot shall do and how far it is stands in state->demand, ->mode, ->fault and ->los. */
 void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
                mode_command_t command, uint8_t period_ms);
 

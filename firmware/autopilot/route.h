@@ -17,13 +17,17 @@ typedef struct {
     uint8_t count;                     /* 0..32 */
 } route_t;
 
-typedef enum {
+enum {
     ROUTE_OK = 0,
     ROUTE_EMPTY = 1,
     ROUTE_TOO_LONG = 2, /* more than ROUTE_WAYPOINTS_MAX */
     ROUTE_TOO_FAR = 3,  /* a coordinate beyond ROUTE_COORDINATE_MAX_MM */
     ROUTE_REPEATED = 4  /* a waypoint equal to the one before it: a leg without direction */
-} route_status_t;
+};
+typedef uint8_t route_status_t;
+
+/* What route_set() would say. */
+route_status_t route_check(const route_waypoint_t *waypoints, uint8_t count);
 
 /* The route is written only with ROUTE_OK. */
 route_status_t route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count);

@@ -34,24 +34,20 @@ typedef struct {
 } pid_state_t;
 
 typedef struct {
+    /* Told to pid_step(). */
     int16_t error;          /* demand minus measurement, error units, any */
     int16_t rate;           /* of change of the measurement, rate units, any; 0 where unknown */
     int16_t feedforward_mv; /* any */
     int8_t saturated;       /* the mixer's answer to the last output: 1 less than asked, -1 more, 0 in full */
     uint8_t period_ms;      /* 1..20; beyond counts as 20 */
-} pid_input_t;
 
-typedef struct {
+    /* Its answer. */
+    int8_t limited;          /* 1 the limit cut the output from above, -1 from below, 0 not */
     int16_t output_mv;       /* -limit_mv..limit_mv */
     int16_t proportional_mv; /* its parts, saturated at +-32767, for telemetry */
     int16_t integral_mv;
     int16_t derivative_mv;
-    int8_t limited; /* 1 the limit cut the output from above, -1 from below, 0 not */
-} pid_output_t;
-
-/* Sets the integrator so that the next pid_step() with this input gives `output_mv`, as far as limit_mv allows the
- * integrator to: within 1 mV. The counts are kept. */
-void pid_start(const pid_config_t *config, pid_state_t *state, const pid_input_t *input, int16_t output_mv);
+} pid_terms_t;
 
 /* Empties the integrator; the counts are kept. */
 void pid_stop(pid_state_t *state);
@@ -59,6 +55,6 @@ void pid_stop(pid_state_t *state);
 /* output = feedforward + kp error + integral - kd rate, limited; the integral is advanced after its use (forward
  * Euler). Each part is rounded to the nearest mV. The integrator's gain is within 0.05 % (0.01 % at 3 ms); each of its
  * steps is rounded towards zero to 2^-14 mV. */
-void pid_step(const pid_config_t *config, pid_state_t *state, const pid_input_t *input, pid_output_t *output);
+void pid_step(const pid_config_t *config, pid_state_t *state, pid_terms_t *terms);
 
 #endif

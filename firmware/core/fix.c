@@ -76,13 +76,6 @@ uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor)
     return divisor == 0 ? UINT32_MAX : dividend / divisor;
 }
 
-int32_t fix_div(int32_t dividend, uint16_t divisor)
-{
-    const uint32_t quotient = fix_div_u32(fix_abs_u32(dividend), divisor);
-    const int32_t magnitude = quotient < BIT31 ? (int32_t)quotient : FIX_INT32_MAX;
-    return dividend < 0 ? -magnitude : magnitude;
-}
-
 uint16_t fix_sqrt_u32(uint32_t value)
 {
     uint32_t root = 0;
@@ -106,6 +99,25 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
     const uint32_t share = (high << 1) + (uint16_t)((low << 1) >> 16);
     const int32_t magnitude = share < BIT31 ? (int32_t)share : FIX_INT32_MAX;
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
+}
+
+int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+{
+    if (asked == given)
+        return 0;
+    *steps = fix_count_u16(*steps);
+    return asked > given ? 1 : -1;
+}
+
+int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+{
+    return fix_sat16(fix_share_q15(value, factor_q15));
+}
+
+int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+{
+    const uint32_t magnitude = fix_mul_u32_q16(fix_abs_u32(value), factor_q16);
+    return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
 int32_t fix_fraction(int32_t value, uint8_t bits)

@@ -74,6 +74,9 @@ uint8_t fix_bits(uint16_t count, uint8_t most);
 /* The next count: one more, but 65535 stays. */
 FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 
+/* 1 where more was asked than given, -1 where less, 0 where given in full; the others are counted in *steps, which stays at 65535. */
+int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps);
+
 /* Sum that stays at 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 
@@ -83,6 +86,12 @@ uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
 int32_t fix_share_q15(int32_t value, int16_t factor_q15);
 
+/* The same, saturated at +-32767. */
+int16_t fix_share16_q15(int16_t value, int16_t factor_q15);
+
+/* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
+int32_t fix_share_q16(int32_t value, uint16_t factor_q16);
+
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);
 
@@ -91,9 +100,6 @@ uint16_t fix_round_bam16(uint32_t angle_bam32);
 
 /* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. */
 uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor);
-
-/* dividend / divisor, rounded towards zero, saturated; divisor 1..65535. */
-int32_t fix_div(int32_t dividend, uint16_t divisor);
 
 /* Integer square root, rounded down. Any operand. */
 uint16_t fix_sqrt_u32(uint32_t value);

@@ -512,22 +512,6 @@ _fix_abs_u16:
 .Labsolute16:
 	rts
 
-; int32_t fix_div(int32_t dividend, uint16_t divisor)
-	.align 1
-	.global _fix_div
-_fix_div:
-	mov.w	r0,@-r7
-	bsr	.Lmagnitude32
-	jsr	@_fix_div_u32
-	mov.w	r0,r0
-	bpl	.Lquotient
-	mov.w	#0x7fff,r0
-	mov.w	#0xffff,r1
-.Lquotient:
-	mov.w	@r7+,r2
-	bmi	.Lnegate32
-	rts
-
 ; uint32_t fix_abs_u32(int32_t value)
 	.align 1
 	.global _fix_abs_u32
@@ -535,7 +519,6 @@ _fix_abs_u32:
 .Lmagnitude32:
 	mov.w	r0,r0
 	bpl	.Labsolute
-.Lnegate32:
 	NEGATE	r0h,r0l,r1h,r1l
 .Labsolute:
 	rts
@@ -611,4 +594,57 @@ _fix_sqrt_u32:
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
+	rts
+
+; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+	.align 1
+	.global _fix_share_q16
+_fix_share_q16:
+	mov.w	r0,@-r7
+	jsr	@_fix_abs_u32
+	jsr	@_fix_mul_u32_q16
+	mov.w	@r7+,r2
+	bpl	.Lpositive_share
+	NEGATE	r0h,r0l,r1h,r1l
+.Lpositive_share:
+	rts
+
+; int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+	.align 1
+	.global _fix_share16_q15
+_fix_share16_q15:
+	mov.w	r1,r2
+	beq	.Lno_share
+	mov.w	r0,r1
+	mov.b	r0h,r0l
+	add.b	r0l,r0l
+	subx	r0l,r0l
+	mov.b	r0l,r0h
+	jsr	@_fix_share_q15
+	jmp	@_fix_sat16
+.Lno_share:
+	sub.w	r0,r0
+	rts
+
+; int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+	.align 1
+	.global _fix_excess
+_fix_excess:
+	cmp.w	r1,r0
+	beq	.Lin_full
+	mov.w	@r2,r3
+	adds	#1,r3
+	mov.w	r3,r3
+	beq	.Lcounted
+	mov.w	r3,@r2
+.Lcounted:
+	cmp.w	r1,r0
+	bgt	.Lmore
+	mov.w	#-1,r0
+	rts
+.Lmore:
+	mov.w	#1,r0
+	rts
+.Lin_full:
+	sub.w	r0,r0
 	rts

@@ -2,74 +2,91 @@
 
 #include "core/fix.h"
 
+/* A curve at 0, 1 .. 256, that never falls. Between every eighth value and the next lies a chord, its slope rounded down; the bends say
+ * how far above it the values 1 to 8 after the eighth lie, the first of two in the high half: 194 bytes instead of 514. */
+typedef struct {
+    uint16_t every_8th[33];
+    uint8_t bends[128];
+} curve_t;
+
+/* Not static, and laid out for it: trig_h8.s reads them. */
+extern const curve_t trig_sine_q15, trig_arctan_bam16_q2;
+
 /* 32767 sin(i / 256 of a quarter turn): neighbours differ by at most 201, so that a step times a rest is 8 x 8 bits. */
-static const int16_t SINE_Q15[] = {
-    0,     201,   402,   603,   804,   1005,  1206,  1407,  1608,  1809,  2009,  2210,  2410,  2611,  2811,  3012,
-    3212,  3412,  3612,  3811,  4011,  4210,  4410,  4609,  4808,  5007,  5205,  5404,  5602,  5800,  5998,  6195,
-    6393,  6590,  6786,  6983,  7179,  7375,  7571,  7767,  7962,  8157,  8351,  8545,  8739,  8933,  9126,  9319,
-    9512,  9704,  9896,  10087, 10278, 10469, 10659, 10849, 11039, 11228, 11417, 11605, 11793, 11980, 12167, 12353,
-    12539, 12725, 12910, 13094, 13279, 13462, 13645, 13828, 14010, 14191, 14372, 14553, 14732, 14912, 15090, 15269,
-    15446, 15623, 15800, 15976, 16151, 16325, 16499, 16673, 16846, 17018, 17189, 17360, 17530, 17700, 17869, 18037,
-    18204, 18371, 18537, 18703, 18868, 19032, 19195, 19357, 19519, 19680, 19841, 20000, 20159, 20317, 20475, 20631,
-    20787, 20942, 21096, 21250, 21403, 21554, 21705, 21856, 22005, 22154, 22301, 22448, 22594, 22739, 22884, 23027,
-    23170, 23311, 23452, 23592, 23731, 23870, 24007, 24143, 24279, 24413, 24547, 24680, 24811, 24942, 25072, 25201,
-    25329, 25456, 25582, 25708, 25832, 25955, 26077, 26198, 26319, 26438, 26556, 26674, 26790, 26905, 27019, 27133,
-    27245, 27356, 27466, 27575, 27683, 27790, 27896, 28001, 28105, 28208, 28310, 28411, 28510, 28609, 28706, 28803,
-    28898, 28992, 29085, 29177, 29268, 29358, 29447, 29534, 29621, 29706, 29791, 29874, 29956, 30037, 30117, 30195,
-    30273, 30349, 30424, 30498, 30571, 30643, 30714, 30783, 30852, 30919, 30985, 31050, 31113, 31176, 31237, 31297,
-    31356, 31414, 31470, 31526, 31580, 31633, 31685, 31736, 31785, 31833, 31880, 31926, 31971, 32014, 32057, 32098,
-    32137, 32176, 32213, 32250, 32285, 32318, 32351, 32382, 32412, 32441, 32469, 32495, 32521, 32545, 32567, 32589,
-    32609, 32628, 32646, 32663, 32678, 32692, 32705, 32717, 32728, 32737, 32745, 32752, 32757, 32761, 32765, 32766,
-    32767,
+const curve_t trig_sine_q15 = {
+    .every_8th =
+        {
+            0,     1608,  3212,  4808,  6393,  7962,  9512,  11039, 12539, 14010, 15446,
+            16846, 18204, 19519, 20787, 22005, 23170, 24279, 25329, 26319, 27245, 28105,
+            28898, 29621, 30273, 30852, 31356, 31785, 32137, 32412, 32609, 32728, 32767,
+        },
+    .bends =
+        {
+            0x00, 0x00, 0x00, 0x00, 0x11, 0x22, 0x33, 0x44, 0x12, 0x23, 0x34, 0x44, 0x11, 0x22, 0x22, 0x11,
+            0x11, 0x22, 0x22, 0x21, 0x23, 0x45, 0x66, 0x66, 0x24, 0x56, 0x77, 0x77, 0x24, 0x56, 0x66, 0x54,
+            0x35, 0x68, 0x88, 0x87, 0x24, 0x66, 0x76, 0x64, 0x24, 0x55, 0x43, 0x20, 0x35, 0x78, 0x99, 0x86,
+            0x35, 0x78, 0x87, 0x53, 0x36, 0x78, 0x88, 0x64, 0x35, 0x78, 0x76, 0x52, 0x46, 0x89, 0x99, 0x75,
+            0x36, 0x89, 0xa9, 0x75, 0x36, 0x88, 0x87, 0x52, 0x47, 0xab, 0xba, 0x86, 0x47, 0xab, 0xba, 0x96,
+            0x47, 0x9a, 0xa9, 0x74, 0x47, 0x99, 0x97, 0x51, 0x47, 0x9a, 0xa9, 0x63, 0x48, 0xab, 0xba, 0x74,
+            0x47, 0x9a, 0xa9, 0x63, 0x47, 0x99, 0x97, 0x40, 0x58, 0xbc, 0xcb, 0x95, 0x47, 0x9a, 0x98, 0x50,
+            0x58, 0xbc, 0xba, 0x73, 0x59, 0xbd, 0xdb, 0x95, 0x59, 0xcd, 0xdc, 0xa7, 0x59, 0xcd, 0xdd, 0xa7,
+        },
 };
 
 /* atan(i / 256) in quarters of a binary angle; neighbours differ by at most 163. */
-static const uint16_t ARCTAN_BAM16_Q2[] = {
-    0,     163,   326,   489,   652,   815,   978,   1141,  1303,  1466,  1629,  1792,  1954,  2117,  2279,  2442,
-    2604,  2767,  2929,  3091,  3253,  3415,  3577,  3738,  3900,  4061,  4223,  4384,  4545,  4706,  4867,  5028,
-    5188,  5349,  5509,  5669,  5829,  5989,  6148,  6308,  6467,  6626,  6784,  6943,  7101,  7260,  7418,  7575,
-    7733,  7890,  8047,  8204,  8361,  8517,  8673,  8829,  8985,  9140,  9296,  9450,  9605,  9759,  9914,  10067,
-    10221, 10374, 10527, 10680, 10832, 10984, 11136, 11287, 11439, 11590, 11740, 11890, 12040, 12190, 12339, 12488,
-    12637, 12785, 12933, 13081, 13228, 13375, 13522, 13668, 13814, 13959, 14105, 14249, 14394, 14538, 14682, 14825,
-    14968, 15111, 15253, 15395, 15537, 15678, 15819, 15960, 16100, 16239, 16379, 16518, 16656, 16794, 16932, 17069,
-    17206, 17343, 17479, 17615, 17750, 17885, 18020, 18154, 18288, 18421, 18554, 18687, 18819, 18951, 19083, 19213,
-    19344, 19474, 19604, 19733, 19862, 19991, 20119, 20247, 20374, 20501, 20627, 20753, 20879, 21004, 21129, 21254,
-    21378, 21501, 21624, 21747, 21870, 21992, 22113, 22234, 22355, 22475, 22595, 22714, 22834, 22952, 23070, 23188,
-    23306, 23423, 23539, 23655, 23771, 23886, 24001, 24116, 24230, 24344, 24457, 24570, 24682, 24795, 24906, 25017,
-    25128, 25239, 25349, 25459, 25568, 25677, 25785, 25893, 26001, 26108, 26215, 26321, 26427, 26533, 26638, 26743,
-    26848, 26952, 27056, 27159, 27262, 27364, 27467, 27568, 27670, 27771, 27871, 27972, 28072, 28171, 28270, 28369,
-    28467, 28565, 28663, 28760, 28857, 28953, 29050, 29145, 29241, 29336, 29430, 29525, 29619, 29712, 29805, 29898,
-    29991, 30083, 30175, 30266, 30357, 30448, 30538, 30628, 30718, 30807, 30896, 30985, 31073, 31161, 31248, 31336,
-    31423, 31509, 31595, 31681, 31767, 31852, 31937, 32022, 32106, 32190, 32273, 32357, 32439, 32522, 32604, 32686,
-    32768,
+const curve_t trig_arctan_bam16_q2 = {
+    .every_8th =
+        {
+            0,     1303,  2604,  3900,  5188,  6467,  7733,  8985,  10221, 11439, 12637,
+            13814, 14968, 16100, 17206, 18288, 19344, 20374, 21378, 22355, 23306, 24230,
+            25128, 26001, 26848, 27670, 28467, 29241, 29991, 30718, 31423, 32106, 32768,
+        },
+    .bends =
+        {
+            0x12, 0x34, 0x56, 0x77, 0x12, 0x33, 0x44, 0x55, 0x11, 0x11, 0x11, 0x00, 0x01, 0x11, 0x11, 0x10,
+            0x23, 0x45, 0x66, 0x77, 0x11, 0x22, 0x33, 0x22, 0x12, 0x34, 0x44, 0x44, 0x13, 0x34, 0x45, 0x44,
+            0x12, 0x33, 0x33, 0x22, 0x23, 0x45, 0x66, 0x66, 0x12, 0x33, 0x33, 0x21, 0x13, 0x34, 0x44, 0x32,
+            0x23, 0x45, 0x55, 0x54, 0x13, 0x44, 0x44, 0x32, 0x23, 0x44, 0x44, 0x32, 0x12, 0x33, 0x33, 0x10,
+            0x24, 0x56, 0x77, 0x76, 0x23, 0x45, 0x55, 0x54, 0x12, 0x34, 0x43, 0x21, 0x24, 0x57, 0x77, 0x77,
+            0x23, 0x45, 0x55, 0x54, 0x23, 0x44, 0x54, 0x32, 0x23, 0x44, 0x43, 0x21, 0x24, 0x56, 0x77, 0x77,
+            0x24, 0x56, 0x67, 0x66, 0x23, 0x56, 0x66, 0x65, 0x24, 0x56, 0x67, 0x66, 0x23, 0x56, 0x66, 0x66,
+            0x24, 0x56, 0x77, 0x77, 0x12, 0x33, 0x32, 0x21, 0x12, 0x34, 0x44, 0x43, 0x23, 0x55, 0x66, 0x66,
+        },
 };
 
+#ifndef FIX_IN_ASSEMBLY
 #define QUARTER_TURN 16384U
 #define HALF_TURN 32768U
 
-/* 0..QUARTER_TURN. */
-static int16_t quadrant_sin_q15(uint16_t angle_bam16)
+static uint8_t bend(const curve_t *curve, uint8_t index)
 {
-    /* Shifts by 6 as one to the left by 2 and one by a byte: the RCX's processor shifts by one bit at a time. */
-    const uint8_t rest = angle_bam16 & 63U;
-    if (angle_bam16 == QUARTER_TURN)
-        return FIX_INT16_MAX;
-    const uint8_t index = (uint8_t)((uint16_t)(angle_bam16 << 2) >> 8);
-    if (rest == 0)
-        return SINE_Q15[index];
-    const uint8_t step = (uint8_t)(SINE_Q15[index + 1] - SINE_Q15[index]);
-    const uint16_t product = (uint16_t)((uint16_t)step * rest);
-    return (int16_t)(SINE_Q15[index] + (int16_t)((uint16_t)((product + 32U) << 2) >> 8));
+    const uint8_t both = curve->bends[index >> 1];
+    return index & 1U ? both & 15U : both >> 4;
+}
+
+/* The curve at a place in 256ths, in a straight line between its values. */
+static uint16_t value(const curve_t *curve, uint16_t place_q8)
+{
+    const uint8_t index = (uint8_t)(place_q8 >> 8), within = index & 7U;
+    const uint16_t *eighth = &curve->every_8th[index >> 3];
+    const uint8_t slope = (uint8_t)((uint16_t)(eighth[1] - eighth[0]) >> 3);
+    const uint8_t here = within == 0 ? 0 : bend(curve, (uint8_t)(index - 1));
+    const uint8_t step = (uint8_t)(slope + bend(curve, index) - here);
+    const uint16_t product = (uint16_t)((uint16_t)step * (uint8_t)place_q8);
+
+    return (uint16_t)(eighth[0] + (uint16_t)((uint16_t)slope * within) + here + ((uint16_t)(product + 128U) >> 8));
 }
 
 int16_t trig_sin_q15(uint16_t angle_bam16)
 {
-    const bool negative = angle_bam16 >= HALF_TURN;
     uint16_t half_bam16 = angle_bam16 & (HALF_TURN - 1U);
+    int16_t sine_q15 = FIX_INT16_MAX;
+
     if (half_bam16 > QUARTER_TURN)
         half_bam16 = (uint16_t)(HALF_TURN - half_bam16);
-    const int16_t sine_q15 = quadrant_sin_q15(half_bam16);
-    return negative ? (int16_t)-sine_q15 : sine_q15;
+    if (half_bam16 != QUARTER_TURN)
+        sine_q15 = (int16_t)value(&trig_sine_q15, (uint16_t)(half_bam16 << 2));
+    return angle_bam16 >= HALF_TURN ? (int16_t)-sine_q15 : sine_q15;
 }
 
 int16_t trig_cos_q15(uint16_t angle_bam16)
@@ -77,35 +94,31 @@ int16_t trig_cos_q15(uint16_t angle_bam16)
     return trig_sin_q15((uint16_t)(angle_bam16 + QUARTER_TURN));
 }
 
-/* Angle of a vector of the first octant, 0..1/8 turn; 0 <= minor <= major, major not 0. */
-static uint16_t octant_bam16(uint32_t minor, uint32_t major)
+/* Angle of a vector of the first octant, 0..1/8 turn; 0 <= minor <= major. */
+static uint16_t octant_bam16(uint16_t minor, uint16_t major)
 {
-    while (major > 65535UL) {
-        major >>= 1;
-        minor >>= 1;
-    }
+    if (minor == 0)
+        return 0;
     if (minor == major)
         return QUARTER_TURN / 2;
-    const uint16_t ratio_q16 = (uint16_t)fix_div_u32(minor << 16, (uint16_t)major);
-    const uint16_t index = ratio_q16 >> 8;
-    const uint8_t rest = ratio_q16 & 255U;
-    const uint8_t step = (uint8_t)(ARCTAN_BAM16_Q2[index + 1] - ARCTAN_BAM16_Q2[index]);
-    const uint16_t product = (uint16_t)((uint16_t)step * rest);
-    return (uint16_t)((uint16_t)(ARCTAN_BAM16_Q2[index] + ((uint16_t)(product + 128U) >> 8) + 2U) >> 2);
+    return (uint16_t)(value(&trig_arctan_bam16_q2, (uint16_t)fix_div_u32((uint32_t)minor << 16, major)) + 2U) >> 2;
 }
 
-uint16_t trig_atan2_bam16(int32_t y, int32_t x)
+uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x)
 {
-    const uint32_t across = fix_abs_u32(y);
-    const uint32_t along = fix_abs_u32(x);
+    uint32_t across = fix_abs_u32(*y), along = fix_abs_u32(*x);
     uint16_t angle_bam16;
-    if (across == 0 && along == 0)
-        angle_bam16 = 0;
-    else if (across <= along)
-        angle_bam16 = octant_bam16(across, along);
+
+    while ((across | along) >> 16 != 0) {
+        across >>= 1;
+        along >>= 1;
+    }
+    if (across <= along)
+        angle_bam16 = octant_bam16((uint16_t)across, (uint16_t)along);
     else
-        angle_bam16 = (uint16_t)(QUARTER_TURN - octant_bam16(along, across));
-    if (x < 0)
+        angle_bam16 = (uint16_t)(QUARTER_TURN - octant_bam16((uint16_t)along, (uint16_t)across));
+    if (*x < 0)
         angle_bam16 = (uint16_t)(HALF_TURN - angle_bam16);
-    return y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
+    return *y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
 }
+#endif

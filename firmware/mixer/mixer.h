@@ -21,6 +21,8 @@ typedef struct {
     uint16_t surge_saturated_steps;
     uint16_t yaw_saturated_steps;
     uint16_t battery_low_steps; /* the reading was below the floor */
+    uint16_t battery_mv;        /* what the newest step reckoned with ... */
+    int16_t most_mv;            /* ... of which the motors may have this */
 } mixer_state_t;
 
 /* `battery_mv` any; above 20000 counts as 20000. Efforts any.

@@ -18,7 +18,7 @@ static const char *text_of(const mode_state_t *mode, bool starting, uint8_t *num
 {
     switch (mode->mode) {
     case MODE_RUN:
-        *number = (uint8_t)(mode->guidance.waypoint + 1);
+        *number = (uint8_t)(mode->los.waypoint + 1);
         return "run";
     case MODE_ARRIVED:
         return "donE";

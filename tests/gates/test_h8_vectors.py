@@ -105,6 +105,7 @@ def test_every_module_has_vectors() -> None:
         ("core/h8.inc", "addx	#0,r3h\n	add.b	r0h,r3l", "add.b	r0h,r3l", "core/fix"),
         ("core/fix_h8.s", "mov.b	#16,r6l", "mov.b	#15,r6l", "core/fix"),
         ("model/scale_h8.s", "mov.b	#1,r4l", "mov.b	#2,r4l", "model/scale"),
+        ("core/trig_h8.s", "and	#7,r0l", "and	#15,r0l", "core/trig"),
     ],
 )
 def test_a_slip_in_what_the_h8_alone_does_is_caught(file: str, of: str, to: str, module: str, tmp_path: Path) -> None:

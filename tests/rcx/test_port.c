@@ -215,7 +215,7 @@ static void test_port_display_tells_mode_and_waypoint(void)
     mode.mode = MODE_RUN;
     panel_show(&mode, false);
     shows("run 1");
-    mode.guidance.waypoint = 11;
+    mode.los.waypoint = 11;
     panel_show(&mode, false);
     shows("run12");
     mode.mode = MODE_FAULT;

@@ -126,35 +126,30 @@ void hash_demand(const signals_demand_t *demand)
 
 void hash_los_state(const los_state_t *state)
 {
-    hash_u8((uint8_t)state->phase);
-    hash_u8((uint8_t)state->status);
+    hash_s32(state->to_x.um);
+    hash_s32(state->to_y.um);
+    hash_s16(state->to_x.mm);
+    hash_s16(state->to_y.mm);
+    hash_s32(state->distance_squared_mm2);
+    hash_u16(state->sight_bam16);
+    hash_u8(state->phase);
+    hash_u8(state->status);
     hash_u8(state->waypoint);
+    hash_u8(state->skipped);
     hash_u8(state->last_reached);
-    hash_u8(state->leg_overshoots);
     hash_u8(state->passing);
+    hash_u8(state->leg_overshoots);
+    hash_u16(state->overshoots);
     hash_u16(state->bearing_bam16);
+    hash_s16(state->heading_error_bam16);
+    hash_s16(state->cross_track_mm);
     hash_s16(state->pass.cos_q15);
     hash_s16(state->pass.sin_q15);
-    hash_s16(state->leg.cos_q15);
-    hash_s16(state->leg.sin_q15);
+    hash_s16(state->left.cos_q15);
+    hash_s16(state->left.sin_q15);
     hash_u16(state->hold_heading_bam16);
     hash_u16(state->quiet_ms);
     hash_u32(state->leg_ms);
-    hash_u16(state->overshoots);
-    hash_u8(state->skipped);
-}
-
-void hash_los_output(const los_output_t *output)
-{
-    hash_demand(&output->demand);
-    hash_u8((uint8_t)output->status);
-    hash_u8((uint8_t)output->phase);
-    hash_u8(output->waypoint);
-    hash_s16(output->cross_track_mm);
-    hash_s16(output->heading_error_bam16);
-    hash_u16(output->overshoots);
-    hash_u8(output->skipped);
-    hash_u32(output->leg_ms);
 }
 
 void hash_mode_state(const mode_state_t *state)
@@ -164,16 +159,15 @@ void hash_mode_state(const mode_state_t *state)
     hash_u16(state->lost_ms);
     hash_demand(&state->demand);
     hash_los_state(&state->los);
-    hash_los_output(&state->guidance);
 }
 
-void hash_pid_output(const pid_output_t *output)
+void hash_pid_answer(const pid_terms_t *terms)
 {
-    hash_s16(output->output_mv);
-    hash_s16(output->proportional_mv);
-    hash_s16(output->integral_mv);
-    hash_s16(output->derivative_mv);
-    hash_u8((uint8_t)output->limited);
+    hash_s16(terms->output_mv);
+    hash_s16(terms->proportional_mv);
+    hash_s16(terms->integral_mv);
+    hash_s16(terms->derivative_mv);
+    hash_u8((uint8_t)terms->limited);
 }
 
 void hash_drive(const signals_drive_t *drive)

@@ -32,9 +32,8 @@ void draw_drive_config(drive_config_t *config);
 
 void hash_body_state(const body_state_t *state);
 void hash_los_state(const los_state_t *state);
-void hash_los_output(const los_output_t *output);
 void hash_mode_state(const mode_state_t *state);
-void hash_pid_output(const pid_output_t *output);
+void hash_pid_answer(const pid_terms_t *terms);
 void hash_drive(const signals_drive_t *drive);
 void hash_demand(const signals_demand_t *demand);
 

@@ -30,11 +30,11 @@ static void test_telemetry_carries_the_estimate(void)
     struct wire_telemetry_y_t y;
     struct wire_telemetry_track_t track;
     state.mode.mode = MODE_RUN;
-    state.mode.guidance.phase = LOS_TURN;
-    state.mode.guidance.waypoint = 5;
-    state.mode.guidance.overshoots = 300;
-    state.mode.guidance.cross_track_mm = -321;
-    state.mode.guidance.heading_error_bam16 = -3000;
+    state.mode.los.phase = LOS_TURN;
+    state.mode.los.waypoint = 5;
+    state.mode.los.overshoots = 300;
+    state.mode.los.cross_track_mm = -321;
+    state.mode.los.heading_error_bam16 = -3000;
     output.state = (signals_state_t){.x_um = -1234567,
                                      .y_um = 7654321,
                                      .heading_bam16 = 50000,
@@ -70,8 +70,8 @@ static void test_telemetry_carries_demands_and_efforts(void)
     state.mode.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
     state.drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
     state.battery_mv = 8765;
-    output.speed = (pid_output_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
-    output.heading = (pid_output_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
+    output.speed = (pid_terms_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
+    output.heading = (pid_terms_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
     output.effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
     pack();
     wire_telemetry_demand_unpack(&demand, parts[3].data, 8);

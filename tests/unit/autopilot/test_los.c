@@ -6,13 +6,13 @@ static void test_los_brakes_for_rest_ms_and_settles_for_settle_ms(void)
     set_route(BEHIND, 1);
     for (int i = 0; i < 19; i++) {
         step();
-        TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
+        TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
     }
     step();
-    TEST_ASSERT_EQUAL(LOS_TURN, output.phase);
+    TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
     for (int i = 0; i < 30; i++)
         step();
-    TEST_ASSERT_EQUAL(LOS_TURN, output.phase);
+    TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
     robot.heading = TURN / 2.0;
     for (int i = 0; i < 10; i++)
         step();
@@ -21,10 +21,10 @@ static void test_los_brakes_for_rest_ms_and_settles_for_settle_ms(void)
     robot.yaw_rate = 0.0;
     for (int i = 0; i < 19; i++) {
         step();
-        TEST_ASSERT_EQUAL(LOS_TURN, output.phase);
+        TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
     }
     step();
-    TEST_ASSERT_EQUAL(LOS_DRIVE, output.phase);
+    TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
 }
 
 static void test_los_steers_to_the_bearing_of_eq_22(void)
@@ -36,8 +36,8 @@ static void test_los_steers_to_the_bearing_of_eq_22(void)
         set_route(&there, 1);
         step_at(123.0, -45.0, 0.0);
         const double bearing = atan2(there.y_mm + 45.0, there.x_mm - 123.0);
-        TEST_ASSERT_INT16_WITHIN(2, 0, fix_angle_diff_bam16(bam16(bearing), output.demand.heading_bam16));
-        TEST_ASSERT_EQUAL_INT16((int16_t)output.demand.heading_bam16, output.heading_error_bam16);
+        TEST_ASSERT_INT16_WITHIN(2, 0, fix_angle_diff_bam16(bam16(bearing), demand.heading_bam16));
+        TEST_ASSERT_EQUAL_INT16((int16_t)demand.heading_bam16, state.heading_error_bam16);
     }
 }
 
@@ -46,8 +46,8 @@ static void test_los_heading_error_is_wrapped(void)
     static const route_waypoint_t BEHIND[] = {{-1000, -10}};
     set_route(BEHIND, 1);
     step_at(0.0, 0.0, 179.0);
-    TEST_ASSERT_TRUE(output.heading_error_bam16 > 0 && output.heading_error_bam16 < 400);
-    TEST_ASSERT_EQUAL(LOS_DRIVE, output.phase);
+    TEST_ASSERT_TRUE(state.heading_error_bam16 > 0 && state.heading_error_bam16 < 400);
+    TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
 }
 
 static void test_los_speed_follows_the_root_of_the_distance_between_creep_and_cruise(void)
@@ -58,7 +58,7 @@ static void test_los_speed_follows_the_root_of_the_distance_between_creep_and_cr
     for (int distance = 29000; distance > 1; distance -= 1 + distance / 200) {
         step_at(30000.0 - distance, 0.0, 0.0);
         const double wanted = fmin(fmax(sqrt(2.0 * 800.0 * distance), 60.0), 600.0);
-        TEST_ASSERT_DOUBLE_WITHIN(0.07, wanted, output.demand.speed_mm_s_q4 / 16.0);
+        TEST_ASSERT_DOUBLE_WITHIN(0.07, wanted, demand.speed_mm_s_q4 / 16.0);
     }
 }
 
@@ -69,7 +69,7 @@ static void test_los_farthest_waypoint_is_approached_at_cruise_speed(void)
     config.cruise_mm_s_q4 = INT16_MAX;
     config.decel_mm_s2 = 32767;
     step_at(-2000.0, -2000.0, 45.0);
-    TEST_ASSERT_EQUAL_INT16(INT16_MAX, output.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(INT16_MAX, demand.speed_mm_s_q4);
 }
 
 static void test_los_cross_track_is_positive_right_of_the_leg(void)
@@ -77,15 +77,15 @@ static void test_los_cross_track_is_positive_right_of_the_leg(void)
     static const route_waypoint_t EAST_THEN_NORTH[] = {{0, 5000}, {-3000, 9000}};
     set_route(EAST_THEN_NORTH, 2);
     step_at(0.0, 0.0, 90.0);
-    TEST_ASSERT_EQUAL_INT16(0, output.cross_track_mm);
+    TEST_ASSERT_EQUAL_INT16(0, state.cross_track_mm);
     step_at(-250.0, 1000.0, 90.0);
-    TEST_ASSERT_EQUAL_INT16(250, output.cross_track_mm);
+    TEST_ASSERT_EQUAL_INT16(250, state.cross_track_mm);
     step_at(250.0, 1000.0, 90.0);
-    TEST_ASSERT_EQUAL_INT16(-250, output.cross_track_mm);
+    TEST_ASSERT_EQUAL_INT16(-250, state.cross_track_mm);
     step_at(0.0, 5000.0, 90.0);
-    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(1, state.waypoint);
     step_at(-1500.0 - 80.0, 7000.0 - 60.0, 90.0);
-    TEST_ASSERT_INT16_WITHIN(1, 100, output.cross_track_mm);
+    TEST_ASSERT_INT16_WITHIN(1, 100, state.cross_track_mm);
 }
 
 static void test_los_bearing_does_not_swing_near_the_waypoint(void)
@@ -94,31 +94,31 @@ static void test_los_bearing_does_not_swing_near_the_waypoint(void)
     set_route(AHEAD, 1);
     step_at(0.0, 0.0, 0.0);
     step_at(855.0, 40.0, 0.0);
-    const uint16_t outside = output.demand.heading_bam16;
+    const uint16_t outside = demand.heading_bam16;
     step_at(890.0, 60.0, 0.0);
     TEST_ASSERT_UINT16_WITHIN(1, 0, outside);
-    TEST_ASSERT_EQUAL_UINT16(outside, output.demand.heading_bam16);
+    TEST_ASSERT_EQUAL_UINT16(outside, demand.heading_bam16);
     config.bearing_hold_mm = 0;
     step_at(890.0, 60.0, 0.0);
-    TEST_ASSERT_NOT_EQUAL(outside, output.demand.heading_bam16);
+    TEST_ASSERT_NOT_EQUAL(outside, demand.heading_bam16);
 }
 
 static void test_los_accepts_at_the_radius_and_not_beyond(void)
 {
     step_at(1000.0 - 60.0, 1000.0 - 81.0, 45.0);
-    TEST_ASSERT_EQUAL_UINT8(0, output.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(0, state.waypoint);
     step_at(1000.0 - 60.0, 1000.0 - 80.0, 45.0);
-    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
-    TEST_ASSERT_EQUAL_UINT32(0, output.leg_ms);
+    TEST_ASSERT_EQUAL_UINT8(1, state.waypoint);
+    TEST_ASSERT_EQUAL_UINT32(0, state.leg_ms);
 }
 
 static void test_los_turns_off_a_large_heading_error_at_rest(void)
 {
     step_at(0.0, 0.0, 45.0);
-    TEST_ASSERT_EQUAL(LOS_DRIVE, output.phase);
+    TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
     step_at(10.0, 10.0, 80.0);
-    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
-    TEST_ASSERT_EQUAL_UINT16(bam16(80.0 * TURN / 360.0), output.demand.heading_bam16);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
+    TEST_ASSERT_EQUAL_UINT16(bam16(80.0 * TURN / 360.0), demand.heading_bam16);
 }
 
 static void test_los_takes_the_ends_of_every_range(void)
@@ -127,7 +127,7 @@ static void test_los_takes_the_ends_of_every_range(void)
     static const route_waypoint_t CORNERS[] = {{30000, 30000}, {-30000, -30000}};
     config.cruise_mm_s_q4 = INT16_MAX;
     config.decel_mm_s2 = 32767;
-    config.leg_timeout_ms = UINT32_MAX;
+    config.leg_timeout_ms = INT32_MAX;
     set_route(CORNERS, 2);
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++) {
@@ -138,8 +138,8 @@ static void test_los_takes_the_ends_of_every_range(void)
                                          .heading_bam16 = 32768,
                                          .valid = true};
             los_reset(&state);
-            los_step(&config, &route, &state, &far, 255, &output);
-            TEST_ASSERT_GREATER_OR_EQUAL_INT16(0, output.demand.speed_mm_s_q4);
+            los_step(&config, &route, &state, &far, 255, &demand);
+            TEST_ASSERT_GREATER_OR_EQUAL_INT16(0, demand.speed_mm_s_q4);
         }
 }
 

@@ -5,25 +5,25 @@ static void test_los_leg_that_takes_too_long_ends_the_route(void)
     config.leg_timeout_ms = 3000;
     for (int i = 0; i < 1000; i++) {
         step();
-        TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+        TEST_ASSERT_EQUAL(LOS_UNDERWAY, state.status);
     }
     step();
-    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
-    TEST_ASSERT_FALSE(output.demand.drive);
-    TEST_ASSERT_EQUAL_INT16(0, output.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
+    TEST_ASSERT_EQUAL(LOS_END, state.phase);
+    TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
 }
 
 static void test_los_ended_route_stays_ended_until_reset(void)
 {
     config.leg_timeout_ms = 0;
     step();
-    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
     config.leg_timeout_ms = 20000;
     step();
-    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
     los_reset(&state);
     step();
-    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, state.status);
 }
 
 static void test_los_skips_failed_legs_but_not_the_last(void)
@@ -31,9 +31,9 @@ static void test_los_skips_failed_legs_but_not_the_last(void)
     config.leg_timeout_ms = 30;
     config.skip_failed = true;
     run_ms(1000);
-    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, output.status);
-    TEST_ASSERT_EQUAL_UINT8(7, output.waypoint);
-    TEST_ASSERT_EQUAL_UINT8(7, output.skipped);
+    TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
+    TEST_ASSERT_EQUAL_UINT8(7, state.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(7, state.skipped);
 }
 
 static void test_los_leg_after_a_skip_begins_where_the_robot_is(void)
@@ -41,8 +41,8 @@ static void test_los_leg_after_a_skip_begins_where_the_robot_is(void)
     config.leg_timeout_ms = 0;
     config.skip_failed = true;
     step_at(-700.0, 300.0, 10.0);
-    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
-    TEST_ASSERT_INT16_WITHIN(1, 0, output.cross_track_mm);
+    TEST_ASSERT_EQUAL_UINT8(1, state.waypoint);
+    TEST_ASSERT_INT16_WITHIN(1, 0, state.cross_track_mm);
 }
 
 static void test_los_counts_an_overshoot_and_comes_back(void)
@@ -53,17 +53,17 @@ static void test_los_counts_an_overshoot_and_comes_back(void)
     config.bearing_hold_mm = 300;
     step_at(800.0, -120.0, 0.0);
     step_at(1149.0, -120.0, 0.0);
-    TEST_ASSERT_EQUAL_UINT16(0, output.overshoots);
+    TEST_ASSERT_EQUAL_UINT16(0, state.overshoots);
     step_at(1152.0, -120.0, 0.0);
-    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
-    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
-    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, state.status);
     step_at(1160.0, -120.0, 0.0);
-    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
-    TEST_ASSERT_GREATER_THAN_INT16(16384, output.heading_error_bam16);
+    TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
+    TEST_ASSERT_GREATER_THAN_INT16(16384, state.heading_error_bam16);
     run_ms(10000);
-    TEST_ASSERT_EQUAL(LOS_ARRIVED, output.status);
-    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+    TEST_ASSERT_EQUAL(LOS_ARRIVED, state.status);
+    TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
 }
 
 static void test_los_counts_an_overshoot_while_coasting_in_brake(void)
@@ -74,10 +74,10 @@ static void test_los_counts_an_overshoot_while_coasting_in_brake(void)
     robot.speed_mm_s = 500.0;
     step_at(900.0, -120.0, 0.0);
     step_at(990.0, -200.0, 0.0);
-    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
     step_at(1160.0, -200.0, 0.0);
-    TEST_ASSERT_EQUAL(LOS_BRAKE, output.phase);
-    TEST_ASSERT_EQUAL_UINT16(1, output.overshoots);
+    TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
+    TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
 }
 
 static void test_los_too_many_overshoots_end_the_route(void)
@@ -87,14 +87,14 @@ static void test_los_too_many_overshoots_end_the_route(void)
     set_route(AHEAD, 1);
     for (uint16_t pass = 1; pass <= 2; pass++) {
         robot = (unicycle_t){0};
-        while (output.phase != LOS_DRIVE)
+        while (state.phase != LOS_DRIVE)
             step();
-        TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+        TEST_ASSERT_EQUAL(LOS_UNDERWAY, state.status);
         step_at(3160.0, 120.0, 0.0);
-        TEST_ASSERT_EQUAL_UINT16(pass, output.overshoots);
+        TEST_ASSERT_EQUAL_UINT16(pass, state.overshoots);
     }
-    TEST_ASSERT_EQUAL(LOS_OVERSHOT, output.status);
-    TEST_ASSERT_FALSE(output.demand.drive);
+    TEST_ASSERT_EQUAL(LOS_OVERSHOT, state.status);
+    TEST_ASSERT_EQUAL(LOS_END, state.phase);
 }
 
 static void test_los_too_many_overshoots_skip_the_waypoint_where_told_to(void)
@@ -105,11 +105,11 @@ static void test_los_too_many_overshoots_skip_the_waypoint_where_told_to(void)
     set_route(AHEAD, 2);
     step_at(0.0, 0.0, 0.0);
     step_at(1160.0, 120.0, 0.0);
-    TEST_ASSERT_EQUAL_UINT8(1, output.waypoint);
-    TEST_ASSERT_EQUAL_UINT8(1, output.skipped);
-    TEST_ASSERT_EQUAL(LOS_UNDERWAY, output.status);
+    TEST_ASSERT_EQUAL_UINT8(1, state.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(1, state.skipped);
+    TEST_ASSERT_EQUAL(LOS_UNDERWAY, state.status);
     run_ms(10000);
-    TEST_ASSERT_EQUAL(LOS_ARRIVED, output.status);
+    TEST_ASSERT_EQUAL(LOS_ARRIVED, state.status);
 }
 
 int main(void)

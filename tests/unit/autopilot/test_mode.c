@@ -69,7 +69,6 @@ static void test_mode_passes_the_heading_on(void)
     signals.heading_bam16 = 1000;
     signals.y_um = -100000;
     step(MODE_START);
-    TEST_ASSERT_EQUAL_UINT16(state.guidance.demand.heading_bam16, state.demand.heading_bam16);
     TEST_ASSERT_UINT16_WITHIN(2, 1040, state.demand.heading_bam16);
 }
 
@@ -185,7 +184,7 @@ static void test_mode_only_a_reset_leaves_fault(void)
     assert_stopped(MODE_IDLE, MODE_NO_FAULT);
     step(MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-    TEST_ASSERT_EQUAL_UINT8(0, state.guidance.waypoint);
+    TEST_ASSERT_EQUAL_UINT8(0, state.los.waypoint);
 }
 
 static void test_mode_reset_does_not_stop_a_run(void)

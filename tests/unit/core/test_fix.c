@@ -45,10 +45,10 @@ static void check_pair(int32_t a, int32_t b)
     TEST_ASSERT_EQUAL_INT64((int64_t)a16 * b16, fix_mul(a16, b16));
     TEST_ASSERT_EQUAL_UINT64((uint64_t)(uint16_t)a * (uint16_t)b, fix_mul_u16((uint16_t)a, (uint16_t)b));
     TEST_ASSERT_EQUAL_UINT64((uint64_t)(uint32_t)a * (uint16_t)b >> 16, fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
-    if ((uint16_t)b != 0) {
+    TEST_ASSERT_EQUAL_INT64((int64_t)a * (uint16_t)b / 65536, fix_share_q16(a, (uint16_t)b));
+    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 * b16 / 32768, INT16_MAX), fix_share16_q15(a16, b16));
+    if ((uint16_t)b != 0)
         TEST_ASSERT_EQUAL_UINT32((uint32_t)a / (uint16_t)b, fix_div_u32((uint32_t)a, (uint16_t)b));
-        TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a / (uint16_t)b, INT32_MAX), fix_div(a, (uint16_t)b));
-    }
 }
 
 static void test_fix_sums_products_and_quotients_hold_at_the_edges(void)
@@ -118,6 +118,18 @@ static void test_fix_counts_stay_at_their_end(void)
     TEST_ASSERT_EQUAL_UINT16(65535, fix_count_u16(65535));
 }
 
+static void test_fix_excess_tells_the_side_and_counts(void)
+{
+    uint16_t steps = 65533;
+    TEST_ASSERT_EQUAL_INT8(0, fix_excess(-7, -7, &steps));
+    TEST_ASSERT_EQUAL_UINT16(65533, steps);
+    TEST_ASSERT_EQUAL_INT8(1, fix_excess(INT16_MAX, INT16_MIN, &steps));
+    TEST_ASSERT_EQUAL_INT8(-1, fix_excess(INT16_MIN, INT16_MAX, &steps));
+    TEST_ASSERT_EQUAL_UINT16(65535, steps);
+    TEST_ASSERT_EQUAL_INT8(-1, fix_excess(-8, -7, &steps));
+    TEST_ASSERT_EQUAL_UINT16(65535, steps);
+}
+
 static void test_fix_angle_difference_takes_the_short_way_round(void)
 {
     TEST_ASSERT_EQUAL_INT16(2, fix_angle_diff_bam16(1, 65535));
@@ -159,6 +171,7 @@ int main(void)
     RUN_TEST(test_fix_right_shift_of_negative_numbers_is_arithmetic);
     RUN_TEST(test_fix_limits_are_met_and_not_passed);
     RUN_TEST(test_fix_counts_stay_at_their_end);
+    RUN_TEST(test_fix_excess_tells_the_side_and_counts);
     RUN_TEST(test_fix_angle_difference_takes_the_short_way_round);
     RUN_TEST(test_fix_share_and_fraction_round_towards_zero_on_both_sides);
     RUN_TEST(test_fix_round_bam16_rounds_halves_away_from_zero);

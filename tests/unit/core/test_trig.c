@@ -9,6 +9,11 @@
 void setUp(void) {}
 void tearDown(void) {}
 
+static uint16_t atan2_bam16(int32_t y, int32_t x)
+{
+    return trig_atan2_bam16(&y, &x);
+}
+
 static void test_sine_and_cosine_are_within_2_units_at_every_angle(void)
 {
     double worst = 0.0;
@@ -32,7 +37,7 @@ static void test_sine_is_odd_and_mirrored_at_every_angle(void)
 
 static double atan2_error_degree(int32_t y, int32_t x)
 {
-    const double turns = trig_atan2_bam16(y, x) / 65536.0 - atan2(y, x) / TURN;
+    const double turns = atan2_bam16(y, x) / 65536.0 - atan2(y, x) / TURN;
     return 360.0 * fabs(turns - round(turns));
 }
 
@@ -101,40 +106,40 @@ static void test_arc_tangent_is_exact_on_axes_and_diagonals(void)
     static const int32_t SIZES[] = {1, 2, 999, 65535, 65536, 123456789, INT32_MAX};
     for (unsigned i = 0; i < sizeof SIZES / sizeof SIZES[0]; i++) {
         const int32_t size = SIZES[i];
-        TEST_ASSERT_EQUAL_UINT16(0, trig_atan2_bam16(0, size));
-        TEST_ASSERT_EQUAL_UINT16(8192, trig_atan2_bam16(size, size));
-        TEST_ASSERT_EQUAL_UINT16(16384, trig_atan2_bam16(size, 0));
-        TEST_ASSERT_EQUAL_UINT16(24576, trig_atan2_bam16(size, -size));
-        TEST_ASSERT_EQUAL_UINT16(32768, trig_atan2_bam16(0, -size));
-        TEST_ASSERT_EQUAL_UINT16(40960, trig_atan2_bam16(-size, -size));
-        TEST_ASSERT_EQUAL_UINT16(49152, trig_atan2_bam16(-size, 0));
-        TEST_ASSERT_EQUAL_UINT16(57344, trig_atan2_bam16(-size, size));
+        TEST_ASSERT_EQUAL_UINT16(0, atan2_bam16(0, size));
+        TEST_ASSERT_EQUAL_UINT16(8192, atan2_bam16(size, size));
+        TEST_ASSERT_EQUAL_UINT16(16384, atan2_bam16(size, 0));
+        TEST_ASSERT_EQUAL_UINT16(24576, atan2_bam16(size, -size));
+        TEST_ASSERT_EQUAL_UINT16(32768, atan2_bam16(0, -size));
+        TEST_ASSERT_EQUAL_UINT16(40960, atan2_bam16(-size, -size));
+        TEST_ASSERT_EQUAL_UINT16(49152, atan2_bam16(-size, 0));
+        TEST_ASSERT_EQUAL_UINT16(57344, atan2_bam16(-size, size));
     }
 }
 
 static void test_arc_tangent_takes_any_operand(void)
 {
-    TEST_ASSERT_EQUAL_UINT16(0, trig_atan2_bam16(0, 0));
-    TEST_ASSERT_EQUAL_UINT16(40960, trig_atan2_bam16(INT32_MIN, INT32_MIN));
-    TEST_ASSERT_EQUAL_UINT16(49152, trig_atan2_bam16(INT32_MIN, 0));
-    TEST_ASSERT_EQUAL_UINT16(16384, trig_atan2_bam16(INT32_MAX, 1));
+    TEST_ASSERT_EQUAL_UINT16(0, atan2_bam16(0, 0));
+    TEST_ASSERT_EQUAL_UINT16(40960, atan2_bam16(INT32_MIN, INT32_MIN));
+    TEST_ASSERT_EQUAL_UINT16(49152, atan2_bam16(INT32_MIN, 0));
+    TEST_ASSERT_EQUAL_UINT16(16384, atan2_bam16(INT32_MAX, 1));
 }
 
 static void test_arc_tangent_is_odd_and_mirrored(void)
 {
     for (int32_t y = 1; y < 200000; y += 997)
         for (int32_t x = 1; x < 200000; x += 1009) {
-            const uint16_t angle = trig_atan2_bam16(y, x);
-            TEST_ASSERT_EQUAL_UINT16(65536U - angle, trig_atan2_bam16(-y, x));
-            TEST_ASSERT_EQUAL_UINT16(32768U - angle, trig_atan2_bam16(y, -x));
-            TEST_ASSERT_EQUAL_UINT16(16384U - angle, trig_atan2_bam16(x, y));
+            const uint16_t angle = atan2_bam16(y, x);
+            TEST_ASSERT_EQUAL_UINT16(65536U - angle, atan2_bam16(-y, x));
+            TEST_ASSERT_EQUAL_UINT16(32768U - angle, atan2_bam16(y, -x));
+            TEST_ASSERT_EQUAL_UINT16(16384U - angle, atan2_bam16(x, y));
         }
 }
 
 static void test_arc_tangent_undoes_sine_and_cosine(void)
 {
     for (uint32_t angle = 0; angle < 65536; angle += 7) {
-        const uint16_t back = trig_atan2_bam16(trig_sin_q15((uint16_t)angle), trig_cos_q15((uint16_t)angle));
+        const uint16_t back = atan2_bam16(trig_sin_q15((uint16_t)angle), trig_cos_q15((uint16_t)angle));
         TEST_ASSERT_INT16_WITHIN(1, 0, fix_angle_diff_bam16(back, (uint16_t)angle));
     }
 }

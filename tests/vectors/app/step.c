@@ -80,8 +80,8 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s16(output->state.accel_mm_s2);
     hash_u8(output->state.at_rest);
     hash_u8(output->state.valid);
-    hash_pid_output(&output->speed);
-    hash_pid_output(&output->heading);
+    hash_pid_answer(&output->speed);
+    hash_pid_answer(&output->heading);
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
     hash_drive(&state->drive);

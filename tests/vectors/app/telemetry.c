@@ -3,7 +3,7 @@
 #include "states.h"
 #include "vectors.h"
 
-static void draw_pid(pid_output_t *pid)
+static void draw_pid(pid_terms_t *pid)
 {
     pid->proportional_mv = draw_s16();
     pid->integral_mv = draw_s16();
@@ -21,11 +21,11 @@ static void draw(step_state_t *state, step_output_t *output)
     state->mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
     state->mode.demand.speed_mm_s_q4 = draw_s16();
     state->mode.demand.heading_bam16 = (uint16_t)draw_s16();
-    state->mode.guidance.phase = (los_phase_t)draw_up_to(LOS_END);
-    state->mode.guidance.waypoint = (uint8_t)draw_up_to(31);
-    state->mode.guidance.cross_track_mm = draw_s16();
-    state->mode.guidance.heading_error_bam16 = draw_s16();
-    state->mode.guidance.overshoots = draw_up_to(65535U);
+    state->mode.los.phase = (los_phase_t)draw_up_to(LOS_END);
+    state->mode.los.waypoint = (uint8_t)draw_up_to(31);
+    state->mode.los.cross_track_mm = draw_s16();
+    state->mode.los.heading_error_bam16 = draw_s16();
+    state->mode.los.overshoots = draw_up_to(65535U);
     state->drive.surge_saturated = (int8_t)draw_between(-1, 1);
     state->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
     state->battery_mv = draw_up_to(20000);

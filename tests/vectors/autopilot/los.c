@@ -15,7 +15,7 @@ void vectors_feed(void)
     static los_state_t state;
     static signals_state_t motion;
     static uint8_t left;
-    los_output_t output;
+    signals_demand_t demand;
 
     if (left == 0) {
         left = RUN_STEPS;
@@ -32,7 +32,7 @@ void vectors_feed(void)
         draw_motion_about(&motion, &waypoints[state.waypoint], state.bearing_bam16);
     if (draw_rarely(6))
         los_reset(&state);
-    los_step(config, &route, &state, &motion, (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20), &output);
+    los_step(config, &route, &state, &motion, (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20), &demand);
     hash_los_state(&state);
-    hash_los_output(&output);
+    hash_demand(&demand);
 }

@@ -4,6 +4,8 @@
 
 static void feed_16(int16_t a, int16_t b, int32_t wide)
 {
+    uint16_t steps = (uint16_t)wide;
+
     hash_u32(fix_mul_u16((uint16_t)a, (uint16_t)b));
     hash_s32(fix_mul(a, b));
     hash_u16(fix_abs_u16(a));
@@ -13,7 +15,10 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_s16(fix_sub16(a, b));
     hash_s16(fix_clamp16(a, (int16_t)(b & 0x7FFF)));
     hash_u16(fix_count_u16((uint16_t)a));
+    hash_u8((uint8_t)fix_excess(a, b, &steps));
+    hash_u16(steps);
     hash_u16(fix_add_u16((uint16_t)a, (uint16_t)b));
+    hash_s16(fix_share16_q15(a, b));
     hash_s16(fix_angle_diff_bam16((uint16_t)a, (uint16_t)b));
 }
 
@@ -43,14 +48,13 @@ static void feed_mixed(int32_t a, int16_t b)
 {
     hash_u32(fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
     hash_s32(fix_share_q15(a, b));
+    hash_s32(fix_share_q16(a, (uint16_t)b));
     hash_u32(fix_div_u32((uint32_t)a, (uint16_t)b));
     hash_s32(fix_clamp_q16(a, (int16_t)(b & 0x7FFF)));
     hash_u8(fix_bits((uint16_t)b, (uint8_t)a & 31U));
     hash_s32(fix_times(a, (uint8_t)b));
     if ((uint8_t)b != 0)
         hash_s16(fix_inverse_q15((uint8_t)b));
-    if (b != 0)
-        hash_s32(fix_div(a, (uint16_t)b));
 }
 
 void vectors_feed(void)

@@ -10,7 +10,7 @@ from brickpilot.gen.c_text import initialiser
 from brickpilot.gen.coefficients import PROFILES, loss, pose
 from brickpilot.gen.quantise import QuantisationError, integer
 
-INT16, UINT16, UINT8, UINT32 = 32767, 65535, 255, 2**32 - 1
+INT16, UINT16, UINT8, INT32 = 32767, 65535, 255, 2**31 - 1
 BAM16 = 65536 / (2 * math.pi)
 MV_Q10_PER_SPEED = 1024 * 1e3 / 16e3  # gain per 1/16 mm/s, of a gain in V s/m
 MV_Q10_PER_ANGLE = 1024 * 1e3 / BAM16
@@ -82,7 +82,7 @@ def _los(own: Mapping[str, float], length: float) -> dict[str, Any]:
         "overshoot_mm": whole("overshoot", 1e3, 1, INT16),
         "max_overshoots": whole("max_overshoots", 1, 0, UINT8),
         "skip_failed": bool(whole("skip_failed", 1, 0, 1)),
-        "leg_timeout_ms": whole("leg_timeout", 1e3, 1, UINT32),
+        "leg_timeout_ms": whole("leg_timeout", 1e3, 1, INT32),
     }
 
 
