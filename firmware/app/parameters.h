@@ -6,12 +6,12 @@
 #ifndef BRICKPILOT_APP_PARAMETERS_H
 #define BRICKPILOT_APP_PARAMETERS_H
 
-#include "app/compensation.h"
+#include "app/loop.h"
 
 typedef struct {
-    loop_config_t config; /* in force, compensation included */
-    compensation_t compensation;
-    uint16_t believed_travel_um_q2; /* the constants' travel per count, without compensation */
+    loop_config_t config;           /* in force */
+    int16_t travel_scale_q15;       /* of compensation.h; the only setting that is not as it stands in `config` */
+    uint16_t believed_travel_um_q2; /* the constants' travel per count, without that */
 } parameters_t;
 
 typedef enum {
@@ -24,8 +24,14 @@ typedef enum {
 /* The constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const loop_config_t *constants);
 
-/* `value` is written only with PARAMETERS_OK. */
-parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, int32_t *value);
-parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, int32_t value, bool running);
+/* `value` is that of PARAMETER_REQUEST and PARAMETER: four bytes, lowest first. Read, it is 0 with PARAMETERS_UNKNOWN. */
+parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, uint8_t *value);
+parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, const uint8_t *value);
+
+/* Whether `index` may not be written in RUN. */
+bool parameters_of_robot(uint8_t index);
+
+/* The travel per count, in um_q2, that is `scale_q15` more than `believed`; saturates. */
+uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15);
 
 #endif

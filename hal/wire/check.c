@@ -1,12 +1,14 @@
 #include "wire/check.h"
 
+/* Eight steps of the division by the polynomial at once: what they take away depends on the upper byte alone, and is this byte, with its
+ * upper half added to its lower, at each bit of the polynomial. */
 uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size)
 {
-    static const uint16_t OF_NIBBLE[16] = {0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
-                                           0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF};
-    for (uint8_t i = 0; i < size; i++) {
-        crc = (uint16_t)((crc << 4) ^ OF_NIBBLE[(uint8_t)(crc >> 12) ^ (uint8_t)(bytes[i] >> 4)]);
-        crc = (uint16_t)((crc << 4) ^ OF_NIBBLE[(uint8_t)(crc >> 12) ^ (uint8_t)(bytes[i] & 15U)]);
+    while (size-- > 0) {
+        uint8_t upper = (uint8_t)(crc >> 8) ^ *bytes++;
+
+        upper ^= upper >> 4;
+        crc = (uint16_t)((crc << 8) ^ upper ^ ((uint16_t)upper << 5) ^ ((uint16_t)upper << 12));
     }
     return crc;
 }
@@ -14,20 +16,16 @@ uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size)
 uint16_t check_of(const message_t *message)
 {
     uint8_t id[2];
-    id[0] = (uint8_t)message->id;
-    id[1] = (uint8_t)(message->id >> 8);
-    return check_crc16(check_crc16(CHECK_START, id, 2), message->data, 6);
+    message_put(id, message->id);
+    return check_crc16(check_crc16(CHECK_START, id, sizeof id), message->data, CHECK_AT);
 }
 
 void check_seal(message_t *message)
 {
-    const uint16_t crc = check_of(message);
-    message->data[6] = (uint8_t)crc;
-    message->data[7] = (uint8_t)(crc >> 8);
+    message_put(&message->data[CHECK_AT], check_of(message));
 }
 
 bool check_holds(const message_t *message)
 {
-    const uint16_t crc = check_of(message);
-    return message->size == 8 && message->data[6] == (uint8_t)crc && message->data[7] == (uint8_t)(crc >> 8);
+    return message->size == MESSAGE_DATA_MAX && message_get(&message->data[CHECK_AT]) == check_of(message);
 }

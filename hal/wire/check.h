@@ -12,6 +12,8 @@
 
 #define CHECK_START 0xFFFFU
 
+enum { CHECK_AT = 6 }; /* of the message's data */
+
 /* The CRC of what went before and of `size` more bytes: polynomial 0x1021, from CHECK_START, nothing reflected. Of "123456789"
  * it is 0x29B1. */
 uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size);

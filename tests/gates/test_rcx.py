@@ -146,11 +146,11 @@ def test_the_program_does_what_the_recipe_says(sensors: str) -> None:
     [
         ("contract", "motors.c", "? fwd : rev", "? rev : fwd"),
         ("contract", "sensors.c", "BATTERY_OVER = 77", "BATTERY_OVER = 78"),
-        ("port", "infrared.c", "heard && packet", "false && packet"),
-        ("port", "infrared.c", "size < INFRARED_HEAD ||", ""),
+        ("port", "infrared.c", "sequence_and_256 == newest", "false"),
+        ("port", "infrared.c", "size != INFRARED_PACKET", "size > INFRARED_PACKET"),
         ("program", "main.c", "if (!state.started)", "if (false)"),
-        ("program", "main.c", "state.until_telemetry = record ? 0 : 1;", ""),
-        ("program", "infrared.c", "if (answer_due) {", "if (false) {"),
+        ("program", "main.c", "state.until_telemetry = state.until_heartbeat = 1;", ""),
+        ("program", "infrared.c", "answers = answer_is == DUE", "answers = false"),
     ],
 )
 def test_a_wrong_driver_is_caught(tmp_path: Path, name: str, file: str, of: str, to: str) -> None:

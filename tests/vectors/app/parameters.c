@@ -10,9 +10,10 @@ static const int32_t ends[ENDS] = {0, 20, 255, 10000, 20000, 32767, 65535L, -200
 
 static void hash_one(const parameters_t *parameters, uint8_t index)
 {
-    int32_t value = 0;
-    hash_u8((uint8_t)parameters_read(parameters, index, &value));
-    hash_s32(value);
+    uint8_t value[4];
+    hash_u8((uint8_t)parameters_read(parameters, index, value));
+    for (uint8_t i = 0; i < sizeof value; i++)
+        hash_u8(value[i]);
 }
 
 /* One setting written and read back; all of them read at the end of a run. */
@@ -23,7 +24,8 @@ void vectors_feed(void)
     const uint8_t index = (uint8_t)(draw_rarely(4) ? draw_u16() : draw_up_to(NUMBERS - 1));
     const int32_t end = ends[draw_u16() & (ENDS - 1U)] + draw_between(-1, 1);
     const int32_t value = draw_rarely(1) ? end : draw_s32();
-    const bool running = draw_rarely(2);
+    const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16),
+                              (uint8_t)((uint32_t)value >> 24)};
 
     if (left == 0) {
         left = RUN_WRITES;
@@ -32,7 +34,8 @@ void vectors_feed(void)
         parameters_start(&parameters, &PARAMS);
     }
     left--;
-    hash_u8((uint8_t)parameters_write(&parameters, index, value, running));
+    hash_u8((uint8_t)parameters_write(&parameters, index, bytes));
+    hash_u8(parameters_of_robot(index));
     hash_one(&parameters, index);
     hash_u16(parameters.config.step.speed.count_travel_um_q2);
 }
