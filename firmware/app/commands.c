@@ -67,29 +67,33 @@ mode_command_t commands_next(commands_t *commands)
     return command;
 }
 
-static commands_result_t open_session(commands_t *commands, uint8_t *data)
-{
-    const loop_config_t *const constants = constants_of(data[WIRE_OPEN_PROFILE_AT]);
-    const uint8_t pace = data[WIRE_OPEN_PACE_AT];
-    uint8_t status = WIRE_HELLO_STATUS_OK_CHOICE;
+/* Each request: puts what else its reply tells in its place, and returns the reply's status. */
+typedef uint8_t request_t(commands_t *commands, loop_state_t *loop, uint8_t *data);
 
-    if (data[WIRE_OPEN_PROTOCOL_AT] != WIRE_PROTOCOL)
+static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *data)
+{
+    const uint8_t pace = data[WIRE_OPEN_PACE_AT];
+    const loop_config_t *constants;
+    uint8_t status;
+
+    if (data[WIRE_OPEN_PROTOCOL_AT] != WIRE_PROTOCOL) {
         status = WIRE_HELLO_STATUS_PROTOCOL_DIFFERS_CHOICE;
-    else if (message_get(&data[WIRE_OPEN_DBC_AT]) != WIRE_DBC)
+    } else if (message_get(&data[WIRE_OPEN_DBC_AT]) != WIRE_DBC) {
         status = WIRE_HELLO_STATUS_DBC_DIFFERS_CHOICE;
-    else if (constants == NULL)
+    } else if ((constants = constants_of(data[WIRE_OPEN_PROFILE_AT])) == NULL) {
         status = WIRE_HELLO_STATUS_NO_SUCH_PROFILE_CHOICE;
-    else if (pace > WIRE_OPEN_PACE_REALTIME_CHOICE)
+    } else if (pace > WIRE_OPEN_PACE_REALTIME_CHOICE) {
         status = WIRE_HELLO_STATUS_NO_SUCH_PACE_CHOICE;
+    } else {
+        start(commands, constants);
+        commands->open = true;
+        commands->realtime = pace;
+        bytes_clear(loop, sizeof *loop);
+        status = WIRE_HELLO_STATUS_OK_CHOICE;
+    }
     data[WIRE_HELLO_PROTOCOL_AT] = WIRE_PROTOCOL;
     message_put(&data[WIRE_HELLO_DBC_AT], WIRE_DBC);
-    data[WIRE_HELLO_STATUS_AT] = status;
-    if (status != WIRE_HELLO_STATUS_OK_CHOICE)
-        return COMMANDS_ANSWERED;
-    start(commands, constants);
-    commands->open = true;
-    commands->realtime = pace;
-    return COMMANDS_OPENED;
+    return status;
 }
 
 /* Whether the diagram of mode.h has an arrow for it. */
@@ -100,68 +104,43 @@ static bool leads_on(mode_name_t mode, uint8_t command)
     return (mode == MODE_RUN) == (command == MODE_ABORT);
 }
 
-static uint8_t set_mode(commands_t *commands, mode_name_t mode, uint8_t command)
+static uint8_t command_mode(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
+    const mode_state_t *const mode = &loop->step.mode;
+    const uint8_t command = data[WIRE_MODE_COMMAND_COMMAND_AT];
+
+    data[WIRE_MODE_REPLY_MODE_AT] = (uint8_t)(mode->mode | mode->fault << WIRE_MODE_REPLY_FAULT_SHIFT);
+    data[WIRE_MODE_REPLY_STATUS_AT + 1] = data[WIRE_MODE_REPLY_STATUS_AT + 2] = 0;
     if (command < MODE_START || command > MODE_RESET)
         return PARAMETERS_UNKNOWN;
-    if (!leads_on(mode, command))
+    if (!leads_on(mode->mode, command))
         return PARAMETERS_RANGE;
     commands->pending = (mode_command_t)command;
     return PARAMETERS_OK;
 }
 
-/* Puts the reply in the request's place. */
-typedef void request_t(commands_t *commands, const mode_state_t *mode, uint8_t *data);
-
-static void command_mode(commands_t *commands, const mode_state_t *mode, uint8_t *data)
+static bool running(const commands_t *commands, const loop_state_t *loop)
 {
-    data[WIRE_MODE_REPLY_STATUS_AT] = set_mode(commands, mode->mode, data[WIRE_MODE_COMMAND_COMMAND_AT]);
-    data[WIRE_MODE_REPLY_MODE_AT] = (uint8_t)(mode->mode | mode->fault << WIRE_MODE_REPLY_FAULT_SHIFT);
-    message_put(&data[WIRE_MODE_REPLY_STATUS_AT + 1], 0);
-}
-
-static bool running(const commands_t *commands, const mode_state_t *mode)
-{
-    return mode->mode == MODE_RUN || commands->pending == MODE_START;
+    return loop->step.mode.mode == MODE_RUN || commands->pending == MODE_START;
 }
 
 /* The other three requests have in common: a number, and whether to write. */
-static uint8_t number_of(const uint8_t *data)
+static inline uint8_t number_of(const uint8_t *data)
 {
     return data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
 }
 
-static bool writes(const uint8_t *data)
+static inline bool writes(const uint8_t *data)
 {
     return (data[WIRE_PARAMETER_REQUEST_WRITE_AT] & 1U << WIRE_PARAMETER_REQUEST_WRITE_SHIFT) != 0;
 }
 
-/* Two of their replies: the number, and a status in its byte. */
-static void put_status(uint8_t *data, uint8_t status)
+static uint8_t parameter(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    uint8_t *const at = &data[WIRE_PARAMETER_STATUS_AT];
-
-    *at = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));
+    return (uint8_t)parameters_take(&commands->parameters, running(commands, loop), data);
 }
 
-static void parameter(commands_t *commands, const mode_state_t *mode, uint8_t *data)
-{
-    uint8_t *const value = &data[WIRE_PARAMETER_VALUE_AT];
-    const uint8_t number = number_of(data);
-    parameters_status_t status = PARAMETERS_OK;
-
-    if (writes(data)) {
-        if (parameters_of_robot(number) && running(commands, mode))
-            status = PARAMETERS_BUSY;
-        else
-            status = parameters_write(&commands->parameters, number, value);
-    }
-    if (parameters_read(&commands->parameters, number, value) != PARAMETERS_OK)
-        status = PARAMETERS_UNKNOWN;
-    put_status(data, (uint8_t)status);
-}
-
-/* A waypoint out of WAYPOINT_REQUEST, or into WAYPOINT and what a route's check is made of. */
+/* A waypoint out of WAYPOINT_REQUEST or into WAYPOINT. */
 static void move_waypoint(void *to, const void *from)
 {
     message_move(to, from, sizeof(int16_t));
@@ -173,41 +152,33 @@ static bool too_far(const uint8_t *at)
     return fix_abs_u16((int16_t)message_get(at)) > ROUTE_COORDINATE_MAX_MM;
 }
 
-static uint8_t write_waypoint(commands_t *commands, uint8_t index, const uint8_t *from)
-{
-    if (index >= ROUTE_WAYPOINTS_MAX)
-        return PARAMETERS_UNKNOWN;
-    if (too_far(from) || too_far(from + sizeof(int16_t)))
-        return PARAMETERS_RANGE;
-    move_waypoint(&commands_written(commands)[index], from);
-    return PARAMETERS_OK;
-}
-
-static uint8_t read_waypoint(const route_t *route, uint8_t index, uint8_t *to)
-{
-    if (index >= route->count)
-        return PARAMETERS_UNKNOWN;
-    move_waypoint(to, &route->waypoints[index]);
-    return PARAMETERS_OK;
-}
-
-static void waypoint(commands_t *commands, const mode_state_t *mode, uint8_t *data)
+static uint8_t waypoint(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
     uint8_t *const at = &data[WIRE_WAYPOINT_X_AT];
     const uint8_t index = number_of(data);
 
-    (void)mode;
-    put_status(data, writes(data) ? write_waypoint(commands, index, at) : read_waypoint(&commands->route, index, at));
+    (void)loop;
+    if (!writes(data)) {
+        if (index >= commands->route.count)
+            return PARAMETERS_UNKNOWN;
+        move_waypoint(at, &commands->route.waypoints[index]);
+    } else {
+        if (index >= ROUTE_WAYPOINTS_MAX)
+            return PARAMETERS_UNKNOWN;
+        if (too_far(at) || too_far(at + sizeof(int16_t)))
+            return PARAMETERS_RANGE;
+        move_waypoint(&commands_written(commands)[index], at);
+    }
+    return PARAMETERS_OK;
 }
 
-static uint16_t check_of_route(const route_waypoint_t *waypoints, uint8_t count)
+static uint16_t check_of_route(const route_waypoint_t *waypoint, uint8_t count)
 {
     uint16_t crc = CHECK_START;
-    uint8_t bytes[4];
 
     for (; count > 0; count--) {
-        move_waypoint(bytes, waypoints++);
-        crc = check_crc16(crc, bytes, sizeof bytes);
+        crc = check_crc16_of(check_crc16_of(crc, (uint16_t)waypoint->x_mm), (uint16_t)waypoint->y_mm);
+        waypoint++;
     }
     return crc;
 }
@@ -217,75 +188,69 @@ static uint16_t check_in_force(const commands_t *commands)
     return check_of_route(commands->route.waypoints, commands->route.count);
 }
 
-static uint8_t set_route(commands_t *commands, bool running, uint8_t count, uint16_t check)
+static bool is_written(const route_waypoint_t *waypoint, uint8_t count)
 {
-    const route_waypoint_t *const written = commands_written(commands);
-    route_status_t status;
-
-    if (count > 0 && count == commands->route.count && check == check_in_force(commands))
-        return ROUTE_OK; /* asked again: the answer was lost */
-    if (running)
-        return ROUTE_BUSY;
-    if (count > ROUTE_WAYPOINTS_MAX)
-        return ROUTE_TOO_LONG;
-    for (uint8_t i = 0; i < count; i++)
-        if (written[i].x_mm == COMMANDS_UNWRITTEN)
-            return ROUTE_INCOMPLETE;
-    if (check_of_route(written, count) != check)
-        return ROUTE_DIFFERS;
-    status = route_set(&commands->route, written, count);
-    if (status == ROUTE_OK)
-        forget_written(commands);
-    return (uint8_t)status;
+    for (; count > 0; count--)
+        if ((waypoint++)->x_mm == COMMANDS_UNWRITTEN)
+            return false;
+    return true;
 }
 
-static void route(commands_t *commands, const mode_state_t *mode, uint8_t *data)
+static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    uint8_t *const check = &data[WIRE_ROUTE_ROUTE_CHECK_AT];
+    const uint16_t check = message_get(&data[WIRE_ROUTE_REQUEST_ROUTE_CHECK_AT]);
+    const route_waypoint_t *const written = commands_written(commands);
+    const uint8_t count = number_of(data);
     uint8_t status = ROUTE_OK;
 
-    if (writes(data))
-        status = set_route(commands, running(commands, mode), number_of(data), message_get(check));
+    if (!writes(data) || (count > 0 && count == commands->route.count && check == check_in_force(commands))) {
+        /* asked, or asked again: the answer was lost */
+    } else if (running(commands, loop)) {
+        status = ROUTE_BUSY;
+    } else if (count > ROUTE_WAYPOINTS_MAX) {
+        status = ROUTE_TOO_LONG;
+    } else if (!is_written(written, count)) {
+        status = ROUTE_INCOMPLETE;
+    } else if (check_of_route(written, count) != check) {
+        status = ROUTE_DIFFERS;
+    } else {
+        status = (uint8_t)route_set(&commands->route, written, count);
+        if (status == ROUTE_OK)
+            forget_written(commands);
+    }
     data[WIRE_ROUTE_COUNT_AT] = commands->route.count;
-    message_put(check, check_in_force(commands));
-    message_put(&data[WIRE_ROUTE_STATUS_AT], status); /* and nothing in the byte behind it */
+    message_put(&data[WIRE_ROUTE_ROUTE_CHECK_AT], check_in_force(commands));
+    data[WIRE_ROUTE_STATUS_AT + 1] = 0;
+    return status;
 }
 
-/* Of an open session. */
-static const struct {
+static const struct row {
     uint16_t id;
     request_t *take;
-} REQUESTS[] = {{WIRE_MODE_COMMAND_FRAME_ID, command_mode},
-                {WIRE_PARAMETER_REQUEST_FRAME_ID, parameter},
-                {WIRE_WAYPOINT_REQUEST_FRAME_ID, waypoint},
-                {WIRE_ROUTE_REQUEST_FRAME_ID, route}};
+    uint8_t status_at; /* in the reply; at 1 it shares the byte with the number */
+} REQUESTS[] = {{WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT},
+                {WIRE_MODE_COMMAND_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT},
+                {WIRE_PARAMETER_REQUEST_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT},
+                {WIRE_WAYPOINT_REQUEST_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT},
+                {WIRE_ROUTE_REQUEST_FRAME_ID, route, WIRE_ROUTE_STATUS_AT}};
 enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
 
-static commands_result_t obey(commands_t *commands, const mode_state_t *mode, message_t *message)
+bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
 {
-    if (message->id == WIRE_OPEN_FRAME_ID)
-        return open_session(commands, message->data);
-    if (commands->open)
-        for (uint8_t i = 0; i < REQUESTS_COUNT; i++)
-            if (message->id == REQUESTS[i].id) {
-                REQUESTS[i].take(commands, mode, message->data);
-                return COMMANDS_ANSWERED;
-            }
-    return COMMANDS_NOTHING;
-}
+    uint8_t *const data = message->data;
+    const struct row *row = REQUESTS;
+    uint8_t status;
 
-commands_result_t commands_take(commands_t *commands, const mode_state_t *mode, message_t *message)
-{
-    commands_result_t result;
-
-    if (!check_holds(message)) {
-        commands->refused = fix_count_u16(commands->refused);
-        return COMMANDS_NOTHING;
-    }
-    result = obey(commands, mode, message);
-    if (result != COMMANDS_NOTHING) {
-        message->id++; /* in the DBC every reply comes behind its request */
-        check_seal(message);
-    }
-    return result;
+    while (row->id != message->id)
+        if (++row == REQUESTS + REQUESTS_COUNT)
+            return false;
+    if (!check_holds(message) || !(commands->open || row == REQUESTS))
+        return false;
+    message->id++; /* in the DBC every reply comes behind its request */
+    status = row->take(commands, loop, data);
+    if (row->status_at == WIRE_PARAMETER_STATUS_AT)
+        status = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));
+    data[row->status_at] = status;
+    check_seal(message);
+    return true;
 }

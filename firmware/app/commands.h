@@ -17,20 +17,14 @@ typedef struct {
     mode_command_t pending;                             /* for the next step */
     bool open;                                          /* since OPEN was answered with ok */
     bool realtime;                                      /* as OPEN asked */
-    uint16_t refused;                                   /* messages whose check failed; stays at 65535 */
 } commands_t;
 
 /* As before any session: no route, the constants of `coupled`, or of the profile that the image holds (model/body.h). */
 void commands_start(commands_t *commands);
 
-typedef enum {
-    COMMANDS_NOTHING = 0,  /* no valid request: `message` is as it was */
-    COMMANDS_ANSWERED = 1, /* `message` is the reply, to be sent */
-    COMMANDS_OPENED = 2    /* the same; the loop is to begin anew, motors off */
-} commands_result_t;
-
-/* Does what `message` asks for, and makes the reply of it; `mode` is the one the loop is in. */
-commands_result_t commands_take(commands_t *commands, const mode_state_t *mode, message_t *message);
+/* Does what `message` asks for, and makes the reply of it: true. False: no valid request, and nothing is changed. `loop` is the loop's, of
+ * which a new session makes one that has not started. */
+bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message);
 
 /* The command for the coming step; it is forgotten with that. */
 mode_command_t commands_next(commands_t *commands);

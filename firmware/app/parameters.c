@@ -9,27 +9,27 @@
 
 #define NUMBER(name) WIRE_PARAMETER_REQUEST_PARAMETER_##name##_CHOICE
 
-/* A range goes with a field's type: uint8_t or bool, uint32_t, or else 16 bits. The last two are those of signed fields. */
+/* The last two are those of signed fields. */
 enum { BYTE, BOOL, LONG, POSITIVE, VOLTAGE, AT_LEAST_1, UNSIGNED, TIME, SILENCE, SIGNED, OFFSET };
-#define SIZE(range) ((range) <= BOOL ? 1 : (range) == LONG ? 4 : 2)
 
 typedef struct {
     int16_t low;
-    uint16_t high; /* 0: as far as 32 bits go */
+    uint16_t span; /* to the largest */
 } range_t;
 
+/* LONG, which is that of fields of 32 bits, goes from 1 to 2^31 - 1. */
 static const range_t RANGES[] = {
     [BYTE] = {0, 255},
     [BOOL] = {0, 1},
-    [LONG] = {1, 0},
+    [LONG] = {0, 0},
     [POSITIVE] = {0, 32767},
     [VOLTAGE] = {0, 20000},
-    [AT_LEAST_1] = {1, 32767},
+    [AT_LEAST_1] = {1, 32766},
     [UNSIGNED] = {0, 65535U},
     [TIME] = {0, 10000},
-    [SILENCE] = {20, 10000},
-    [SIGNED] = {-32767, 32767},
-    [OFFSET] = {-20000, 20000},
+    [SILENCE] = {20, 9980},
+    [SIGNED] = {-32767, 65534U},
+    [OFFSET] = {-20000, 40000U},
 };
 
 /* Number in the DBC, field, its range: those of the structs' headers. */
@@ -82,13 +82,12 @@ static const range_t RANGES[] = {
 
 typedef struct {
     uint8_t at; /* in parameters_t */
-    uint8_t range;
+    unsigned size : 3;
+    unsigned range : 5;
 } place_t;
 
-/* The second 0 is none where the field's type is not its range's. */
 #define PLACE(name, field, range)                                                                                      \
-    [NUMBER(name)] = {offsetof(parameters_t, field),                                                                   \
-                      (range) + 0 * sizeof(char[sizeof(((parameters_t *)0)->field) == SIZE(range) ? 1 : -1])},
+    [NUMBER(name)] = {offsetof(parameters_t, field), sizeof(((parameters_t *)0)->field), range},
 
 /* By number, which leave none out. */
 static const place_t PLACES[] = {OF_CONFIG(PLACE) OF_ROBOT(PLACE)};
@@ -108,48 +107,53 @@ uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15)
     return (uint16_t)(found > 65535L ? 65535L : found);
 }
 
-bool parameters_of_robot(uint8_t index)
+static bool within(const place_t *place, int32_t value)
 {
-    return index >= NUMBER(LEFT_GAIN) && index < PLACES_COUNT;
+    const range_t *const range = &RANGES[place->range];
+
+    return place->size == sizeof value ? value > 0 : (uint32_t)value - (uint32_t)(int32_t)range->low <= range->span;
 }
 
-parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, uint8_t *value)
+static parameters_status_t write(parameters_t *parameters, const place_t *place, const uint8_t *value)
 {
-    uint8_t size = 0, beyond = 0;
-    parameters_status_t status = PARAMETERS_UNKNOWN;
-
-    if (index < PLACES_COUNT) {
-        const place_t *const place = &PLACES[index];
-
-        size = SIZE(place->range);
-        message_move(value, (const uint8_t *)parameters + place->at, size);
-        if (place->range >= SIGNED && value[1] >= 0x80U)
-            beyond = 0xFF;
-        status = PARAMETERS_OK;
-    }
-    for (; size < 4; size++)
-        value[size] = beyond;
-    return status;
-}
-
-static bool within(const range_t *range, int32_t value)
-{
-    return value >= range->low && (range->high == 0 || value <= (int32_t)range->high);
-}
-
-parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, const uint8_t *value)
-{
-    const place_t *place;
     int32_t number;
 
-    if (index >= PLACES_COUNT)
-        return PARAMETERS_UNKNOWN;
-    place = &PLACES[index];
     message_move(&number, value, sizeof number);
-    if (!within(&RANGES[place->range], number))
+    if (!within(place, number))
         return PARAMETERS_RANGE;
-    message_move((uint8_t *)parameters + place->at, value, SIZE(place->range));
+    message_move((uint8_t *)parameters + place->at, value, place->size);
     parameters->config.step.speed.count_travel_um_q2 =
         parameters_travel_um_q2(parameters->believed_travel_um_q2, parameters->travel_scale_q15);
     return PARAMETERS_OK;
+}
+
+static void read(const parameters_t *parameters, const place_t *place, uint8_t *value)
+{
+    const void *const field = (const uint8_t *)parameters + place->at;
+    const bool negative = place->range >= SIGNED && *(const int16_t *)field < 0;
+
+    message_put(value + 2, negative ? 0xFFFF : 0);
+    value[1] = 0;
+    message_move(value, field, place->size);
+}
+
+parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data)
+{
+    const uint8_t index = data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
+    uint8_t *const value = &data[WIRE_PARAMETER_VALUE_AT];
+    parameters_status_t status = PARAMETERS_OK;
+
+    if (index >= PLACES_COUNT) {
+        message_put(value, 0);
+        message_put(value + 2, 0);
+        return PARAMETERS_UNKNOWN;
+    }
+    if (data[WIRE_PARAMETER_REQUEST_WRITE_AT] & 1U << WIRE_PARAMETER_REQUEST_WRITE_SHIFT) {
+        if (running && index >= NUMBER(LEFT_GAIN))
+            status = PARAMETERS_BUSY;
+        else
+            status = write(parameters, &PLACES[index], value);
+    }
+    read(parameters, &PLACES[index], value);
+    return status;
 }

@@ -24,12 +24,9 @@ typedef enum {
 /* The constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const loop_config_t *constants);
 
-/* `value` is that of PARAMETER_REQUEST and PARAMETER: four bytes, lowest first. Read, it is 0 with PARAMETERS_UNKNOWN. */
-parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, uint8_t *value);
-parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, const uint8_t *value);
-
-/* Whether `index` may not be written in RUN. */
-bool parameters_of_robot(uint8_t index);
+/* Does what the PARAMETER_REQUEST of this data asks for, and puts the value in force into its place: 0 with PARAMETERS_UNKNOWN. The status
+ * is not put there. `running`: what is known of the robot is not to be written. */
+parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data);
 
 /* The travel per count, in um_q2, that is `scale_q15` more than `believed`; saturates. */
 uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15);

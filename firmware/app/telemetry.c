@@ -38,21 +38,25 @@ static uint8_t sat_u8(uint16_t value)
     return value > 255U ? (uint8_t)255 : (uint8_t)value;
 }
 
-/* What shares a byte with other signals. */
-static uint8_t of_track(const loop_state_t *state)
+/* What of the last byte is not in the table. */
+static uint8_t last_of(uint8_t part, const loop_state_t *state)
 {
-    return (uint8_t)(state->step.mode.guidance.phase << WIRE_TELEMETRY_TRACK_PHASE_SHIFT |
-                     state->output.state.at_rest << WIRE_TELEMETRY_TRACK_AT_REST_SHIFT |
-                     state->output.state.valid << WIRE_TELEMETRY_TRACK_VALID_SHIFT);
-}
+    const mode_state_t *const mode = &state->step.mode;
+    const signals_drive_t *const drive = &state->step.drive;
 
-static uint8_t of_demand(const signals_drive_t *drive)
-{
-    const uint8_t surge = (uint8_t)drive->surge_saturated & WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_MASK;
-    const uint8_t yaw = (uint8_t)drive->yaw_saturated;
-
-    return (uint8_t)(surge << WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT |
-                     yaw << WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT);
+    if (part == TELEMETRY_HEARTBEAT)
+        return sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));
+    if (part == Y)
+        return sat_u8(mode->guidance.overshoots);
+    if (part == TRACK)
+        return (uint8_t)(mode->guidance.phase << WIRE_TELEMETRY_TRACK_PHASE_SHIFT |
+                         state->output.state.at_rest << WIRE_TELEMETRY_TRACK_AT_REST_SHIFT |
+                         state->output.state.valid << WIRE_TELEMETRY_TRACK_VALID_SHIFT);
+    if (part == DEMAND)
+        return (uint8_t)(((uint8_t)drive->surge_saturated & WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_MASK)
+                             << WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT |
+                         (uint8_t)drive->yaw_saturated << WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT);
+    return 0;
 }
 
 void telemetry_part(uint8_t part, const loop_state_t *state, message_t *message)
@@ -60,23 +64,20 @@ void telemetry_part(uint8_t part, const loop_state_t *state, message_t *message)
     const mode_state_t *const mode = &state->step.mode;
     const uint8_t *place = PLACES[part];
     uint8_t *to = message->data;
+    uint8_t left = MESSAGE_DATA_MAX;
 
     message->id = (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + part);
     message->size = MESSAGE_DATA_MAX;
-    for (uint8_t left = MESSAGE_DATA_MAX; left > 0; left--) {
+    do {
         const uint8_t at = *place++;
-        *to++ = at == NONE ? 0 : ((const uint8_t *)mode)[at];
-    }
-    to--;
-    if (part == Y) {
-        *to = sat_u8(mode->guidance.overshoots);
-    } else if (part == TRACK) {
-        *to |= of_track(state);
-    } else if (part == DEMAND) {
-        *to |= of_demand(&state->step.drive);
-    } else if (part == TELEMETRY_HEARTBEAT) {
+        *to = 0;
+        if (at != NONE)
+            *to = ((const uint8_t *)mode)[at];
+        to++;
+    } while (--left > 0);
+    to[-1] |= last_of(part, state);
+    if (part == TELEMETRY_HEARTBEAT) {
         message->id = WIRE_HEARTBEAT_FRAME_ID;
-        *to = sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));
-        *--to |= (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT);
+        to[-2] |= (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT);
     }
 }

@@ -2,22 +2,28 @@
 
 /* Eight steps of the division by the polynomial at once: what they take away depends on the upper byte alone, and is this byte, with its
  * upper half added to its lower, at each bit of the polynomial. */
+static uint16_t byte_more(uint16_t crc, uint8_t byte)
+{
+    byte ^= (uint8_t)(crc >> 8);
+    byte ^= byte >> 4;
+    return (uint16_t)((crc << 8) ^ byte ^ ((uint16_t)byte << 5) ^ ((uint16_t)byte << 12));
+}
+
 uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size)
 {
-    while (size-- > 0) {
-        uint8_t upper = (uint8_t)(crc >> 8) ^ *bytes++;
-
-        upper ^= upper >> 4;
-        crc = (uint16_t)((crc << 8) ^ upper ^ ((uint16_t)upper << 5) ^ ((uint16_t)upper << 12));
-    }
+    for (; size > 0; size--)
+        crc = byte_more(crc, *bytes++);
     return crc;
+}
+
+uint16_t check_crc16_of(uint16_t crc, uint16_t number)
+{
+    return byte_more(byte_more(crc, (uint8_t)number), (uint8_t)(number >> 8));
 }
 
 uint16_t check_of(const message_t *message)
 {
-    uint8_t id[2];
-    message_put(id, message->id);
-    return check_crc16(check_crc16(CHECK_START, id, sizeof id), message->data, CHECK_AT);
+    return check_crc16(check_crc16_of(CHECK_START, message->id), message->data, CHECK_AT);
 }
 
 void check_seal(message_t *message)

@@ -63,29 +63,30 @@ void vectors_feed(void)
 {
     static commands_t commands;
     static bool started;
-    mode_state_t mode;
+    loop_state_t loop;
     message_t message;
 
     if (!started || draw_rarely(12))
         commands_start(&commands);
     started = true;
-    mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
-    mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
+    loop.step.mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
+    loop.step.mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
     draw(&commands, &message);
-    const commands_result_t result = commands_take(&commands, &mode, &message);
-    hash_u8((uint8_t)result);
-    if (result != COMMANDS_NOTHING) {
+    loop.tick = 1;
+    const bool result = commands_take(&commands, &loop, &message);
+    hash_u8(result);
+    hash_u8((uint8_t)loop.tick);
+    if (result) {
         hash_u16(message.id);
         hash_u8(message.size);
         for (uint8_t i = 0; i < MESSAGE_DATA_MAX; i++)
             hash_u8(message.data[i]);
     }
     hash_u8(commands.route.count);
-    for (uint8_t i = 0; i <= FEW; i++)
+    for (uint8_t i = 0; i < FEW + 1; i++)
         hash_s16(commands_written(&commands)[i].x_mm);
     hash_u8(commands.open);
     hash_u8(commands.realtime);
-    hash_u16(commands.refused);
     if (draw_rarely(1))
         hash_u8((uint8_t)commands_next(&commands));
 }
