@@ -20,12 +20,15 @@ enum { NONE, SENT, DUE };
 static packet_t answer; /* to the newest request */
 static volatile uint8_t answer_is;
 static uint8_t sequence;
-infrared_counts_t infrared_counts;
+uint8_t infrared_faults[MESSAGE_DATA_MAX];
 
-static void count(uint16_t *what)
+static void count(uint8_t fault)
 {
-    if (*what < 65535U)
-        (*what)++;
+    uint8_t *const at = &infrared_faults[fault];
+    const uint16_t counted = message_get(at);
+
+    if (counted < 65535U)
+        message_put(at, counted + 1U);
 }
 
 static void copy(uint8_t *to, const uint8_t *from, uint8_t size)
@@ -42,13 +45,13 @@ static void receive(const unsigned char *data, unsigned char size, unsigned char
 
     (void)source;
     if (size != INFRARED_PACKET) {
-        count(&infrared_counts.bad);
+        count(WIRE_FAULTS_BAD_AT);
     } else if (sequence_and_256 == newest) {
-        count(&infrared_counts.repeated);
+        count(WIRE_FAULTS_STALE_AT);
         if (answer_is == SENT)
             answer_is = DUE;
     } else if (full) {
-        count(&infrared_counts.lost);
+        count(WIRE_FAULTS_LOST_AT);
     } else {
         newest = sequence_and_256;
         answer_is = NONE;
@@ -85,22 +88,12 @@ static uint8_t *slot(uint8_t number)
 static bool put_message(uint16_t id, const uint8_t *data)
 {
     if ((uint8_t)(put - taken) == INFRARED_WAITING) {
-        count(&infrared_counts.lost);
+        count(WIRE_FAULTS_LOST_AT);
         return false;
     }
     pack(slot(put), id, data);
     put++;
     return true;
-}
-
-static void put_faults(void)
-{
-    const uint16_t *from = &infrared_counts.bad;
-    uint8_t data[MESSAGE_DATA_MAX];
-
-    for (uint8_t at = 0; at < MESSAGE_DATA_MAX; at = (uint8_t)(at + 2))
-        message_put(&data[at], *from++);
-    (void)put_message(WIRE_FAULTS_FRAME_ID, data);
 }
 
 bool hal_link_write(const message_t *message)
@@ -113,19 +106,20 @@ bool hal_link_write(const message_t *message)
     if (!put_message(message->id, message->data))
         return false;
     if (message->id == WIRE_HEARTBEAT_FRAME_ID)
-        put_faults();
+        (void)put_message(WIRE_FAULTS_FRAME_ID, infrared_faults);
     return true;
+}
+
+/* Not 0: something. */
+static wakeup_t something_to_send(wakeup_t unused)
+{
+    (void)unused;
+    return (answer_is & DUE) | (put ^ taken);
 }
 
 bool infrared_idle(void)
 {
-    return answer_is != DUE && put == taken;
-}
-
-static wakeup_t something_to_send(wakeup_t unused)
-{
-    (void)unused;
-    return !infrared_idle();
+    return something_to_send(0) == 0;
 }
 
 /* A task. wait_event() gives 0 when the program is to end. An answer that is replaced while the kernel copies it has a check that fails,
@@ -134,7 +128,7 @@ static int send(int argc, char **argv)
 {
     (void)argc;
     (void)argv;
-    while (wait_event(&something_to_send, 0) != 0) {
+    while ((uint16_t)wait_event(&something_to_send, 0) != 0) {
         const bool answers = answer_is == DUE;
 
         if (answers)

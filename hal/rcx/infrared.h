@@ -22,15 +22,9 @@ enum {
     INFRARED_STACK = 224
 };
 
-/* Since the start, in the order of FAULTS, which tells them behind every HEARTBEAT; each stays at 65535. */
-typedef struct {
-    uint16_t bad;        /* too short or too long for a message */
-    uint16_t incomplete; /* 0: no message has parts here */
-    uint16_t repeated;
-    uint16_t lost; /* without room at either side */
-} infrared_counts_t;
-
-extern infrared_counts_t infrared_counts;
+/* The data of FAULTS, which goes behind every HEARTBEAT: since the start, what was no message (bad), repeated (stale), or without room
+ * at either side (lost). Each stays at 65535. */
+extern uint8_t infrared_faults[8];
 
 /* Listens, and starts the task that sends. False: no memory for that. */
 bool infrared_start(void);

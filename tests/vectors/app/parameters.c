@@ -11,8 +11,9 @@ static const int32_t ends[ENDS] = {0, 20, 255, 10000, 20000, 32767, 65535L, -200
 /* One request, taken and hashed. */
 static void take(parameters_t *parameters, uint8_t number, bool writes, int32_t value, bool running)
 {
-    uint8_t data[6] = {0, (uint8_t)(number | (writes ? 0x40 : 0)), 0, 0, 0, 0};
+    static uint8_t data[6];
 
+    data[1] = (uint8_t)(number | (writes ? 0x40 : 0));
     for (uint8_t i = 2; i < sizeof data; i++) {
         data[i] = (uint8_t)value;
         value >>= 8;
