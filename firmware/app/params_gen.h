@@ -6,35 +6,36 @@
 #include "app/loop.h"
 
 #ifndef BODY_WITHOUT_COUPLED
+static const body_coefficients_t MODEL_COUPLED = {
+    .profile = BODY_COUPLED,
+    .motor = {
+        {
+            .current_from_current = {28920, 12},
+            .current_from_speed = {-22638, 2},
+            .current_from_voltage = {23117, 3},
+            .speed_from_current = {27814, 7},
+            .speed_from_speed = {-30759, 7},
+            .speed_from_voltage = {27792, 8},
+        },
+        {
+            .current_from_current = {16466, 10},
+            .current_from_speed = {-22671, 2},
+            .current_from_voltage = {23147, 3},
+            .speed_from_current = {21133, 7},
+            .speed_from_speed = {-23352, 7},
+            .speed_from_voltage = {21100, 8},
+        },
+    },
+    .drag = {26659, 9},
+    .travel_from_speed = {24576, 3},
+    .heading_from_yaw_rate = {16406, 0},
+    .surge_from_wheel = {21391, 0},
+    .quarter_wheel_from_surge = {25098, 1},
+    .yaw_rate_from_wheel = {19099, 1},
+};
 static const loop_config_t PARAMS_COUPLED = {
     .step = {
-        .model = {
-            .profile = BODY_COUPLED,
-            .motor = {
-                {
-                    .current_from_current = {28920, 12},
-                    .current_from_speed = {-22638, 2},
-                    .current_from_voltage = {23117, 3},
-                    .speed_from_current = {27814, 7},
-                    .speed_from_speed = {-30759, 7},
-                    .speed_from_voltage = {27792, 8},
-                },
-                {
-                    .current_from_current = {16466, 10},
-                    .current_from_speed = {-22671, 2},
-                    .current_from_voltage = {23147, 3},
-                    .speed_from_current = {21133, 7},
-                    .speed_from_speed = {-23352, 7},
-                    .speed_from_voltage = {21100, 8},
-                },
-            },
-            .drag = {26659, 9},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
-            .surge_from_wheel = {21391, 0},
-            .quarter_wheel_from_surge = {25098, 1},
-            .yaw_rate_from_wheel = {19099, 1},
-        },
+        .model = &MODEL_COUPLED,
         .heading = {
             .quiet_mrad_s = 120,
             .rest_speed_mm_s_q4 = 80,
@@ -95,35 +96,36 @@ static const loop_config_t PARAMS_COUPLED = {
 #endif
 
 #ifndef BODY_WITHOUT_PAPER
+static const body_coefficients_t MODEL_PAPER = {
+    .profile = BODY_PAPER,
+    .motor = {
+        {
+            .current_from_current = {-16798, 6},
+            .current_from_speed = {-21623, 2},
+            .current_from_voltage = {22202, 2},
+            .speed_from_current = {28197, 4},
+            .speed_from_speed = {-31963, 4},
+            .speed_from_voltage = {28893, 4},
+        },
+        {
+            .current_from_current = {-16798, 6},
+            .current_from_speed = {-21623, 2},
+            .current_from_voltage = {22202, 2},
+            .speed_from_current = {28197, 4},
+            .speed_from_speed = {-31963, 4},
+            .speed_from_voltage = {28893, 4},
+        },
+    },
+    .drag = {19791, 9},
+    .travel_from_speed = {24576, 3},
+    .heading_from_yaw_rate = {16406, 0},
+    .thrust_from_voltage = {24368, 1},
+    .thrust_from_wheel = {23903, 1},
+    .yaw_rate_from_thrust = {21504, 8},
+};
 static const loop_config_t PARAMS_PAPER = {
     .step = {
-        .model = {
-            .profile = BODY_PAPER,
-            .motor = {
-                {
-                    .current_from_current = {-16798, 6},
-                    .current_from_speed = {-21623, 2},
-                    .current_from_voltage = {22202, 2},
-                    .speed_from_current = {28197, 4},
-                    .speed_from_speed = {-31963, 4},
-                    .speed_from_voltage = {28893, 4},
-                },
-                {
-                    .current_from_current = {-16798, 6},
-                    .current_from_speed = {-21623, 2},
-                    .current_from_voltage = {22202, 2},
-                    .speed_from_current = {28197, 4},
-                    .speed_from_speed = {-31963, 4},
-                    .speed_from_voltage = {28893, 4},
-                },
-            },
-            .drag = {19791, 9},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
-            .thrust_from_voltage = {24368, 1},
-            .thrust_from_wheel = {23903, 1},
-            .yaw_rate_from_thrust = {21504, 8},
-        },
+        .model = &MODEL_PAPER,
         .heading = {
             .quiet_mrad_s = 120,
             .rest_speed_mm_s_q4 = 80,

@@ -35,7 +35,7 @@ static void estimate(const step_config_t *config, step_state_t *state, const sig
 
     state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
     for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
-        body_predict(&config->model, &state->model, state->drive.left_mv, state->drive.right_mv);
+        body_predict(config->model, &state->model, state->drive.left_mv, state->drive.right_mv);
 
     turned.sensors = sensors;
     turned.predicted_speed_mm_s_q4 = round_q17_to_q4(state->model.surge_mm_s_q17);
@@ -49,7 +49,7 @@ static void estimate(const step_config_t *config, step_state_t *state, const sig
     driven.yaw_rate_mrad_s = heading.yaw_rate_mrad_s;
     driven.at_rest = heading.at_rest;
     speed_step(&config->speed, &state->speed, &driven, &speed);
-    body_correct_surge(&config->model, &state->model, speed.correction_mm_s_q17);
+    body_correct_surge(config->model, &state->model, speed.correction_mm_s_q17);
 
     moved.sensors = sensors;
     moved.heading_bam16 = heading.heading_bam16;

@@ -20,7 +20,7 @@
 #include "model/body.h"
 
 typedef struct {
-    body_coefficients_t model;
+    const body_coefficients_t *model; /* no setting changes it: a configuration in RAM does without */
     heading_config_t heading;
     speed_config_t speed;
     mode_config_t mode;

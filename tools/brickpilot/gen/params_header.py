@@ -99,6 +99,10 @@ def _plain(table: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
 
 
+def _coefficients(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    return _model(profile, _plain(vehicle["parameters"]), float(vehicle["rates"]["body_step"]["value"]))
+
+
 def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
     values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
     common, step = _plain(vehicle["estimator"]), float(vehicle["rates"]["body_step"]["value"])
@@ -106,7 +110,7 @@ def _loop(profile: str, vehicle: Mapping[str, Any]) -> dict[str, Any]:
     forward = own["feedforward_share"] * holding_voltage(values) * MV_Q10_PER_SPEED
     return {
         "step": {
-            "model": _model(profile, values, step),
+            "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common),
             "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
             "mode": {
@@ -139,6 +143,8 @@ def render(vehicle: Mapping[str, Any]) -> str:
     """
     blocks = "\n".join(
         f"#ifndef BODY_WITHOUT_{profile.upper()}\n"
+        f"static const body_coefficients_t MODEL_{profile.upper()} = "
+        f"{initialiser(_coefficients(profile, vehicle), 0)};\n"
         f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle), 0)};\n"
         f"#endif\n"
         for profile in PROFILES
