@@ -14,7 +14,7 @@
 #define TWO(field) ONE(field), PLACE(field, 1)
 #define FOUR(field) TWO(field), PLACE(field, 2), PLACE(field, 3)
 #define TICK ONE(clock_ms)
-enum { NONE = 255, LAST = MESSAGE_DATA_MAX - 1 };
+enum { NONE = 255 };
 
 enum { Y = 1, TRACK = 2, DEMAND = 3 };
 
