@@ -22,7 +22,7 @@ enum { FIRST_PROFILE = BODY_COUPLED };
 #endif
 
 /* NULL for a profile that is not in this image. */
-static const loop_config_t *constants(uint8_t profile)
+static const loop_config_t *constants_of(uint8_t profile)
 {
 #ifndef BODY_WITHOUT_COUPLED
     if (profile == BODY_COUPLED)
@@ -35,10 +35,29 @@ static const loop_config_t *constants(uint8_t profile)
     return NULL;
 }
 
-void commands_start(commands_t *commands)
+route_waypoint_t *commands_written(commands_t *commands)
+{
+    return commands->waypoints[commands->route.waypoints == commands->waypoints[0] ? 1 : 0];
+}
+
+static void forget_written(commands_t *commands)
+{
+    route_waypoint_t *waypoint = commands_written(commands);
+
+    for (uint8_t left = ROUTE_WAYPOINTS_MAX; left > 0; left--)
+        (waypoint++)->x_mm = COMMANDS_UNWRITTEN;
+}
+
+static void start(commands_t *commands, const loop_config_t *constants)
 {
     bytes_clear(commands, sizeof *commands);
-    parameters_start(&commands->parameters, constants(FIRST_PROFILE));
+    parameters_start(&commands->parameters, constants);
+    forget_written(commands);
+}
+
+void commands_start(commands_t *commands)
+{
+    start(commands, constants_of(FIRST_PROFILE));
 }
 
 mode_command_t commands_next(commands_t *commands)
@@ -48,42 +67,33 @@ mode_command_t commands_next(commands_t *commands)
     return command;
 }
 
-static void name(message_t *reply, uint16_t id)
-{
-    reply->id = id;
-    reply->size = MESSAGE_DATA_MAX;
-}
+/* Each request: puts what else its reply tells in its place, and returns the reply's status. */
+typedef uint8_t request_t(commands_t *commands, loop_state_t *loop, uint8_t *data);
 
-static commands_result_t open_session(commands_t *commands, const message_t *message, message_t *reply)
+static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    struct wire_open_t asked;
-    struct wire_hello_t hello;
+    const uint8_t pace = data[WIRE_OPEN_PACE_AT];
+    const loop_config_t *constants;
+    uint8_t status;
 
-    (void)wire_open_unpack(&asked, message->data, MESSAGE_DATA_MAX);
-    hello.sequence = asked.sequence;
-    hello.protocol = WIRE_PROTOCOL;
-    hello.dbc = WIRE_DBC;
-    hello.profile = asked.profile;
-    hello.check = 0;
-    if (asked.protocol != WIRE_PROTOCOL)
-        hello.status = WIRE_HELLO_STATUS_PROTOCOL_DIFFERS_CHOICE;
-    else if (asked.dbc != WIRE_DBC)
-        hello.status = WIRE_HELLO_STATUS_DBC_DIFFERS_CHOICE;
-    else if (constants(asked.profile) == NULL)
-        hello.status = WIRE_HELLO_STATUS_NO_SUCH_PROFILE_CHOICE;
-    else if (asked.pace > WIRE_OPEN_PACE_REALTIME_CHOICE)
-        hello.status = WIRE_HELLO_STATUS_NO_SUCH_PACE_CHOICE;
-    else
-        hello.status = WIRE_HELLO_STATUS_OK_CHOICE;
-    name(reply, WIRE_HELLO_FRAME_ID);
-    (void)wire_hello_pack(reply->data, &hello, MESSAGE_DATA_MAX);
-    if (hello.status != WIRE_HELLO_STATUS_OK_CHOICE)
-        return COMMANDS_ANSWERED;
-    commands_start(commands);
-    parameters_start(&commands->parameters, constants(asked.profile));
-    commands->open = true;
-    commands->realtime = asked.pace == WIRE_OPEN_PACE_REALTIME_CHOICE;
-    return COMMANDS_OPENED;
+    if (data[WIRE_OPEN_PROTOCOL_AT] != WIRE_PROTOCOL) {
+        status = WIRE_HELLO_STATUS_PROTOCOL_DIFFERS_CHOICE;
+    } else if (message_get(&data[WIRE_OPEN_DBC_AT]) != WIRE_DBC) {
+        status = WIRE_HELLO_STATUS_DBC_DIFFERS_CHOICE;
+    } else if ((constants = constants_of(data[WIRE_OPEN_PROFILE_AT])) == NULL) {
+        status = WIRE_HELLO_STATUS_NO_SUCH_PROFILE_CHOICE;
+    } else if (pace > WIRE_OPEN_PACE_REALTIME_CHOICE) {
+        status = WIRE_HELLO_STATUS_NO_SUCH_PACE_CHOICE;
+    } else {
+        start(commands, constants);
+        commands->open = true;
+        commands->realtime = pace;
+        bytes_clear(loop, sizeof *loop);
+        status = WIRE_HELLO_STATUS_OK_CHOICE;
+    }
+    data[WIRE_HELLO_PROTOCOL_AT] = WIRE_PROTOCOL;
+    message_put(&data[WIRE_HELLO_DBC_AT], WIRE_DBC);
+    return status;
 }
 
 /* Whether the diagram of mode.h has an arrow for it. */
@@ -91,172 +101,156 @@ static bool leads_on(mode_name_t mode, uint8_t command)
 {
     if (command == MODE_START)
         return mode == MODE_IDLE;
-    if (command == MODE_ABORT)
-        return mode == MODE_RUN;
-    return command == MODE_RESET && mode != MODE_RUN;
+    return (mode == MODE_RUN) == (command == MODE_ABORT);
 }
 
-static void command_mode(commands_t *commands, const mode_state_t *mode, const message_t *message, message_t *reply)
+static uint8_t command_mode(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    struct wire_mode_command_t asked;
-    struct wire_mode_reply_t answer;
+    const mode_state_t *const mode = &loop->step.mode;
+    const uint8_t command = data[WIRE_MODE_COMMAND_COMMAND_AT];
 
-    (void)wire_mode_command_unpack(&asked, message->data, MESSAGE_DATA_MAX);
-    answer.sequence = asked.sequence;
-    answer.command = asked.command;
-    answer.mode = (uint8_t)mode->mode;
-    answer.fault = (uint8_t)mode->fault;
-    answer.check = 0;
-    if (asked.command < MODE_START || asked.command > MODE_RESET) {
-        answer.status = PARAMETERS_UNKNOWN;
-    } else if (!leads_on(mode->mode, asked.command)) {
-        answer.status = PARAMETERS_RANGE;
+    data[WIRE_MODE_REPLY_MODE_AT] = (uint8_t)(mode->mode | mode->fault << WIRE_MODE_REPLY_FAULT_SHIFT);
+    data[WIRE_MODE_REPLY_STATUS_AT + 1] = data[WIRE_MODE_REPLY_STATUS_AT + 2] = 0;
+    if (command < MODE_START || command > MODE_RESET)
+        return PARAMETERS_UNKNOWN;
+    if (!leads_on(mode->mode, command))
+        return PARAMETERS_RANGE;
+    commands->pending = (mode_command_t)command;
+    return PARAMETERS_OK;
+}
+
+static bool running(const commands_t *commands, const loop_state_t *loop)
+{
+    return loop->step.mode.mode == MODE_RUN || commands->pending == MODE_START;
+}
+
+/* The other three requests have in common: a number, and whether to write. */
+static inline uint8_t number_of(const uint8_t *data)
+{
+    return data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
+}
+
+static inline bool writes(const uint8_t *data)
+{
+    return (data[WIRE_PARAMETER_REQUEST_WRITE_AT] & 1U << WIRE_PARAMETER_REQUEST_WRITE_SHIFT) != 0;
+}
+
+static uint8_t parameter(commands_t *commands, loop_state_t *loop, uint8_t *data)
+{
+    return (uint8_t)parameters_take(&commands->parameters, running(commands, loop), data);
+}
+
+/* A waypoint out of WAYPOINT_REQUEST or into WAYPOINT. */
+static void move_waypoint(void *to, const void *from)
+{
+    message_move(to, from, sizeof(int16_t));
+    message_move((uint8_t *)to + sizeof(int16_t), (const uint8_t *)from + sizeof(int16_t), sizeof(int16_t));
+}
+
+static bool too_far(const uint8_t *at)
+{
+    return fix_abs_u16((int16_t)message_get(at)) > ROUTE_COORDINATE_MAX_MM;
+}
+
+static uint8_t waypoint(commands_t *commands, loop_state_t *loop, uint8_t *data)
+{
+    uint8_t *const at = &data[WIRE_WAYPOINT_X_AT];
+    const uint8_t index = number_of(data);
+
+    (void)loop;
+    if (!writes(data)) {
+        if (index >= commands->route.count)
+            return PARAMETERS_UNKNOWN;
+        move_waypoint(at, &commands->route.waypoints[index]);
     } else {
-        answer.status = PARAMETERS_OK;
-        commands->pending = (mode_command_t)asked.command;
+        if (index >= ROUTE_WAYPOINTS_MAX)
+            return PARAMETERS_UNKNOWN;
+        if (too_far(at) || too_far(at + sizeof(int16_t)))
+            return PARAMETERS_RANGE;
+        move_waypoint(&commands_written(commands)[index], at);
     }
-    name(reply, WIRE_MODE_REPLY_FRAME_ID);
-    (void)wire_mode_reply_pack(reply->data, &answer, MESSAGE_DATA_MAX);
+    return PARAMETERS_OK;
 }
 
-static void parameter(commands_t *commands, bool running, const message_t *message, message_t *reply)
-{
-    struct wire_parameter_request_t asked;
-    struct wire_parameter_t answer;
-    int32_t value = 0;
-
-    (void)wire_parameter_request_unpack(&asked, message->data, MESSAGE_DATA_MAX);
-    answer.sequence = asked.sequence;
-    answer.parameter = asked.parameter;
-    answer.check = 0;
-    answer.status = PARAMETERS_OK;
-    if (asked.write != 0)
-        answer.status = (uint8_t)parameters_write(&commands->parameters, asked.parameter, asked.value, running);
-    if (parameters_read(&commands->parameters, asked.parameter, &value) != PARAMETERS_OK)
-        answer.status = PARAMETERS_UNKNOWN;
-    answer.value = value;
-    name(reply, WIRE_PARAMETER_FRAME_ID);
-    (void)wire_parameter_pack(reply->data, &answer, MESSAGE_DATA_MAX);
-}
-
-static void waypoint(commands_t *commands, const message_t *message, message_t *reply)
-{
-    struct wire_waypoint_request_t asked;
-    struct wire_waypoint_t answer;
-
-    (void)wire_waypoint_request_unpack(&asked, message->data, MESSAGE_DATA_MAX);
-    answer.sequence = asked.sequence;
-    answer.index = asked.index;
-    answer.check = 0;
-    answer.x = asked.x;
-    answer.y = asked.y;
-    answer.status = PARAMETERS_OK;
-    if (asked.write == 0) {
-        if (asked.index < commands->route.count) {
-            answer.x = commands->waypoints[asked.index].x_mm;
-            answer.y = commands->waypoints[asked.index].y_mm;
-        } else {
-            answer.status = PARAMETERS_UNKNOWN;
-        }
-    } else if (asked.index >= ROUTE_WAYPOINTS_MAX) {
-        answer.status = PARAMETERS_UNKNOWN;
-    } else if (fix_abs_u16(asked.x) > ROUTE_COORDINATE_MAX_MM || fix_abs_u16(asked.y) > ROUTE_COORDINATE_MAX_MM) {
-        answer.status = PARAMETERS_RANGE;
-    } else {
-        commands->next[asked.index].x_mm = asked.x;
-        commands->next[asked.index].y_mm = asked.y;
-        commands->written |= (uint32_t)1 << asked.index;
-    }
-    name(reply, WIRE_WAYPOINT_FRAME_ID);
-    (void)wire_waypoint_pack(reply->data, &answer, MESSAGE_DATA_MAX);
-}
-
-static uint16_t check_of_route(const route_waypoint_t *waypoints, uint8_t count)
+static uint16_t check_of_route(const route_waypoint_t *waypoint, uint8_t count)
 {
     uint16_t crc = CHECK_START;
-    for (uint8_t i = 0; i < count; i++) {
-        uint8_t bytes[4];
-        bytes[0] = (uint8_t)waypoints[i].x_mm;
-        bytes[1] = (uint8_t)((uint16_t)waypoints[i].x_mm >> 8);
-        bytes[2] = (uint8_t)waypoints[i].y_mm;
-        bytes[3] = (uint8_t)((uint16_t)waypoints[i].y_mm >> 8);
-        crc = check_crc16(crc, bytes, 4);
+
+    for (; count > 0; count--) {
+        crc = check_crc16_of(check_crc16_of(crc, (uint16_t)waypoint->x_mm), (uint16_t)waypoint->y_mm);
+        waypoint++;
     }
     return crc;
 }
 
-static uint8_t set_route(commands_t *commands, bool running, uint8_t count, uint16_t check)
+static uint16_t check_in_force(const commands_t *commands)
 {
-    route_t tried;
-    route_status_t status;
-
-    if (count > 0 && count == commands->route.count && check == check_of_route(commands->waypoints, count))
-        return ROUTE_OK; /* asked again: the answer was lost */
-    if (running)
-        return ROUTE_BUSY;
-    if (count > ROUTE_WAYPOINTS_MAX)
-        return ROUTE_TOO_LONG;
-    for (uint8_t i = 0; i < count; i++)
-        if ((commands->written & ((uint32_t)1 << i)) == 0)
-            return ROUTE_INCOMPLETE;
-    if (check_of_route(commands->next, count) != check)
-        return ROUTE_DIFFERS;
-    status = route_set(&tried, commands->next, count);
-    if (status != ROUTE_OK)
-        return (uint8_t)status;
-    bytes_copy(commands->waypoints, commands->next, sizeof commands->waypoints);
-    commands->written = 0;
-    return (uint8_t)route_set(&commands->route, commands->waypoints, count);
+    return check_of_route(commands->route.waypoints, commands->route.count);
 }
 
-static void route(commands_t *commands, bool running, const message_t *message, message_t *reply)
+static bool is_written(const route_waypoint_t *waypoint, uint8_t count)
 {
-    struct wire_route_request_t asked;
-    struct wire_route_t answer;
-
-    (void)wire_route_request_unpack(&asked, message->data, MESSAGE_DATA_MAX);
-    answer.sequence = asked.sequence;
-    answer.check = 0;
-    answer.status = asked.write == 0 ? (uint8_t)ROUTE_OK : set_route(commands, running, asked.count, asked.route_check);
-    answer.count = commands->route.count;
-    answer.route_check = check_of_route(commands->waypoints, commands->route.count);
-    name(reply, WIRE_ROUTE_FRAME_ID);
-    (void)wire_route_pack(reply->data, &answer, MESSAGE_DATA_MAX);
+    for (; count > 0; count--)
+        if ((waypoint++)->x_mm == COMMANDS_UNWRITTEN)
+            return false;
+    return true;
 }
 
-static commands_result_t obey(commands_t *commands, const mode_state_t *mode, const message_t *message,
-                              message_t *reply)
+static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    const bool running = mode->mode == MODE_RUN || commands->pending == MODE_START;
+    const uint16_t check = message_get(&data[WIRE_ROUTE_REQUEST_ROUTE_CHECK_AT]);
+    const route_waypoint_t *const written = commands_written(commands);
+    const uint8_t count = number_of(data);
+    uint8_t status = ROUTE_OK;
 
-    if (message->id == WIRE_OPEN_FRAME_ID)
-        return open_session(commands, message, reply);
-    if (!commands->open)
-        return COMMANDS_NOTHING;
-    if (message->id == WIRE_MODE_COMMAND_FRAME_ID)
-        command_mode(commands, mode, message, reply);
-    else if (message->id == WIRE_PARAMETER_REQUEST_FRAME_ID)
-        parameter(commands, running, message, reply);
-    else if (message->id == WIRE_WAYPOINT_REQUEST_FRAME_ID)
-        waypoint(commands, message, reply);
-    else if (message->id == WIRE_ROUTE_REQUEST_FRAME_ID)
-        route(commands, running, message, reply);
-    else
-        return COMMANDS_NOTHING;
-    return COMMANDS_ANSWERED;
-}
-
-commands_result_t commands_take(commands_t *commands, const mode_state_t *mode, const message_t *message,
-                                message_t *reply)
-{
-    commands_result_t result;
-
-    if (!check_holds(message)) {
-        commands->refused = fix_count_u16(commands->refused);
-        return COMMANDS_NOTHING;
+    if (!writes(data) || (count > 0 && count == commands->route.count && check == check_in_force(commands))) {
+        /* asked, or asked again: the answer was lost */
+    } else if (running(commands, loop)) {
+        status = ROUTE_BUSY;
+    } else if (count > ROUTE_WAYPOINTS_MAX) {
+        status = ROUTE_TOO_LONG;
+    } else if (!is_written(written, count)) {
+        status = ROUTE_INCOMPLETE;
+    } else if (check_of_route(written, count) != check) {
+        status = ROUTE_DIFFERS;
+    } else {
+        status = (uint8_t)route_set(&commands->route, written, count);
+        if (status == ROUTE_OK)
+            forget_written(commands);
     }
-    result = obey(commands, mode, message, reply);
-    if (result != COMMANDS_NOTHING)
-        check_seal(reply);
-    return result;
+    data[WIRE_ROUTE_COUNT_AT] = commands->route.count;
+    message_put(&data[WIRE_ROUTE_ROUTE_CHECK_AT], check_in_force(commands));
+    data[WIRE_ROUTE_STATUS_AT + 1] = 0;
+    return status;
+}
+
+static const struct row {
+    uint16_t id;
+    request_t *take;
+    uint8_t status_at; /* in the reply; at 1 it shares the byte with the number */
+} REQUESTS[] = {{WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT},
+                {WIRE_MODE_COMMAND_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT},
+                {WIRE_PARAMETER_REQUEST_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT},
+                {WIRE_WAYPOINT_REQUEST_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT},
+                {WIRE_ROUTE_REQUEST_FRAME_ID, route, WIRE_ROUTE_STATUS_AT}};
+enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
+
+bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
+{
+    uint8_t *const data = message->data;
+    const struct row *row = REQUESTS;
+    uint8_t status;
+
+    while (row->id != message->id)
+        if (++row == REQUESTS + REQUESTS_COUNT)
+            return false;
+    if (!check_holds(message) || !(commands->open || row == REQUESTS))
+        return false;
+    message->id++; /* in the DBC every reply comes behind its request */
+    status = row->take(commands, loop, data);
+    if (row->status_at == WIRE_PARAMETER_STATUS_AT)
+        status = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));
+    data[row->status_at] = status;
+    check_seal(message);
+    return true;
 }

@@ -12,30 +12,25 @@
 
 typedef struct {
     parameters_t parameters;
-    route_t route; /* in force: of `waypoints` */
-    route_waypoint_t waypoints[ROUTE_WAYPOINTS_MAX];
-    route_waypoint_t next[ROUTE_WAYPOINTS_MAX]; /* being written */
-    uint32_t written;                           /* bit per waypoint of `next` */
-    mode_command_t pending;                     /* for the next step */
-    bool open;                                  /* since OPEN was answered with ok */
-    bool realtime;                              /* as OPEN asked */
-    uint16_t refused;                           /* messages whose check failed; stays at 65535 */
+    route_t route; /* in force: its waypoints are the caller's own, or lie in `waypoints` */
+    route_waypoint_t waypoints[2][ROUTE_WAYPOINTS_MAX]; /* one is in force, the other being written */
+    mode_command_t pending;                             /* for the next step */
+    bool open;                                          /* since OPEN was answered with ok */
+    bool realtime;                                      /* as OPEN asked */
 } commands_t;
 
 /* As before any session: no route, the constants of `coupled`, or of the profile that the image holds (model/body.h). */
 void commands_start(commands_t *commands);
 
-typedef enum {
-    COMMANDS_NOTHING = 0,  /* no valid request */
-    COMMANDS_ANSWERED = 1, /* `reply` is to be sent */
-    COMMANDS_OPENED = 2    /* the same; the loop is to begin anew, motors off */
-} commands_result_t;
-
-/* Does what `message` asks for; `mode` is the one the loop is in. */
-commands_result_t commands_take(commands_t *commands, const mode_state_t *mode, const message_t *message,
-                                message_t *reply);
+/* Does what `message` asks for, and makes the reply of it: true. False: no valid request, and nothing is changed. `loop` is the loop's, of
+ * which a new session makes one that has not started. */
+bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message);
 
 /* The command for the coming step; it is forgotten with that. */
 mode_command_t commands_next(commands_t *commands);
+
+/* The route that is being written. A waypoint that has not been since the last one in force has COMMANDS_UNWRITTEN as its x. */
+#define COMMANDS_UNWRITTEN (-32767 - 1)
+route_waypoint_t *commands_written(commands_t *commands);
 
 #endif

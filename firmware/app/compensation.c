@@ -1,6 +1,6 @@
 #include "app/compensation.h"
 
-#include "core/fix.h"
+#include "app/parameters.h"
 
 /* Field by field: the compiler would call the library to copy a struct. */
 static void apply_side(const drive_side_t *from, drive_side_t *to)
@@ -23,13 +23,11 @@ static void apply_drive(const drive_config_t *from, drive_config_t *to)
 void compensation_apply(const compensation_t *compensation, loop_config_t *config)
 {
     speed_config_t *const speed = &config->step.speed;
-    const int32_t travel = speed->count_travel_um_q2;
-    const int32_t found = travel + fix_share_q15(travel, compensation->travel_scale_q15);
 
     apply_drive(&compensation->drive, &config->step.mixer.drive);
     config->step.battery_sags = compensation->battery_sags;
     config->step.heading.gyro_bias_mrad_s = compensation->gyro_bias_mrad_s;
     config->step.heading.gyro_scale_q15 = compensation->gyro_scale_q15;
-    speed->count_travel_um_q2 = (uint16_t)(found > 65535L ? 65535L : found);
+    speed->count_travel_um_q2 = parameters_travel_um_q2(speed->count_travel_um_q2, compensation->travel_scale_q15);
     speed->count_mismatch_q15 = compensation->count_mismatch_q15;
 }

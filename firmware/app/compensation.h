@@ -1,7 +1,7 @@
 /* compensation.h: what is known of one robot beyond the model: the parameters that `brickpilot discover` writes.
  *
  * All zero changes nothing. Each stage undoes what belongs to it; the formats are explained there: mixer/drive.h,
- * estimator/heading.h, estimator/speed.h, app/step.h.
+ * estimator/heading.h, estimator/speed.h, app/step.h. A brick is told them one by one, by its settings: parameters.h.
  */
 #ifndef BRICKPILOT_APP_COMPENSATION_H
 #define BRICKPILOT_APP_COMPENSATION_H
@@ -17,7 +17,7 @@ typedef struct {
     int16_t count_mismatch_q15; /* left less right travel per count, over their sum */
 } compensation_t;
 
-/* Puts it into `config`, which holds the model's constants and none. */
+/* Puts it into `config`, which holds the model's constants and none. For hosts: a brick's image is without it. */
 void compensation_apply(const compensation_t *compensation, loop_config_t *config);
 
 #endif

@@ -58,7 +58,7 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
     for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
-        telemetry_part(state->next_part++, (uint8_t)state->clock_ms, &state->step, &state->output, &message);
+        telemetry_part(state->next_part++, state, &message);
         (void)hal_link_write(&message);
     }
 }
@@ -72,8 +72,7 @@ static void send_heartbeat(loop_state_t *state)
         return;
     }
     state->until_heartbeat = HEARTBEAT_TICKS - 1;
-    telemetry_heartbeat(state->tick, state->late_ticks, fix_add_u16(state->aborted_late, state->aborted_silent),
-                        &state->step.mode, &message);
+    telemetry_part(TELEMETRY_HEARTBEAT, state, &message);
     (void)hal_link_write(&message);
 }
 

@@ -19,7 +19,6 @@ typedef struct {
 /* All zero to begin with. */
 typedef struct {
     step_state_t step;
-    step_output_t output;    /* of the newest tick */
     uint32_t tick;           /* since the start; wraps */
     uint32_t clock_ms;       /* of the newest tick */
     uint16_t late_ticks;     /* ticks more than a step late; stays at 65535 */
@@ -30,6 +29,7 @@ typedef struct {
     uint8_t next_part;
     uint8_t until_heartbeat;
     bool started;
+    step_output_t output; /* of the newest tick */
 } loop_state_t;
 
 /* Takes the clock's time and stops the motors. Left out, the first tick takes the time. */

@@ -3,21 +3,33 @@
 #include <stddef.h>
 
 #include "core/bytes.h"
+#include "core/fix.h"
 #include "wire/codecs_gen.h"
+#include "wire/message.h"
 
 #define NUMBER(name) WIRE_PARAMETER_REQUEST_PARAMETER_##name##_CHOICE
 
-enum { POSITIVE, VOLTAGE, AT_LEAST_1, UNSIGNED, BYTE, BOOL, LONG, TIME, SILENCE, SIGNED, OFFSET };
+/* The last two are those of signed fields. */
+enum { BYTE, BOOL, LONG, POSITIVE, VOLTAGE, AT_LEAST_1, UNSIGNED, TIME, SILENCE, SIGNED, OFFSET };
 
 typedef struct {
-    int32_t low, high;
+    int16_t low;
+    uint16_t span; /* to the largest */
 } range_t;
 
+/* LONG, which is that of fields of 32 bits, goes from 1 to 2^31 - 1. */
 static const range_t RANGES[] = {
-    [POSITIVE] = {0, 32767L},     [VOLTAGE] = {0, 20000L},      [AT_LEAST_1] = {1, 32767L},
-    [UNSIGNED] = {0, 65535L},     [BYTE] = {0, 255L},           [BOOL] = {0, 1L},
-    [LONG] = {1, 2147483647L},    [TIME] = {0, 10000L},         [SILENCE] = {20, 10000L},
-    [SIGNED] = {-32767L, 32767L}, [OFFSET] = {-20000L, 20000L},
+    [BYTE] = {0, 255},
+    [BOOL] = {0, 1},
+    [LONG] = {0, 0},
+    [POSITIVE] = {0, 32767},
+    [VOLTAGE] = {0, 20000},
+    [AT_LEAST_1] = {1, 32766},
+    [UNSIGNED] = {0, 65535U},
+    [TIME] = {0, 10000},
+    [SILENCE] = {20, 9980},
+    [SIGNED] = {-32767, 65534U},
+    [OFFSET] = {-20000, 40000U},
 };
 
 /* Number in the DBC, field, its range: those of the structs' headers. */
@@ -51,100 +63,97 @@ static const range_t RANGES[] = {
     X(TELEMETRY_EVERY, config.telemetry_every, BYTE)                                                                   \
     X(SILENT_TIME, config.silent_ms, SILENCE)
 #define OF_ROBOT(X)                                                                                                    \
-    X(LEFT_GAIN, compensation.drive.left.gain_q15, SIGNED)                                                             \
-    X(LEFT_EMF, compensation.drive.left.emf_mv_q15, SIGNED)                                                            \
-    X(LEFT_FRICTION, compensation.drive.left.friction_mv, VOLTAGE)                                                     \
-    X(LEFT_OFFSET, compensation.drive.left.offset_mv, OFFSET)                                                          \
-    X(RIGHT_GAIN, compensation.drive.right.gain_q15, SIGNED)                                                           \
-    X(RIGHT_EMF, compensation.drive.right.emf_mv_q15, SIGNED)                                                          \
-    X(RIGHT_FRICTION, compensation.drive.right.friction_mv, VOLTAGE)                                                   \
-    X(RIGHT_OFFSET, compensation.drive.right.offset_mv, OFFSET)                                                        \
-    X(DEADBAND, compensation.drive.deadband_mv, VOLTAGE)                                                               \
-    X(HALF_TRACK, compensation.drive.half_track_m_q14, POSITIVE)                                                       \
-    X(RESERVE, compensation.drive.reserve_mv, VOLTAGE)                                                                 \
-    X(BATTERY_SAGS, compensation.battery_sags, BOOL)                                                                   \
-    X(GYRO_BIAS, compensation.gyro_bias_mrad_s, SIGNED)                                                                \
-    X(GYRO_SCALE, compensation.gyro_scale_q15, SIGNED)                                                                 \
-    X(TRAVEL_SCALE, compensation.travel_scale_q15, SIGNED)                                                             \
-    X(COUNT_MISMATCH, compensation.count_mismatch_q15, SIGNED)
+    X(LEFT_GAIN, config.step.mixer.drive.left.gain_q15, SIGNED)                                                        \
+    X(LEFT_EMF, config.step.mixer.drive.left.emf_mv_q15, SIGNED)                                                       \
+    X(LEFT_FRICTION, config.step.mixer.drive.left.friction_mv, VOLTAGE)                                                \
+    X(LEFT_OFFSET, config.step.mixer.drive.left.offset_mv, OFFSET)                                                     \
+    X(RIGHT_GAIN, config.step.mixer.drive.right.gain_q15, SIGNED)                                                      \
+    X(RIGHT_EMF, config.step.mixer.drive.right.emf_mv_q15, SIGNED)                                                     \
+    X(RIGHT_FRICTION, config.step.mixer.drive.right.friction_mv, VOLTAGE)                                              \
+    X(RIGHT_OFFSET, config.step.mixer.drive.right.offset_mv, OFFSET)                                                   \
+    X(DEADBAND, config.step.mixer.drive.deadband_mv, VOLTAGE)                                                          \
+    X(HALF_TRACK, config.step.mixer.drive.half_track_m_q14, POSITIVE)                                                  \
+    X(RESERVE, config.step.mixer.drive.reserve_mv, VOLTAGE)                                                            \
+    X(BATTERY_SAGS, config.step.battery_sags, BOOL)                                                                    \
+    X(GYRO_BIAS, config.step.heading.gyro_bias_mrad_s, SIGNED)                                                         \
+    X(GYRO_SCALE, config.step.heading.gyro_scale_q15, SIGNED)                                                          \
+    X(TRAVEL_SCALE, travel_scale_q15, SIGNED)                                                                          \
+    X(COUNT_MISMATCH, config.step.speed.count_mismatch_q15, SIGNED)
 
 typedef struct {
-    uint16_t at; /* in parameters_t */
-    uint8_t size;
-    uint8_t range; /* a field below zero is an int16_t */
+    uint8_t at; /* in parameters_t */
+    unsigned size : 3;
+    unsigned range : 5;
 } place_t;
 
 #define PLACE(name, field, range)                                                                                      \
     [NUMBER(name)] = {offsetof(parameters_t, field), sizeof(((parameters_t *)0)->field), range},
 
-/* By number; a number that is not given out has size 0. */
+/* By number, which leave none out. */
 static const place_t PLACES[] = {OF_CONFIG(PLACE) OF_ROBOT(PLACE)};
-
-static const place_t *place_of(uint8_t index)
-{
-    return index < sizeof PLACES / sizeof PLACES[0] && PLACES[index].size > 0 ? &PLACES[index] : NULL;
-}
-
-static bool of_robot(uint8_t index)
-{
-    return index >= NUMBER(LEFT_GAIN) && index <= NUMBER(COUNT_MISMATCH);
-}
+enum { PLACES_COUNT = sizeof PLACES / sizeof PLACES[0] };
 
 void parameters_start(parameters_t *parameters, const loop_config_t *constants)
 {
-    bytes_clear(parameters, sizeof *parameters);
     bytes_copy(&parameters->config, constants, sizeof *constants);
+    parameters->travel_scale_q15 = 0;
     parameters->believed_travel_um_q2 = constants->step.speed.count_travel_um_q2;
 }
 
-parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, int32_t *value)
+uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15)
 {
-    const place_t *const place = place_of(index);
-    const void *field;
+    const int32_t found = believed + fix_share_q15(believed, scale_q15);
 
-    if (place == NULL)
-        return PARAMETERS_UNKNOWN;
-    field = (const uint8_t *)parameters + place->at;
-    if (place->size == sizeof(uint32_t))
-        *value = *(const int32_t *)field;
-    else if (place->size == sizeof(uint8_t))
-        *value = *(const uint8_t *)field;
-    else if (RANGES[place->range].low < 0)
-        *value = *(const int16_t *)field;
-    else
-        *value = *(const uint16_t *)field;
-    return PARAMETERS_OK;
+    return (uint16_t)(found > 65535L ? 65535L : found);
 }
 
-static parameters_status_t write(parameters_t *parameters, const place_t *place, int32_t value)
+static bool within(const place_t *place, int32_t value)
 {
     const range_t *const range = &RANGES[place->range];
-    void *const field = (uint8_t *)parameters + place->at;
 
-    if (value < range->low || value > range->high)
+    return place->size == sizeof value ? value > 0 : (uint32_t)value - (uint32_t)(int32_t)range->low <= range->span;
+}
+
+static parameters_status_t write(parameters_t *parameters, const place_t *place, const uint8_t *value)
+{
+    int32_t number;
+
+    message_move(&number, value, sizeof number);
+    if (!within(place, number))
         return PARAMETERS_RANGE;
-    if (place->size == sizeof(uint32_t))
-        *(uint32_t *)field = (uint32_t)value;
-    else if (place->size == sizeof(uint8_t))
-        *(uint8_t *)field = (uint8_t)value;
-    else
-        *(uint16_t *)field = (uint16_t)value;
+    message_move((uint8_t *)parameters + place->at, value, place->size);
+    parameters->config.step.speed.count_travel_um_q2 =
+        parameters_travel_um_q2(parameters->believed_travel_um_q2, parameters->travel_scale_q15);
     return PARAMETERS_OK;
 }
 
-parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, int32_t value, bool running)
+static void read(const parameters_t *parameters, const place_t *place, uint8_t *value)
 {
-    const place_t *const place = place_of(index);
-    parameters_status_t status;
+    const void *const field = (const uint8_t *)parameters + place->at;
+    const bool negative = place->range >= SIGNED && *(const int16_t *)field < 0;
 
-    if (place == NULL)
+    message_put(value + 2, negative ? 0xFFFF : 0);
+    value[1] = 0;
+    message_move(value, field, place->size);
+}
+
+parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data)
+{
+    const uint8_t index = data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
+    uint8_t *const value = &data[WIRE_PARAMETER_VALUE_AT];
+    parameters_status_t status = PARAMETERS_OK;
+
+    if (index >= PLACES_COUNT) {
+        message_put(value, 0);
+        message_put(value + 2, 0);
         return PARAMETERS_UNKNOWN;
-    if (running && of_robot(index))
-        return PARAMETERS_BUSY;
-    status = write(parameters, place, value);
-    if (status == PARAMETERS_OK && of_robot(index)) {
-        parameters->config.step.speed.count_travel_um_q2 = parameters->believed_travel_um_q2;
-        compensation_apply(&parameters->compensation, &parameters->config);
     }
+    if (data[WIRE_PARAMETER_REQUEST_WRITE_AT] & 1U << WIRE_PARAMETER_REQUEST_WRITE_SHIFT) {
+        if (running && index >= NUMBER(LEFT_GAIN))
+            status = PARAMETERS_BUSY;
+        else
+            status = write(parameters, &PLACES[index], value);
+    }
+    read(parameters, &PLACES[index], value);
     return status;
 }

@@ -6,12 +6,12 @@
 #ifndef BRICKPILOT_APP_PARAMETERS_H
 #define BRICKPILOT_APP_PARAMETERS_H
 
-#include "app/compensation.h"
+#include "app/loop.h"
 
 typedef struct {
-    loop_config_t config; /* in force, compensation included */
-    compensation_t compensation;
-    uint16_t believed_travel_um_q2; /* the constants' travel per count, without compensation */
+    loop_config_t config;           /* in force */
+    int16_t travel_scale_q15;       /* of compensation.h; the only setting that is not as it stands in `config` */
+    uint16_t believed_travel_um_q2; /* the constants' travel per count, without that */
 } parameters_t;
 
 typedef enum {
@@ -24,8 +24,11 @@ typedef enum {
 /* The constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const loop_config_t *constants);
 
-/* `value` is written only with PARAMETERS_OK. */
-parameters_status_t parameters_read(const parameters_t *parameters, uint8_t index, int32_t *value);
-parameters_status_t parameters_write(parameters_t *parameters, uint8_t index, int32_t value, bool running);
+/* Does what the PARAMETER_REQUEST of this data asks for, and puts the value in force into its place: 0 with PARAMETERS_UNKNOWN. The status
+ * is not put there. `running`: what is known of the robot is not to be written. */
+parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data);
+
+/* The travel per count, in um_q2, that is `scale_q15` more than `believed`; saturates. */
+uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15);
 
 #endif

@@ -7,43 +7,44 @@
 
 #ifndef BODY_WITHOUT_COUPLED
 #if STEP_MS == 3
+static const body_coefficients_t MODEL_COUPLED = {
+    .profile = BODY_COUPLED,
+    .motor = {
+        {
+            .current = {
+                .from_current = {28920, 12},
+                .from_speed = {-22638, 2},
+                .from_voltage = {23117, 3},
+            },
+            .speed = {
+                .from_current = {27814, 7},
+                .from_speed = {-30759, 7},
+                .from_voltage = {27792, 8},
+            },
+        },
+        {
+            .current = {
+                .from_current = {16466, 10},
+                .from_speed = {-22671, 2},
+                .from_voltage = {23147, 3},
+            },
+            .speed = {
+                .from_current = {21133, 7},
+                .from_speed = {-23352, 7},
+                .from_voltage = {21100, 8},
+            },
+        },
+    },
+    .drag = {26659, 9},
+    .surge_from_wheel = {21391, 0},
+    .quarter_wheel_from_surge = {25098, 1},
+    .yaw_rate_from_wheel = {19099, 1},
+    .travel_from_speed = {24576, 3},
+    .heading_from_yaw_rate = {16406, 0},
+};
 static const loop_config_t PARAMS_COUPLED = {
     .step = {
-        .model = {
-            .profile = BODY_COUPLED,
-            .motor = {
-                {
-                    .current = {
-                        .from_current = {28920, 12},
-                        .from_speed = {-22638, 2},
-                        .from_voltage = {23117, 3},
-                    },
-                    .speed = {
-                        .from_current = {27814, 7},
-                        .from_speed = {-30759, 7},
-                        .from_voltage = {27792, 8},
-                    },
-                },
-                {
-                    .current = {
-                        .from_current = {16466, 10},
-                        .from_speed = {-22671, 2},
-                        .from_voltage = {23147, 3},
-                    },
-                    .speed = {
-                        .from_current = {21133, 7},
-                        .from_speed = {-23352, 7},
-                        .from_voltage = {21100, 8},
-                    },
-                },
-            },
-            .drag = {26659, 9},
-            .surge_from_wheel = {21391, 0},
-            .quarter_wheel_from_surge = {25098, 1},
-            .yaw_rate_from_wheel = {19099, 1},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
-        },
+        .model = &MODEL_COUPLED,
         .heading = {
             .quiet_mrad_s = 120,
             .rest_speed_mm_s_q4 = 80,
@@ -102,33 +103,42 @@ static const loop_config_t PARAMS_COUPLED = {
     .telemetry_every = 10,
 };
 #elif STEP_MS == 9
+static const body_coefficients_t MODEL_COUPLED = {
+    .profile = BODY_COUPLED,
+    .motor = {
+        {
+            .current = {
+                .from_current = {-19083, 9},
+                .from_speed = {-22286, 2},
+                .from_voltage = {22796, 3},
+            },
+            .speed = {
+                .from_current = {27382, 7},
+                .from_speed = {-25285, 5},
+                .from_voltage = {23128, 6},
+            },
+        },
+        {
+            .current = {
+                .from_current = {-29108, 10},
+                .from_speed = {-22411, 2},
+                .from_voltage = {22910, 3},
+            },
+            .speed = {
+                .from_current = {20890, 7},
+                .from_speed = {-19235, 5},
+                .from_voltage = {17593, 6},
+            },
+        },
+    },
+    .drag = {19828, 7},
+    .surge_from_wheel = {21391, 0},
+    .quarter_wheel_from_surge = {25098, 1},
+    .yaw_rate_from_wheel = {19099, 1},
+};
 static const loop_config_t PARAMS_COUPLED = {
     .step = {
-        .model = {
-            .profile = BODY_COUPLED,
-            .motor = {
-                {
-                    .current_from_current = {-19083, 9},
-                    .current_from_speed = {-22286, 2},
-                    .current_from_voltage = {22796, 3},
-                    .speed_from_current = {27382, 7},
-                    .speed_from_speed = {-25285, 5},
-                    .speed_from_voltage = {23128, 6},
-                },
-                {
-                    .current_from_current = {-29108, 10},
-                    .current_from_speed = {-22411, 2},
-                    .current_from_voltage = {22910, 3},
-                    .speed_from_current = {20890, 7},
-                    .speed_from_speed = {-19235, 5},
-                    .speed_from_voltage = {17593, 6},
-                },
-            },
-            .drag = {19828, 7},
-            .surge_from_wheel = {21391, 0},
-            .quarter_wheel_from_surge = {25098, 1},
-            .yaw_rate_from_wheel = {19099, 1},
-        },
+        .model = &MODEL_COUPLED,
         .heading = {
             .quiet_mrad_s = 120,
             .rest_speed_mm_s_q4 = 80,
@@ -193,43 +203,44 @@ static const loop_config_t PARAMS_COUPLED = {
 
 #ifndef BODY_WITHOUT_PAPER
 #if STEP_MS == 3
+static const body_coefficients_t MODEL_PAPER = {
+    .profile = BODY_PAPER,
+    .motor = {
+        {
+            .current = {
+                .from_current = {-16798, 6},
+                .from_speed = {-21623, 2},
+                .from_voltage = {22202, 2},
+            },
+            .speed = {
+                .from_current = {28197, 4},
+                .from_speed = {-31963, 4},
+                .from_voltage = {28893, 4},
+            },
+        },
+        {
+            .current = {
+                .from_current = {-16798, 6},
+                .from_speed = {-21623, 2},
+                .from_voltage = {22202, 2},
+            },
+            .speed = {
+                .from_current = {28197, 4},
+                .from_speed = {-31963, 4},
+                .from_voltage = {28893, 4},
+            },
+        },
+    },
+    .drag = {19791, 9},
+    .thrust_from_voltage = {24368, 1},
+    .thrust_from_wheel = {23903, 1},
+    .yaw_rate_from_thrust = {21504, 8},
+    .travel_from_speed = {24576, 3},
+    .heading_from_yaw_rate = {16406, 0},
+};
 static const loop_config_t PARAMS_PAPER = {
     .step = {
-        .model = {
-            .profile = BODY_PAPER,
-            .motor = {
-                {
-                    .current = {
-                        .from_current = {-16798, 6},
-                        .from_speed = {-21623, 2},
-                        .from_voltage = {22202, 2},
-                    },
-                    .speed = {
-                        .from_current = {28197, 4},
-                        .from_speed = {-31963, 4},
-                        .from_voltage = {28893, 4},
-                    },
-                },
-                {
-                    .current = {
-                        .from_current = {-16798, 6},
-                        .from_speed = {-21623, 2},
-                        .from_voltage = {22202, 2},
-                    },
-                    .speed = {
-                        .from_current = {28197, 4},
-                        .from_speed = {-31963, 4},
-                        .from_voltage = {28893, 4},
-                    },
-                },
-            },
-            .drag = {19791, 9},
-            .thrust_from_voltage = {24368, 1},
-            .thrust_from_wheel = {23903, 1},
-            .yaw_rate_from_thrust = {21504, 8},
-            .travel_from_speed = {24576, 3},
-            .heading_from_yaw_rate = {16406, 0},
-        },
+        .model = &MODEL_PAPER,
         .heading = {
             .quiet_mrad_s = 120,
             .rest_speed_mm_s_q4 = 80,

@@ -1,21 +1,17 @@
 #include "app/serve.h"
 
-#include "core/bytes.h"
 #include "hal.h"
 
 void serve(commands_t *commands, loop_state_t *state)
 {
-    message_t message, reply;
+    message_t message;
 
     while (hal_link_read(&message)) {
-        const commands_result_t result = commands_take(commands, &state->step.mode, &message, &reply);
-        if (result == COMMANDS_NOTHING)
+        if (!commands_take(commands, state, &message))
             continue;
-        if (result == COMMANDS_OPENED) {
-            bytes_clear(state, sizeof *state);
+        if (!state->started) /* a new session */
             hal_motors_write(0, 0);
-        }
         loop_heard(state);
-        (void)hal_link_write(&reply);
+        (void)hal_link_write(&message);
     }
 }

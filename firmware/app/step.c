@@ -39,13 +39,13 @@ static void estimate(const step_config_t *config, step_state_t *state, signals_s
     uint8_t ahead_ms = (uint8_t)(state->ahead_ms + signals->sensors.period_ms);
 
     for (; ahead_ms >= BODY_PERIOD_MS; ahead_ms = (uint8_t)(ahead_ms - BODY_PERIOD_MS))
-        body_predict(&config->model, model, drive->left_mv, drive->right_mv);
+        body_predict(config->model, model, drive->left_mv, drive->right_mv);
     state->ahead_ms = ahead_ms;
     signals->predicted = &model->motion;
     signals->driven = drive->left_mv != 0 || drive->right_mv != 0;
 
     heading_step(&config->heading, &state->heading, signals);
-    body_correct_surge(&config->model, model, speed_step(&config->speed, &state->speed, signals));
+    body_correct_surge(config->model, model, speed_step(&config->speed, &state->speed, signals));
     pose_step(&state->pose, signals);
 }
 

@@ -20,7 +20,7 @@
 #include "model/body.h"
 
 typedef struct {
-    body_coefficients_t model;
+    const body_coefficients_t *model; /* no setting changes it: a configuration in RAM does without */
     heading_config_t heading;
     speed_config_t speed;
     mode_config_t mode;
@@ -49,10 +49,10 @@ typedef struct {
 
 /* The estimator goes on from `state`: all zero to begin with, too. */
 typedef struct {
-    signals_state_t state; /* state.sensors is what the step is given */
-    pid_terms_t speed;     /* parts of the efforts */
+    pid_terms_t speed; /* parts of the efforts */
     pid_terms_t heading;
     signals_effort_t effort;
+    signals_state_t state; /* state.sensors is what the step is given */
 } step_output_t;
 
 /* One step. `command` as mode_step() takes it. Never fails; a robot that must not drive gets drive 0. */

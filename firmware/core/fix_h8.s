@@ -635,9 +635,9 @@ _fix_excess:
 	mov.w	@r2,r3
 	adds	#1,r3
 	mov.w	r3,r3
-	beq	.Lcounted
+	beq	.Lexcess_counted
 	mov.w	r3,@r2
-.Lcounted:
+.Lexcess_counted:
 	cmp.w	r1,r0
 	bgt	.Lmore
 	mov.w	#-1,r0

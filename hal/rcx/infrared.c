@@ -6,166 +6,136 @@
 #include "hal.h"
 #include "wire/codecs_gen.h"
 
-typedef struct {
-    uint8_t size;
-    uint8_t bytes[INFRARED_HEAD + MESSAGE_DATA_MAX];
-} packet_t;
+typedef uint8_t packet_t[INFRARED_PACKET]; /* sequence, id, data */
 
-/* Rings: one side alone counts `put`, the other alone `taken`, and both wrap at 256. */
-typedef struct {
-    packet_t packets[INFRARED_WAITING];
-    volatile uint8_t put, taken;
-} ring_t;
+static packet_t received;
+static volatile bool full; /* with what the controller has not read */
+static uint16_t newest;    /* sequence of the newest packet received, and 256; 0 before the first */
 
-static ring_t in, out;
-static packet_t answer; /* to the newest request; size 0: not there yet */
-static volatile bool answer_due;
-static uint8_t sequence_in, sequence_out;
-static bool heard;
-static infrared_counts_t counts;
+/* A ring: the controller alone counts `put`, the task that sends alone `taken`, and both wrap at 256. */
+static packet_t waiting[INFRARED_WAITING];
+static volatile uint8_t put, taken;
 
-static void count(uint16_t *what)
+enum { NONE, SENT, DUE };
+static packet_t answer; /* to the newest request */
+static volatile uint8_t answer_is;
+static uint8_t sequence;
+uint8_t infrared_faults[MESSAGE_DATA_MAX];
+
+static void count(uint8_t fault)
 {
-    if (*what < 65535U)
-        (*what)++;
+    uint8_t *const at = &infrared_faults[fault];
+    const uint16_t counted = message_get(at);
+
+    if (counted < 65535U)
+        message_put(at, counted + 1U);
 }
 
-static packet_t *room(ring_t *ring)
+static void copy(uint8_t *to, const uint8_t *from, uint8_t size)
 {
-    if ((uint8_t)(ring->put - ring->taken) == INFRARED_WAITING) {
-        count(&counts.lost);
-        return 0;
-    }
-    return &ring->packets[ring->put % INFRARED_WAITING];
+    do
+        *to++ = *from++;
+    while (--size > 0);
 }
 
 /* In the kernel's receiving interrupt. */
 static void receive(const unsigned char *data, unsigned char size, unsigned char source)
 {
-    packet_t *packet;
+    const uint16_t sequence_and_256 = data[0] | 256U;
 
     (void)source;
-    if (size < INFRARED_HEAD || size > sizeof packet->bytes) {
-        count(&counts.bad);
-        return;
+    if (size != INFRARED_PACKET) {
+        count(WIRE_FAULTS_BAD_AT);
+    } else if (sequence_and_256 == newest) {
+        count(WIRE_FAULTS_STALE_AT);
+        if (answer_is == SENT)
+            answer_is = DUE;
+    } else if (full) {
+        count(WIRE_FAULTS_LOST_AT);
+    } else {
+        newest = sequence_and_256;
+        answer_is = NONE;
+        copy(received, data, INFRARED_PACKET);
+        full = true;
     }
-    packet = room(&in);
-    if (packet == 0)
-        return;
-    packet->size = size;
-    for (uint8_t i = 0; i < size; i++)
-        packet->bytes[i] = data[i];
-    in.put++;
 }
 
 bool hal_link_read(message_t *message)
 {
-    while (in.taken != in.put) {
-        const packet_t *const packet = &in.packets[in.taken % INFRARED_WAITING];
-        const bool repeated = heard && packet->bytes[0] == sequence_in;
+    const uint8_t *const packet = received;
 
-        if (repeated) {
-            count(&counts.repeated);
-            answer_due = answer.size > 0;
-        } else {
-            heard = true;
-            sequence_in = packet->bytes[0];
-            answer.size = 0;
-            message->id = (uint16_t)(packet->bytes[1] | packet->bytes[2] << 8);
-            message->size = (uint8_t)(packet->size - INFRARED_HEAD);
-            for (uint8_t i = 0; i < message->size; i++)
-                message->data[i] = packet->bytes[INFRARED_HEAD + i];
-        }
-        in.taken++;
-        if (!repeated)
-            return true;
-    }
-    return false;
-}
-
-static void pack(packet_t *packet, const message_t *message)
-{
-    packet->bytes[0] = sequence_out++;
-    packet->bytes[1] = (uint8_t)message->id;
-    packet->bytes[2] = (uint8_t)(message->id >> 8);
-    for (uint8_t i = 0; i < message->size; i++)
-        packet->bytes[INFRARED_HEAD + i] = message->data[i];
-    packet->size = (uint8_t)(INFRARED_HEAD + message->size);
-}
-
-static bool put(const message_t *message)
-{
-    packet_t *const packet = room(&out);
-
-    if (packet == 0)
+    if (!full)
         return false;
-    pack(packet, message);
-    out.put++;
+    message->id = message_get(packet + 1);
+    message->size = MESSAGE_DATA_MAX;
+    copy(message->data, packet + INFRARED_HEAD, MESSAGE_DATA_MAX);
+    full = false;
     return true;
 }
 
-static void put_faults(void)
+static void pack(uint8_t *packet, uint16_t id, const uint8_t *data)
 {
-    struct wire_faults_t faults;
-    message_t message;
+    *packet++ = sequence++;
+    message_put(packet, id);
+    copy(packet + 2, data, MESSAGE_DATA_MAX);
+}
 
-    faults.bad = counts.bad;
-    faults.incomplete = 0;
-    faults.stale = counts.repeated;
-    faults.lost = counts.lost;
-    message.id = WIRE_FAULTS_FRAME_ID;
-    message.size = WIRE_FAULTS_LENGTH;
-    (void)wire_faults_pack(message.data, &faults, MESSAGE_DATA_MAX);
-    (void)put(&message);
+static uint8_t *slot(uint8_t number)
+{
+    return waiting[number % INFRARED_WAITING];
+}
+
+static bool put_message(uint16_t id, const uint8_t *data)
+{
+    if ((uint8_t)(put - taken) == INFRARED_WAITING) {
+        count(WIRE_FAULTS_LOST_AT);
+        return false;
+    }
+    pack(slot(put), id, data);
+    put++;
+    return true;
 }
 
 bool hal_link_write(const message_t *message)
 {
     if (message->id < WIRE_HEARTBEAT_FRAME_ID) {
-        pack(&answer, message);
-        answer_due = true;
+        pack(answer, message->id, message->data);
+        answer_is = DUE;
         return true;
     }
-    if (!put(message))
+    if (!put_message(message->id, message->data))
         return false;
     if (message->id == WIRE_HEARTBEAT_FRAME_ID)
-        put_faults();
+        (void)put_message(WIRE_FAULTS_FRAME_ID, infrared_faults);
     return true;
+}
+
+/* Not 0: something. */
+static wakeup_t something_to_send(wakeup_t unused)
+{
+    (void)unused;
+    return (answer_is & DUE) | (put ^ taken);
 }
 
 bool infrared_idle(void)
 {
-    return !answer_due && out.put == out.taken;
+    return something_to_send(0) == 0;
 }
 
-infrared_counts_t infrared_counts(void)
-{
-    return counts;
-}
-
-static wakeup_t something_to_send(wakeup_t unused)
-{
-    (void)unused;
-    return !infrared_idle();
-}
-
-/* A task. wait_event() gives 0 when the program is to end. An answer that is replaced while it is copied here has a check that fails,
+/* A task. wait_event() gives 0 when the program is to end. An answer that is replaced while the kernel copies it has a check that fails,
  * and is sent once more. */
 static int send(int argc, char **argv)
 {
-    packet_t packet;
-
     (void)argc;
     (void)argv;
-    while (wait_event(&something_to_send, 0) != 0) {
-        if (answer_due) {
-            answer_due = false;
-            packet = answer;
-        } else {
-            packet = out.packets[out.taken % INFRARED_WAITING];
-            out.taken++;
-        }
-        (void)lnp_addressing_write(packet.bytes, packet.size, INFRARED_HOST, INFRARED_PORT);
+    while ((uint16_t)wait_event(&something_to_send, 0) != 0) {
+        const bool answers = answer_is == DUE;
+
+        if (answers)
+            answer_is = SENT;
+        (void)lnp_addressing_write(answers ? answer : slot(taken), INFRARED_PACKET, INFRARED_HOST, INFRARED_PORT);
+        if (!answers)
+            taken++;
     }
     return 0;
 }

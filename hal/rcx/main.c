@@ -17,30 +17,33 @@ enum {
 /* The paper's fig. 8, mm. */
 static const route_waypoint_t MISSION[] = {{1000, 1000}, {1000, -1000}, {0, -500},    {-1300, -700},
                                            {0, 200},     {-100, 1100},  {-300, 1500}, {1500, -1000}};
-enum { MISSION_COUNT = sizeof MISSION / sizeof MISSION[0] };
 
 static commands_t commands;
 static loop_state_t state;
 static bool starting; /* as soon as it has rested */
-static uint32_t resting_ms, record_ms, heartbeat_ms;
 
-static void load_mission(void)
+/* The clock, of which 16 bits are enough for what is timed here. */
+static uint16_t now_ms, due_ms, resting_ms, record_ms, heartbeat_ms;
+
+/* Where it is over, the time begins again. */
+static bool is_over(uint16_t *since_ms, uint16_t time_ms)
 {
-    for (uint8_t i = 0; i < MISSION_COUNT; i++)
-        commands.waypoints[i] = MISSION[i];
-    (void)route_set(&commands.route, commands.waypoints, MISSION_COUNT);
+    if ((uint16_t)(now_ms - *since_ms) < time_ms)
+        return false;
+    *since_ms = now_ms;
+    return true;
 }
 
-static void start_soon(uint32_t now_ms)
+static void start_soon(void)
 {
     starting = true;
     resting_ms = now_ms;
 }
 
 /* What the buttons say, or else the host. */
-static mode_command_t command_for(uint32_t now_ms)
+static mode_command_t command_now(void)
 {
-    const mode_command_t command = commands_next(&commands);
+    mode_command_t command = commands_next(&commands);
     const uint8_t pressed = panel_pressed();
     const bool running = state.step.mode.mode == MODE_RUN;
 
@@ -48,72 +51,62 @@ static mode_command_t command_for(uint32_t now_ms)
         starting = false;
     if (pressed & PANEL_PRGM) {
         starting = false;
-        return running ? MODE_ABORT : MODE_RESET;
-    }
-    if ((pressed & PANEL_VIEW) && !running) {
-        start_soon(now_ms);
-        return MODE_RESET;
-    }
-    if (starting && now_ms - resting_ms >= REST_MS) {
+        command = running ? MODE_ABORT : MODE_RESET;
+    } else if ((pressed & PANEL_VIEW) && !running) {
+        start_soon();
+        command = MODE_RESET;
+    } else if (starting && is_over(&resting_ms, REST_MS)) {
         starting = false;
-        return MODE_START;
+        command = MODE_START;
     }
     return command;
 }
 
 /* The loop sends as often as its settings say, which is for faster links: held back here, tick by tick. */
-static void hold_back(uint32_t now_ms)
+static void hold_back(void)
 {
-    const bool idle = infrared_idle();
-    const bool record = idle && now_ms - record_ms >= RECORD_MS;
-    const bool heartbeat = idle && !record && now_ms - heartbeat_ms >= HEARTBEAT_MS;
-
-    state.until_telemetry = record ? 0 : 1;
-    state.until_heartbeat = heartbeat ? 0 : 1;
-    if (record)
-        record_ms = now_ms;
-    if (heartbeat)
-        heartbeat_ms = now_ms;
+    state.until_telemetry = state.until_heartbeat = 1;
+    if (!infrared_idle())
+        return;
+    if (is_over(&record_ms, RECORD_MS))
+        state.until_telemetry = 0;
+    else if (is_over(&heartbeat_ms, HEARTBEAT_MS))
+        state.until_heartbeat = 0;
 }
 
-/* Sleeps until `due_ms`, or lets the other tasks run where that is over. Returns when the next tick is due. */
-static uint32_t wait_until(uint32_t due_ms)
+/* Sleeps until the next tick is due, or lets the other tasks run where that is over. */
+static void wait(void)
 {
-    const uint32_t now_ms = hal_clock_ms();
-    const int32_t left_ms = (int32_t)(due_ms - now_ms);
+    const int16_t left_ms = (int16_t)(due_ms - (uint16_t)hal_clock_ms());
 
+    due_ms = (uint16_t)(due_ms + STEP_MS);
     if (left_ms > 0) {
         (void)msleep((unsigned)left_ms);
-        return due_ms + STEP_MS;
+    } else {
+        due_ms = (uint16_t)(due_ms - left_ms);
+        yield();
     }
-    yield();
-    return now_ms + STEP_MS;
 }
 
 int main(int argc, char **argv)
 {
-    uint32_t due_ms;
-
     (void)argc;
     (void)argv;
     commands_start(&commands);
-    load_mission();
+    (void)route_set(&commands.route, MISSION, sizeof MISSION / sizeof MISSION[0]);
     sensors_start();
     loop_start(&state);
     if (!infrared_start())
         return 1;
-    due_ms = hal_clock_ms();
-    start_soon(due_ms);
+    now_ms = due_ms = (uint16_t)hal_clock_ms();
+    start_soon();
     while (!shutdown_requested()) {
-        const uint32_t now_ms = hal_clock_ms();
-        mode_command_t command;
-
+        now_ms = (uint16_t)hal_clock_ms();
         serve(&commands, &state);
-        command = command_for(now_ms);
-        hold_back(now_ms);
-        loop_tick(&commands.parameters.config, &commands.route, &state, command);
+        hold_back();
+        loop_tick(&commands.parameters.config, &commands.route, &state, command_now());
         panel_show(&state.step.mode, starting);
-        due_ms = wait_until(due_ms);
+        wait();
     }
     hal_motors_write(0, 0);
     infrared_stop();

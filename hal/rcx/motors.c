@@ -3,30 +3,27 @@
 
 #include "hal.h"
 
-/* brickOS adds the speed to a sum of 8 bits every ms and lets a pulse out when it overflows: 0..254 are 256ths, 255 is the whole. */
-static uint8_t speed_of(int16_t duty_q15)
+/* brickOS adds the speed to a sum of 8 bits every ms and lets a pulse out when it overflows: 0..254 are 256ths, 255 is the whole. No
+ * voltage is a shorted motor, as the controller's model has it; between pulses brickOS lets it float. */
+static uint8_t speed_of(int16_t duty_q15, MotorDirection *direction)
 {
     const uint16_t size = duty_q15 < 0 ? -(uint16_t)duty_q15 : (uint16_t)duty_q15;
     const uint16_t speed = (uint16_t)(size + 64U) >> 7;
 
-    return speed > MAX_SPEED ? MAX_SPEED : (uint8_t)speed;
-}
-
-/* No voltage is a shorted motor, as the controller's model has it; between pulses brickOS lets it float. */
-static MotorDirection direction_of(int16_t duty_q15, uint8_t speed)
-{
-    return speed == 0 ? brake : duty_q15 > 0 ? fwd : rev;
+    *direction = speed == 0 ? brake : duty_q15 > 0 ? fwd : rev;
+    return speed == 0 || speed > MAX_SPEED ? MAX_SPEED : (uint8_t)speed;
 }
 
 void hal_motors_write(int16_t left_q15, int16_t right_q15)
 {
-    const uint8_t left = speed_of(left_q15);
-    const uint8_t right = speed_of(right_q15);
+    MotorDirection direction;
+    uint8_t speed = speed_of(left_q15, &direction);
 
-    motor_a_dir(direction_of(left_q15, left));
-    motor_c_dir(direction_of(right_q15, right));
-    motor_a_speed(left == 0 ? MAX_SPEED : left);
-    motor_c_speed(right == 0 ? MAX_SPEED : right);
+    motor_a_dir(direction);
+    motor_a_speed(speed);
+    speed = speed_of(right_q15, &direction);
+    motor_c_dir(direction);
+    motor_c_speed(speed);
 }
 
 uint32_t hal_clock_ms(void)

@@ -2,8 +2,6 @@
 
 #include <conio.h>
 
-enum { TEXT_SIZE = 6 };
-
 uint8_t panel_pressed(void)
 {
     static uint8_t before = KEY_ANY; /* what started the program is none of its business */
@@ -14,43 +12,34 @@ uint8_t panel_pressed(void)
     return pressed;
 }
 
-static const char *text_of(const mode_state_t *mode, bool starting, uint8_t *number)
-{
-    switch (mode->mode) {
-    case MODE_RUN:
-        *number = (uint8_t)(mode->los.waypoint + 1);
-        return "run";
-    case MODE_ARRIVED:
-        return "donE";
-    case MODE_FAULT:
-        *number = (uint8_t)mode->fault;
-        return "Err";
-    case MODE_IDLE:
-        break;
-    }
-    return starting ? "rESt" : "idLE";
-}
-
 void panel_show(const mode_state_t *mode, bool starting)
 {
-    static const char *shown;
-    static uint8_t shown_number;
-    uint8_t number = 0, tens = 0, at = 0;
-    const char *const text = text_of(mode, starting, &number);
-    char line[TEXT_SIZE];
+    enum { STARTING = MODE_FAULT + 1, SIZE = 6 };
+    static const char TEXTS[][SIZE] = {[MODE_IDLE] = "idLE",
+                                       [MODE_RUN] = "run  ",
+                                       [MODE_ARRIVED] = "donE",
+                                       [MODE_FAULT] = "Err  ",
+                                       [STARTING] = "rESt"};
+    static uint16_t shown;
+    const uint8_t text = starting && mode->mode == MODE_IDLE ? STARTING : (uint8_t)mode->mode;
+    uint8_t number = 0;
+    uint16_t shows;
+    char line[SIZE];
 
-    if (text == shown && number == shown_number)
+    if (text == MODE_RUN)
+        number = (uint8_t)(mode->los.waypoint + 1);
+    else if (text == MODE_FAULT)
+        number = (uint8_t)mode->fault;
+    shows = (uint16_t)(number << 8 | (text + 1));
+    if (shows == shown)
         return;
-    shown = text;
-    shown_number = number;
-    for (; text[at] != '\0'; at++)
-        line[at] = text[at];
+    shown = shows;
+    for (uint8_t i = 0; i < SIZE; i++)
+        line[i] = TEXTS[text][i];
     if (number > 0) {
         for (; number >= 10; number = (uint8_t)(number - 10))
-            tens++;
-        line[at++] = tens > 0 ? (char)('0' + tens) : ' ';
-        line[at++] = (char)('0' + number);
+            line[3] = line[3] == ' ' ? '1' : (char)(line[3] + 1);
+        line[4] = (char)('0' + number);
     }
-    line[at] = '\0';
     cputs(line);
 }

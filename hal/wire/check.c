@@ -1,33 +1,37 @@
 #include "wire/check.h"
 
+/* Eight steps of the division by the polynomial at once: what they take away depends on the upper byte alone, and is this byte, with its
+ * upper half added to its lower, at each bit of the polynomial. */
+static uint16_t byte_more(uint16_t crc, uint8_t byte)
+{
+    byte ^= (uint8_t)(crc >> 8);
+    byte ^= byte >> 4;
+    return (uint16_t)((crc << 8) ^ byte ^ ((uint16_t)byte << 5) ^ ((uint16_t)byte << 12));
+}
+
 uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size)
 {
-    static const uint16_t OF_NIBBLE[16] = {0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
-                                           0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF};
-    for (uint8_t i = 0; i < size; i++) {
-        crc = (uint16_t)((crc << 4) ^ OF_NIBBLE[(uint8_t)(crc >> 12) ^ (uint8_t)(bytes[i] >> 4)]);
-        crc = (uint16_t)((crc << 4) ^ OF_NIBBLE[(uint8_t)(crc >> 12) ^ (uint8_t)(bytes[i] & 15U)]);
-    }
+    for (; size > 0; size--)
+        crc = byte_more(crc, *bytes++);
     return crc;
+}
+
+uint16_t check_crc16_of(uint16_t crc, uint16_t number)
+{
+    return byte_more(byte_more(crc, (uint8_t)number), (uint8_t)(number >> 8));
 }
 
 uint16_t check_of(const message_t *message)
 {
-    uint8_t id[2];
-    id[0] = (uint8_t)message->id;
-    id[1] = (uint8_t)(message->id >> 8);
-    return check_crc16(check_crc16(CHECK_START, id, 2), message->data, 6);
+    return check_crc16(check_crc16_of(CHECK_START, message->id), message->data, CHECK_AT);
 }
 
 void check_seal(message_t *message)
 {
-    const uint16_t crc = check_of(message);
-    message->data[6] = (uint8_t)crc;
-    message->data[7] = (uint8_t)(crc >> 8);
+    message_put(&message->data[CHECK_AT], check_of(message));
 }
 
 bool check_holds(const message_t *message)
 {
-    const uint16_t crc = check_of(message);
-    return message->size == 8 && message->data[6] == (uint8_t)crc && message->data[7] == (uint8_t)(crc >> 8);
+    return message->size == MESSAGE_DATA_MAX && message_get(&message->data[CHECK_AT]) == check_of(message);
 }

@@ -12,9 +12,14 @@
 
 #define CHECK_START 0xFFFFU
 
+enum { CHECK_AT = 6 }; /* of the message's data */
+
 /* The CRC of what went before and of `size` more bytes: polynomial 0x1021, from CHECK_START, nothing reflected. Of "123456789"
  * it is 0x29B1. */
 uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size);
+
+/* The same of one number more, low byte first. */
+uint16_t check_crc16_of(uint16_t crc, uint16_t number);
 
 /* CRC over the id, low byte first, and bytes 0 to 5. */
 uint16_t check_of(const message_t *message);

@@ -42,6 +42,9 @@ void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_
 /* What the motors have now. */
 void port_motors(int16_t *left_q15, int16_t *right_q15);
 
+/* Messages of a host that wait for the controller; more, before it reads them, are lost. */
+uint8_t port_room(void);
+
 /* The other end of the link. False: no room, none there. */
 bool port_host_send(const message_t *message);
 bool port_host_receive(message_t *message);

@@ -122,6 +122,11 @@ void port_motors(int16_t *left_q15, int16_t *right_q15)
     *right_q15 = right;
 }
 
+uint8_t port_room(void)
+{
+    return 8;
+}
+
 bool port_host_send(const message_t *message)
 {
     return send(message);

@@ -155,6 +155,11 @@ void port_motors(int16_t *left_q15, int16_t *right_q15)
     *right_q15 = duty_of(c);
 }
 
+uint8_t port_room(void)
+{
+    return 1;
+}
+
 bool port_host_send(const message_t *message)
 {
     static uint8_t sequence;

@@ -67,6 +67,11 @@ void port_motors(int16_t *left_q15, int16_t *right_q15)
     *right_q15 = port.right_q15;
 }
 
+uint8_t port_room(void)
+{
+    return 8;
+}
+
 bool port_host_send(const message_t *message)
 {
     if (port.link_in_size == SIL_LINK_SIZE)

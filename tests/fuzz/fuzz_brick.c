@@ -51,12 +51,13 @@ static void check(const brick_t *brick)
     route_t tried;
     for (uint8_t i = 0; i < PARAMETERS; i++) {
         parameters_t copy = brick->commands.parameters;
-        int32_t value;
-        require(parameters_read(&copy, i, &value) == PARAMETERS_OK);
-        require(parameters_write(&copy, i, value, false) == PARAMETERS_OK);
+        uint8_t data[8] = {0, i};
+        require(parameters_take(&copy, false, data) == PARAMETERS_OK);
+        data[1] |= 1U << WIRE_PARAMETER_REQUEST_WRITE_SHIFT;
+        require(parameters_take(&copy, false, data) == PARAMETERS_OK);
     }
     require(brick->commands.route.count == 0 ||
-            route_set(&tried, brick->commands.waypoints, brick->commands.route.count) == ROUTE_OK);
+            route_set(&tried, brick->commands.route.waypoints, brick->commands.route.count) == ROUTE_OK);
 }
 
 /* A host that knows this DBC: otherwise no session would ever open. */

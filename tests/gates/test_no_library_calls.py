@@ -67,7 +67,7 @@ def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str)
     flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
     defines = flags.split()
     autopilot = [*sorted((ROOT / "firmware").rglob("*.[cs]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
-    autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/codecs_gen.c"]
+    autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/message.c"]
     record = [ROOT / f"hal/rcx/{name}.c" for name in ("record/record", "motors", "sensors")]
     for sources in (autopilot, record):
         missing = undefined_after_linking(sources, tmp_path, *PORT, *defines)

@@ -174,7 +174,7 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
 void mission_fly_model(const mission_t *mission, const loop_config_t *config, track_t *track)
 {
     const uint32_t heading_bam32 = (uint32_t)llround(mission->heading * (4294967296.0 / TURN));
-    flown_t flown = {.coefficients = &config->step.model, .model = {.heading_bam32 = heading_bam32}};
+    flown_t flown = {.coefficients = config->step.model, .model = {.heading_bam32 = heading_bam32}};
     fly(mission, config, &flown, track);
 }
 

@@ -1,4 +1,4 @@
-"""The brick's half of the messages, by tables, against the host's half, which is cantools' own."""
+"""A brick's half of the messages of hal/link, by tables, against the host's half, which is cantools' own."""
 
 from __future__ import annotations
 

@@ -305,10 +305,15 @@ static void test_port_a_route_changes_over_the_air(void)
     TEST_ASSERT_EQUAL_INT16(400, commands.route.waypoints[1].y_mm);
 }
 
+static uint16_t fault(uint8_t at)
+{
+    return message_get(&infrared_faults[at]);
+}
+
 static void test_port_a_repetition_is_answered_again_and_not_obeyed(void)
 {
     message_t request = {.id = WIRE_MODE_COMMAND_FRAME_ID}, answer;
-    const uint16_t repeated = infrared_counts().repeated;
+    const uint16_t repeated = fault(WIRE_FAULTS_STALE_AT);
 
     open_session();
     request.data[1] = MODE_START;
@@ -322,23 +327,25 @@ static void test_port_a_repetition_is_answered_again_and_not_obeyed(void)
         TEST_ASSERT_EQUAL_HEX16(WIRE_MODE_REPLY_FRAME_ID, answer.id);
         TEST_ASSERT_TRUE(check_holds(&answer));
     }
-    TEST_ASSERT_EQUAL_UINT16(repeated + 2, infrared_counts().repeated);
+    TEST_ASSERT_EQUAL_UINT16(repeated + 2, fault(WIRE_FAULTS_STALE_AT));
     TEST_ASSERT_FALSE(port_host_receive(&answer));
 }
 
 static void test_port_what_finds_no_room_is_counted(void)
 {
     const message_t message = {.id = WIRE_MODE_COMMAND_FRAME_ID, .size = 8};
-    const uint16_t lost = infrared_counts().lost;
+    const uint16_t lost = fault(WIRE_FAULTS_LOST_AT);
     message_t got;
     uint8_t count = 0;
 
-    for (uint8_t i = 0; i < INFRARED_WAITING + 3; i++)
+    for (uint8_t i = 0; i < 1 + 3; i++)
         (void)port_host_send(&message);
-    TEST_ASSERT_EQUAL_UINT16(lost + 3, infrared_counts().lost);
+    TEST_ASSERT_EQUAL_UINT16(lost + 3, fault(WIRE_FAULTS_LOST_AT));
     while (hal_link_read(&got))
         count++;
-    TEST_ASSERT_EQUAL_UINT8(INFRARED_WAITING, count);
+    TEST_ASSERT_EQUAL_UINT8(1, count);
+    port_host_repeat(); /* what was lost is no repetition */
+    TEST_ASSERT_TRUE(hal_link_read(&got));
 }
 
 static void test_port_what_is_no_message_is_left_out(void)
@@ -346,7 +353,7 @@ static void test_port_what_is_no_message_is_left_out(void)
     static const uint8_t wrong_sum[] = {0xF1, 5, INFRARED_PORT, 0x87, 200, 0x30, 0x00, 0x00};
     uint8_t other_port[] = {0xF1, 5, INFRARED_PORT - 1, 0x87, 201, 0x30, 0x00, 0xFF};
     uint8_t too_short[] = {0xF1, 4, INFRARED_PORT, 0x87, 202, 0x30, 0xFF};
-    const uint16_t bad = infrared_counts().bad;
+    const uint16_t bad = fault(WIRE_FAULTS_BAD_AT);
     message_t got;
 
     for (uint8_t i = 0; i < sizeof other_port - 1; i++)
@@ -355,16 +362,15 @@ static void test_port_what_is_no_message_is_left_out(void)
         too_short[sizeof too_short - 1] = (uint8_t)(too_short[sizeof too_short - 1] + too_short[i]);
     world_send(wrong_sum, sizeof wrong_sum);
     world_send(other_port, sizeof other_port);
-    TEST_ASSERT_EQUAL_UINT16(bad, infrared_counts().bad);
+    TEST_ASSERT_EQUAL_UINT16(bad, fault(WIRE_FAULTS_BAD_AT));
     world_send(too_short, sizeof too_short);
-    TEST_ASSERT_EQUAL_UINT16(bad + 1, infrared_counts().bad);
+    TEST_ASSERT_EQUAL_UINT16(bad + 1, fault(WIRE_FAULTS_BAD_AT));
     TEST_ASSERT_FALSE(hal_link_read(&got));
 }
 
 static void test_port_faults_follow_a_heartbeat(void)
 {
     const message_t heartbeat = {.id = WIRE_HEARTBEAT_FRAME_ID, .size = 8};
-    const infrared_counts_t counts = infrared_counts();
     message_t got;
 
     TEST_ASSERT_TRUE(hal_link_write(&heartbeat));
@@ -373,10 +379,11 @@ static void test_port_faults_follow_a_heartbeat(void)
     TEST_ASSERT_EQUAL_HEX16(WIRE_HEARTBEAT_FRAME_ID, got.id);
     TEST_ASSERT_TRUE(port_host_receive(&got));
     TEST_ASSERT_EQUAL_HEX16(WIRE_FAULTS_FRAME_ID, got.id);
-    TEST_ASSERT_TRUE(counts.lost > 0);
-    TEST_ASSERT_EQUAL_UINT8(counts.bad, got.data[0]);
-    TEST_ASSERT_EQUAL_UINT8(counts.repeated, got.data[4]);
-    TEST_ASSERT_EQUAL_UINT8(counts.lost, got.data[6]);
+    TEST_ASSERT_EQUAL_UINT8(1, got.data[WIRE_FAULTS_BAD_AT]); /* of the tests above */
+    TEST_ASSERT_EQUAL_UINT8(0, got.data[WIRE_FAULTS_INCOMPLETE_AT]);
+    TEST_ASSERT_EQUAL_UINT8(2, got.data[WIRE_FAULTS_STALE_AT]);
+    TEST_ASSERT_EQUAL_UINT8(3, got.data[WIRE_FAULTS_LOST_AT]);
+    world_run(10); /* the kernel notices that it is out */
     TEST_ASSERT_TRUE(infrared_idle());
 }
 

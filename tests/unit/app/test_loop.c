@@ -247,7 +247,7 @@ static void test_loop_tells_the_model_what_a_battery_below_its_floor_gave(void)
     const int32_t rest = state.step.model.motor[0].current_ua_q7;
     run(1, 3, MODE_NONE);
     body_state_t half = {.x_um = 0};
-    body_step(&config.step.model, &half, wanted_mv / 2, wanted_mv / 2);
+    body_step(config.step.model, &half, wanted_mv / 2, wanted_mv / 2);
     TEST_ASSERT_EQUAL_INT32(0, rest);
     TEST_ASSERT_INT32_WITHIN(half.motor[0].current_ua_q7 / 1000, half.motor[0].current_ua_q7,
                              state.step.model.motor[0].current_ua_q7);

@@ -6,14 +6,15 @@
 
 enum { TICK_MS = 0x5A };
 
-static step_state_t state;
-static step_output_t output;
+static loop_state_t loop;
+static step_state_t *const state = &loop.step;
+static step_output_t *const output = &loop.output;
 static message_t parts[TELEMETRY_PARTS];
 
 void setUp(void)
 {
-    memset(&state, 0, sizeof state);
-    memset(&output, 0, sizeof output);
+    memset(&loop, 0, sizeof loop);
+    loop.clock_ms = 0x01020300 + TICK_MS;
     memset(parts, 0xAA, sizeof parts);
 }
 void tearDown(void) {}
@@ -21,7 +22,7 @@ void tearDown(void) {}
 static void pack(void)
 {
     for (uint8_t i = 0; i < TELEMETRY_PARTS; i++)
-        telemetry_part(i, TICK_MS, &state, &output, &parts[i]);
+        telemetry_part(i, &loop, &parts[i]);
 }
 
 static void test_telemetry_carries_the_estimate(void)
@@ -29,18 +30,18 @@ static void test_telemetry_carries_the_estimate(void)
     struct wire_telemetry_x_t x;
     struct wire_telemetry_y_t y;
     struct wire_telemetry_track_t track;
-    state.mode.mode = MODE_RUN;
-    state.mode.los.phase = LOS_TURN;
-    state.mode.los.waypoint = 5;
-    state.mode.los.overshoots = 300;
-    state.mode.los.cross_track_mm = -321;
-    state.mode.los.heading_error_bam16 = -3000;
-    output.state = (signals_state_t){.x_um = -1234567,
-                                     .y_um = 7654321,
-                                     .heading_bam16 = 50000,
-                                     .speed_mm_s_q4 = -4321,
-                                     .yaw_rate_mrad_s = -99,
-                                     .at_rest = true};
+    state->mode.mode = MODE_RUN;
+    state->mode.los.phase = LOS_TURN;
+    state->mode.los.waypoint = 5;
+    state->mode.los.overshoots = 300;
+    state->mode.los.cross_track_mm = -321;
+    state->mode.los.heading_error_bam16 = -3000;
+    output->state = (signals_state_t){.x_um = -1234567,
+                                      .y_um = 7654321,
+                                      .heading_bam16 = 50000,
+                                      .speed_mm_s_q4 = -4321,
+                                      .yaw_rate_mrad_s = -99,
+                                      .at_rest = true};
     pack();
     wire_telemetry_x_unpack(&x, parts[0].data, 8);
     wire_telemetry_y_unpack(&y, parts[1].data, 8);
@@ -66,13 +67,13 @@ static void test_telemetry_carries_demands_and_efforts(void)
     struct wire_telemetry_speed_t speed;
     struct wire_telemetry_heading_t heading;
     struct wire_telemetry_effort_t effort;
-    state.mode.fault = MODE_SILENT;
-    state.mode.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
-    state.drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
-    state.battery_mv = 8765;
-    output.speed = (pid_terms_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
-    output.heading = (pid_terms_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
-    output.effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
+    state->mode.fault = MODE_SILENT;
+    state->mode.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
+    state->drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
+    state->battery_mv = 8765;
+    output->speed = (pid_terms_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
+    output->heading = (pid_terms_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
+    output->effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
     pack();
     wire_telemetry_demand_unpack(&demand, parts[3].data, 8);
     wire_telemetry_speed_unpack(&speed, parts[4].data, 8);
@@ -106,9 +107,13 @@ static void test_heartbeat_tells_mode_and_counts(void)
 {
     struct wire_heartbeat_t heartbeat;
     message_t message;
-    state.mode.mode = MODE_FAULT;
-    state.mode.fault = MODE_COMMANDED;
-    telemetry_heartbeat(0x01020304, 500, 256, &state.mode, &message);
+    state->mode.mode = MODE_FAULT;
+    state->mode.fault = MODE_COMMANDED;
+    loop.tick = 0x01020304;
+    loop.late_ticks = 500;
+    loop.aborted_late = 65000;
+    loop.aborted_silent = 1000;
+    telemetry_part(TELEMETRY_HEARTBEAT, &loop, &message);
     TEST_ASSERT_EQUAL_UINT16(WIRE_HEARTBEAT_FRAME_ID, message.id);
     wire_heartbeat_unpack(&heartbeat, message.data, 8);
     TEST_ASSERT_EQUAL_HEX32(0x01020304, heartbeat.tick);

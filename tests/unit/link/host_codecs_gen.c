@@ -141,6 +141,50 @@ int wire_open_pack(
     return (8);
 }
 
+int wire_open_unpack(
+    struct wire_open_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->protocol = unpack_right_shift_u8(src_p[1], 0u, 0xffu);
+    dst_p->dbc = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    dst_p->dbc |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    dst_p->profile = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
+    dst_p->pace = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
+    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int wire_hello_pack(
+    uint8_t *dst_p,
+    const struct wire_hello_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
+    dst_p[1] |= pack_left_shift_u8(src_p->protocol, 0u, 0xffu);
+    dst_p[2] |= pack_left_shift_u16(src_p->dbc, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(src_p->dbc, 8u, 0xffu);
+    dst_p[4] |= pack_left_shift_u8(src_p->profile, 0u, 0xffu);
+    dst_p[5] |= pack_left_shift_u8(src_p->status, 0u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
+
+    return (8);
+}
+
 int wire_hello_unpack(
     struct wire_hello_t *dst_p,
     const uint8_t *src_p,
@@ -175,6 +219,45 @@ int wire_mode_command_pack(
 
     dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
     dst_p[1] |= pack_left_shift_u8(src_p->command, 0u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
+
+    return (8);
+}
+
+int wire_mode_command_unpack(
+    struct wire_mode_command_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->command = unpack_right_shift_u8(src_p[1], 0u, 0xffu);
+    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int wire_mode_reply_pack(
+    uint8_t *dst_p,
+    const struct wire_mode_reply_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
+    dst_p[1] |= pack_left_shift_u8(src_p->command, 0u, 0xffu);
+    dst_p[2] |= pack_left_shift_u8(src_p->mode, 0u, 0x0fu);
+    dst_p[2] |= pack_left_shift_u8(src_p->fault, 4u, 0xf0u);
+    dst_p[3] |= pack_left_shift_u8(src_p->status, 0u, 0xffu);
     dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
     dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
 
@@ -428,6 +511,58 @@ int wire_parameter_request_pack(
     return (8);
 }
 
+int wire_parameter_request_unpack(
+    struct wire_parameter_request_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    uint32_t value;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->parameter = unpack_right_shift_u8(src_p[1], 0u, 0x3fu);
+    dst_p->write = unpack_right_shift_u8(src_p[1], 6u, 0x40u);
+    value = unpack_right_shift_u32(src_p[2], 0u, 0xffu);
+    value |= unpack_left_shift_u32(src_p[3], 8u, 0xffu);
+    value |= unpack_left_shift_u32(src_p[4], 16u, 0xffu);
+    value |= unpack_left_shift_u32(src_p[5], 24u, 0xffu);
+    dst_p->value = (int32_t)value;
+    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int wire_parameter_pack(
+    uint8_t *dst_p,
+    const struct wire_parameter_t *src_p,
+    size_t size)
+{
+    uint32_t value;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
+    dst_p[1] |= pack_left_shift_u8(src_p->parameter, 0u, 0x3fu);
+    dst_p[1] |= pack_left_shift_u8(src_p->status, 6u, 0xc0u);
+    value = (uint32_t)src_p->value;
+    dst_p[2] |= pack_left_shift_u32(value, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u32(value, 8u, 0xffu);
+    dst_p[4] |= pack_right_shift_u32(value, 16u, 0xffu);
+    dst_p[5] |= pack_right_shift_u32(value, 24u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
+
+    return (8);
+}
+
 int wire_parameter_unpack(
     struct wire_parameter_t *dst_p,
     const uint8_t *src_p,
@@ -470,6 +605,62 @@ int wire_waypoint_request_pack(
     dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
     dst_p[1] |= pack_left_shift_u8(src_p->index, 0u, 0x3fu);
     dst_p[1] |= pack_left_shift_u8(src_p->write, 6u, 0x40u);
+    x = (uint16_t)src_p->x;
+    dst_p[2] |= pack_left_shift_u16(x, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(x, 8u, 0xffu);
+    y = (uint16_t)src_p->y;
+    dst_p[4] |= pack_left_shift_u16(y, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(y, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
+
+    return (8);
+}
+
+int wire_waypoint_request_unpack(
+    struct wire_waypoint_request_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    uint16_t x;
+    uint16_t y;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->index = unpack_right_shift_u8(src_p[1], 0u, 0x3fu);
+    dst_p->write = unpack_right_shift_u8(src_p[1], 6u, 0x40u);
+    x = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    x |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    dst_p->x = (int16_t)x;
+    y = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
+    y |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
+    dst_p->y = (int16_t)y;
+    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int wire_waypoint_pack(
+    uint8_t *dst_p,
+    const struct wire_waypoint_t *src_p,
+    size_t size)
+{
+    uint16_t x;
+    uint16_t y;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
+    dst_p[1] |= pack_left_shift_u8(src_p->index, 0u, 0x3fu);
+    dst_p[1] |= pack_left_shift_u8(src_p->status, 6u, 0xc0u);
     x = (uint16_t)src_p->x;
     dst_p[2] |= pack_left_shift_u16(x, 0u, 0xffu);
     dst_p[3] |= pack_right_shift_u16(x, 8u, 0xffu);
@@ -531,6 +722,48 @@ int wire_route_request_pack(
     return (8);
 }
 
+int wire_route_request_unpack(
+    struct wire_route_request_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->sequence = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->count = unpack_right_shift_u8(src_p[1], 0u, 0x3fu);
+    dst_p->write = unpack_right_shift_u8(src_p[1], 6u, 0x40u);
+    dst_p->route_check = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    dst_p->route_check |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    dst_p->check = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int wire_route_pack(
+    uint8_t *dst_p,
+    const struct wire_route_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->sequence, 0u, 0xffu);
+    dst_p[1] |= pack_left_shift_u8(src_p->count, 0u, 0xffu);
+    dst_p[2] |= pack_left_shift_u16(src_p->route_check, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(src_p->route_check, 8u, 0xffu);
+    dst_p[4] |= pack_left_shift_u8(src_p->status, 0u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
+
+    return (8);
+}
+
 int wire_route_unpack(
     struct wire_route_t *dst_p,
     const uint8_t *src_p,
@@ -549,6 +782,30 @@ int wire_route_unpack(
     dst_p->check |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
 
     return (0);
+}
+
+int wire_heartbeat_pack(
+    uint8_t *dst_p,
+    const struct wire_heartbeat_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    dst_p[0] |= pack_left_shift_u32(src_p->tick, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u32(src_p->tick, 8u, 0xffu);
+    dst_p[2] |= pack_right_shift_u32(src_p->tick, 16u, 0xffu);
+    dst_p[3] |= pack_right_shift_u32(src_p->tick, 24u, 0xffu);
+    dst_p[4] |= pack_left_shift_u16(src_p->late_ticks, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(src_p->late_ticks, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->mode, 0u, 0x0fu);
+    dst_p[6] |= pack_left_shift_u8(src_p->fault, 4u, 0xf0u);
+    dst_p[7] |= pack_left_shift_u8(src_p->aborted, 0u, 0xffu);
+
+    return (8);
 }
 
 int wire_heartbeat_unpack(
@@ -594,6 +851,34 @@ int wire_faults_unpack(
     return (0);
 }
 
+int wire_telemetry_x_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_x_t *src_p,
+    size_t size)
+{
+    uint16_t heading;
+    uint32_t x;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    x = (uint32_t)src_p->x;
+    dst_p[0] |= pack_left_shift_u32(x, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u32(x, 8u, 0xffu);
+    dst_p[2] |= pack_right_shift_u32(x, 16u, 0xffu);
+    dst_p[3] |= pack_right_shift_u32(x, 24u, 0xffu);
+    heading = (uint16_t)src_p->heading;
+    dst_p[4] |= pack_left_shift_u16(heading, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(heading, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+    dst_p[7] |= pack_left_shift_u8(src_p->waypoint, 0u, 0xffu);
+
+    return (8);
+}
+
 int wire_telemetry_x_unpack(
     struct wire_telemetry_x_t *dst_p,
     const uint8_t *src_p,
@@ -620,6 +905,34 @@ int wire_telemetry_x_unpack(
     return (0);
 }
 
+int wire_telemetry_y_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_y_t *src_p,
+    size_t size)
+{
+    uint16_t speed;
+    uint32_t y;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    y = (uint32_t)src_p->y;
+    dst_p[0] |= pack_left_shift_u32(y, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u32(y, 8u, 0xffu);
+    dst_p[2] |= pack_right_shift_u32(y, 16u, 0xffu);
+    dst_p[3] |= pack_right_shift_u32(y, 24u, 0xffu);
+    speed = (uint16_t)src_p->speed;
+    dst_p[4] |= pack_left_shift_u16(speed, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(speed, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+    dst_p[7] |= pack_left_shift_u8(src_p->overshoots, 0u, 0xffu);
+
+    return (8);
+}
+
 int wire_telemetry_y_unpack(
     struct wire_telemetry_y_t *dst_p,
     const uint8_t *src_p,
@@ -644,6 +957,39 @@ int wire_telemetry_y_unpack(
     dst_p->overshoots = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
 
     return (0);
+}
+
+int wire_telemetry_track_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_track_t *src_p,
+    size_t size)
+{
+    uint16_t cross_track;
+    uint16_t heading_error;
+    uint16_t yaw_rate;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    yaw_rate = (uint16_t)src_p->yaw_rate;
+    dst_p[0] |= pack_left_shift_u16(yaw_rate, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(yaw_rate, 8u, 0xffu);
+    cross_track = (uint16_t)src_p->cross_track;
+    dst_p[2] |= pack_left_shift_u16(cross_track, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(cross_track, 8u, 0xffu);
+    heading_error = (uint16_t)src_p->heading_error;
+    dst_p[4] |= pack_left_shift_u16(heading_error, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(heading_error, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+    dst_p[7] |= pack_left_shift_u8(src_p->mode, 0u, 0x03u);
+    dst_p[7] |= pack_left_shift_u8(src_p->phase, 2u, 0x1cu);
+    dst_p[7] |= pack_left_shift_u8(src_p->at_rest, 5u, 0x20u);
+    dst_p[7] |= pack_left_shift_u8(src_p->valid, 6u, 0x40u);
+
+    return (8);
 }
 
 int wire_telemetry_track_unpack(
@@ -675,6 +1021,40 @@ int wire_telemetry_track_unpack(
     dst_p->valid = unpack_right_shift_u8(src_p[7], 6u, 0x40u);
 
     return (0);
+}
+
+int wire_telemetry_demand_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_demand_t *src_p,
+    size_t size)
+{
+    uint16_t heading;
+    uint16_t speed;
+    uint8_t surge_saturated;
+    uint8_t yaw_saturated;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    speed = (uint16_t)src_p->speed;
+    dst_p[0] |= pack_left_shift_u16(speed, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(speed, 8u, 0xffu);
+    heading = (uint16_t)src_p->heading;
+    dst_p[2] |= pack_left_shift_u16(heading, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(heading, 8u, 0xffu);
+    dst_p[4] |= pack_left_shift_u16(src_p->battery, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(src_p->battery, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+    dst_p[7] |= pack_left_shift_u8(src_p->fault, 0u, 0x0fu);
+    surge_saturated = (uint8_t)src_p->surge_saturated;
+    dst_p[7] |= pack_left_shift_u8(surge_saturated, 4u, 0x30u);
+    yaw_saturated = (uint8_t)src_p->yaw_saturated;
+    dst_p[7] |= pack_left_shift_u8(yaw_saturated, 6u, 0xc0u);
+
+    return (8);
 }
 
 int wire_telemetry_demand_unpack(
@@ -719,6 +1099,35 @@ int wire_telemetry_demand_unpack(
     return (0);
 }
 
+int wire_telemetry_speed_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_speed_t *src_p,
+    size_t size)
+{
+    uint16_t derivative;
+    uint16_t integral;
+    uint16_t proportional;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    proportional = (uint16_t)src_p->proportional;
+    dst_p[0] |= pack_left_shift_u16(proportional, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(proportional, 8u, 0xffu);
+    integral = (uint16_t)src_p->integral;
+    dst_p[2] |= pack_left_shift_u16(integral, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(integral, 8u, 0xffu);
+    derivative = (uint16_t)src_p->derivative;
+    dst_p[4] |= pack_left_shift_u16(derivative, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(derivative, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+
+    return (8);
+}
+
 int wire_telemetry_speed_unpack(
     struct wire_telemetry_speed_t *dst_p,
     const uint8_t *src_p,
@@ -746,6 +1155,35 @@ int wire_telemetry_speed_unpack(
     return (0);
 }
 
+int wire_telemetry_heading_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_heading_t *src_p,
+    size_t size)
+{
+    uint16_t derivative;
+    uint16_t integral;
+    uint16_t proportional;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    proportional = (uint16_t)src_p->proportional;
+    dst_p[0] |= pack_left_shift_u16(proportional, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(proportional, 8u, 0xffu);
+    integral = (uint16_t)src_p->integral;
+    dst_p[2] |= pack_left_shift_u16(integral, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(integral, 8u, 0xffu);
+    derivative = (uint16_t)src_p->derivative;
+    dst_p[4] |= pack_left_shift_u16(derivative, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(derivative, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+
+    return (8);
+}
+
 int wire_telemetry_heading_unpack(
     struct wire_telemetry_heading_t *dst_p,
     const uint8_t *src_p,
@@ -771,6 +1209,31 @@ int wire_telemetry_heading_unpack(
     dst_p->tick_ms = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
 
     return (0);
+}
+
+int wire_telemetry_effort_pack(
+    uint8_t *dst_p,
+    const struct wire_telemetry_effort_t *src_p,
+    size_t size)
+{
+    uint16_t surge;
+    uint16_t yaw;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    clear(dst_p, 8u);
+
+    surge = (uint16_t)src_p->surge;
+    dst_p[0] |= pack_left_shift_u16(surge, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(surge, 8u, 0xffu);
+    yaw = (uint16_t)src_p->yaw;
+    dst_p[2] |= pack_left_shift_u16(yaw, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(yaw, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u8(src_p->tick_ms, 0u, 0xffu);
+
+    return (8);
 }
 
 int wire_telemetry_effort_unpack(

@@ -2,8 +2,8 @@
 #include "model/body.h"
 #include "unity.h"
 
-static const body_coefficients_t *const COUPLED = &PARAMS_COUPLED.step.model;
-static const body_coefficients_t *const PAPER = &PARAMS_PAPER.step.model;
+static const body_coefficients_t *const COUPLED = &MODEL_COUPLED;
+static const body_coefficients_t *const PAPER = &MODEL_PAPER;
 static body_state_t state;
 
 void setUp(void)

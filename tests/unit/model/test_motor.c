@@ -2,7 +2,7 @@
 #include "model/motor.h"
 #include "unity.h"
 
-static const motor_coefficients_t *const MOTOR = &PARAMS_PAPER.step.model.motor[0];
+static const motor_coefficients_t *const MOTOR = &MODEL_PAPER.motor[0];
 static motor_state_t state;
 
 void setUp(void)

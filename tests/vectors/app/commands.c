@@ -13,21 +13,22 @@ static void put(uint8_t *at, uint16_t value)
 }
 
 /* CRC of the first `count` waypoints written: what a host would send to have them flown. */
-static uint16_t check_of_next(const commands_t *commands, uint8_t count)
+static uint16_t check_of_next(commands_t *commands, uint8_t count)
 {
+    const route_waypoint_t *const next = commands_written(commands);
     uint16_t crc = CHECK_START;
     uint8_t bytes[4];
 
     for (uint8_t i = 0; i < count && i < ROUTE_WAYPOINTS_MAX; i++) {
-        put(&bytes[0], (uint16_t)commands->next[i].x_mm);
-        put(&bytes[2], (uint16_t)commands->next[i].y_mm);
+        put(&bytes[0], (uint16_t)next[i].x_mm);
+        put(&bytes[2], (uint16_t)next[i].y_mm);
         crc = check_crc16(crc, bytes, 4);
     }
     return crc;
 }
 
 /* A request that mostly makes sense: bytes 0 to 5 as in brickpilot.dbc. */
-static void draw(const commands_t *commands, message_t *message)
+static void draw(commands_t *commands, message_t *message)
 {
     static const uint16_t ids[8] = {WIRE_PARAMETER_REQUEST_FRAME_ID, WIRE_WAYPOINT_REQUEST_FRAME_ID,
                                     WIRE_ROUTE_REQUEST_FRAME_ID,     WIRE_MODE_COMMAND_FRAME_ID,
@@ -62,28 +63,30 @@ void vectors_feed(void)
 {
     static commands_t commands;
     static bool started;
-    mode_state_t mode;
-    message_t message, reply;
+    loop_state_t loop;
+    message_t message;
 
     if (!started || draw_rarely(12))
         commands_start(&commands);
     started = true;
-    mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
-    mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
+    loop.step.mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
+    loop.step.mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
     draw(&commands, &message);
-    const commands_result_t result = commands_take(&commands, &mode, &message, &reply);
-    hash_u8((uint8_t)result);
-    if (result != COMMANDS_NOTHING) {
-        hash_u16(reply.id);
-        hash_u8(reply.size);
+    loop.tick = 1;
+    const bool result = commands_take(&commands, &loop, &message);
+    hash_u8(result);
+    hash_u8((uint8_t)loop.tick);
+    if (result) {
+        hash_u16(message.id);
+        hash_u8(message.size);
         for (uint8_t i = 0; i < MESSAGE_DATA_MAX; i++)
-            hash_u8(reply.data[i]);
+            hash_u8(message.data[i]);
     }
     hash_u8(commands.route.count);
-    hash_u32(commands.written);
+    for (uint8_t i = 0; i < FEW + 1; i++)
+        hash_s16(commands_written(&commands)[i].x_mm);
     hash_u8(commands.open);
     hash_u8(commands.realtime);
-    hash_u16(commands.refused);
     if (draw_rarely(1))
         hash_u8((uint8_t)commands_next(&commands));
 }

@@ -41,18 +41,17 @@ static void hash(const message_t *message)
 
 void vectors_feed(void)
 {
-    static step_state_t state;
-    static step_output_t output;
-    const uint8_t tick_ms = (uint8_t)draw_u16();
-    const uint32_t tick = (uint32_t)draw_s32();
-    const uint16_t late_ticks = draw_up_to(65535U), aborted = draw_up_to(1000);
+    static loop_state_t state;
     message_t message;
 
-    draw(&state, &output);
-    for (uint8_t part = 0; part < TELEMETRY_PARTS; part++) {
-        telemetry_part(part, tick_ms, &state, &output, &message);
+    draw(&state.step, &state.output);
+    state.clock_ms = (uint32_t)draw_s32();
+    state.tick = (uint32_t)draw_s32();
+    state.late_ticks = draw_up_to(65535U);
+    state.aborted_late = draw_up_to(1000);
+    state.aborted_silent = draw_up_to(draw_rarely(3) ? 65535U : 10);
+    for (uint8_t part = 0; part <= TELEMETRY_HEARTBEAT; part++) {
+        telemetry_part(part, &state, &message);
         hash(&message);
     }
-    telemetry_heartbeat(tick, late_ticks, aborted, &state.mode, &message);
-    hash(&message);
 }

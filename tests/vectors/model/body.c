@@ -34,7 +34,7 @@ void vectors_feed(void)
 {
     static body_state_t state;
     static uint8_t left;
-    const body_coefficients_t *const coefficients = &PARAMS.step.model;
+    const body_coefficients_t *const coefficients = PARAMS.step.model;
     const int16_t left_mv = draw_s16(), right_mv = draw_s16();
     body_wheels_t wheels;
 

@@ -23,7 +23,7 @@ void vectors_feed(void)
         state.speed_mrad_s_q13 = draw_within(MOTOR_SPEED_LIMIT_MRAD_S_Q13);
     }
     left--;
-    motor_step(&PARAMS.step.model.motor[motor], &state, voltage_mv, load_mrad_s_q13);
+    motor_step(&PARAMS.step.model->motor[motor], &state, voltage_mv, load_mrad_s_q13);
     hash_s32(state.current_ua_q7);
     hash_s32(state.speed_mrad_s_q13);
 }

@@ -105,6 +105,11 @@ def _plain(table: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
 
 
+def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
+    with_pose = step == float(vehicle["rates"]["body_step"]["value"])  # the hosts', which alone ask the model for it
+    return _model(profile, _plain(vehicle["parameters"]), step, with_pose)
+
+
 def _loop(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
     values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
     common = _plain(vehicle["estimator"])
@@ -112,7 +117,7 @@ def _loop(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, An
     forward = own["feedforward_share"] * holding_voltage(values) * MV_Q10_PER_SPEED
     return {
         "step": {
-            "model": _model(profile, values, step, step == vehicle["rates"]["body_step"]["value"]),
+            "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common),
             "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
             "mode": {
@@ -137,6 +142,8 @@ def _loop(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, An
 def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float]) -> str:
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
+        f"static const body_coefficients_t MODEL_{profile.upper()} = "
+        f"{initialiser(_coefficients(profile, vehicle, step), 0)};\n"
         f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle, step), 0)};\n"
         for i, step in enumerate(steps)
     )

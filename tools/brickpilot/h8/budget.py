@@ -37,7 +37,7 @@ STAGES = {
     "guidance": ("mode_step",),
     "control": ("pid_step",),
     "mixer": ("mixer_step",),
-    "telemetry": ("telemetry_part", "telemetry_heartbeat"),
+    "telemetry": ("telemetry_part",),
 }
 """Stage -> its functions, as firmware/ has them; those of the HAL are "hal", what a step does besides is "rest"."""
 
