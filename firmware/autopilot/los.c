@@ -124,15 +124,8 @@ static void reach(los_state_t *los)
         return;
     }
     los->last_reached = true;
+    los->passing = false;
     enter_brake(los);
-}
-
-static void fail(los_state_t *los, los_status_t status)
-{
-    if (los->config->skip_failed && begin_next_leg(los))
-        los->skipped++;
-    else
-        end(los, status);
 }
 
 /* True when this step finds the robot past the plane through the waypoint once too often. */
@@ -208,17 +201,24 @@ static int16_t approach_speed_mm_s_q4(const los_state_t *los)
 
 static void steer_leg(los_state_t *los)
 {
+    los_status_t failed;
+
     los->leg_ms += los->period_ms;
-    if ((int32_t)(los->config->leg_timeout_ms - los->leg_ms) < 0)
-        fail(los, LOS_TIMED_OUT);
-    else if (los->last_reached)
-        brake(los);
-    else if (beyond_mm2(los, los->config->acceptance_mm) <= 0)
+    if ((int32_t)(los->config->leg_timeout_ms - los->leg_ms) < 0) {
+        failed = LOS_TIMED_OUT;
+    } else if (!los->last_reached && beyond_mm2(los, los->config->acceptance_mm) <= 0) {
         reach(los);
-    else if (overshoots(los))
-        fail(los, LOS_OVERSHOT);
-    else
+        return;
+    } else if (overshoots(los)) {
+        failed = LOS_OVERSHOT;
+    } else {
         move(los);
+        return;
+    }
+    if (los->config->skip_failed && begin_next_leg(los))
+        los->skipped++;
+    else
+        end(los, failed);
 }
 
 void los_reset(los_state_t *los)

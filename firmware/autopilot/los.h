@@ -55,7 +55,7 @@ typedef struct {
 
 /* All zero: the next step begins the route at its first waypoint, from wherever the robot is. */
 typedef struct {
-    /* What the newest step was about; every step begins with making it new. */
+    /* What the newest step was about: every step makes it new, and nobody looks through the pointers after it. */
     const los_config_t *config;
     const route_t *route;
     const signals_state_t *signals;
@@ -83,13 +83,13 @@ typedef struct {
     uint32_t leg_ms;             /* time on this leg */
 } los_state_t;
 
-/* Makes the next step begin the route again; clears the counts. */
-void los_reset(los_state_t *state);
+/* All zero: the next step begins the route again. */
+void los_reset(los_state_t *los);
 
 /* One step, period_ms 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on time-out
  * or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset().
  * `demand`: speed and heading; whether to drive at all is the mode's. */
-void los_step(const los_config_t *config, const route_t *route, los_state_t *state, const signals_state_t *signals,
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
               uint8_t period_ms, signals_demand_t *demand);
 
 #endif

@@ -36,7 +36,7 @@ typedef struct {
 /* What turning adds to the speed of the left side over ground, and takes from that of the right; saturates. */
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s);
 
-/* `wanted_mv` and `speed_mm_s_q4` any; saturates at +-32767 mV. */
+/* `wanted_mv` and `speed_mm_s_q4` any; every sum on the way saturates at +-32767 mV. */
 int16_t drive_voltage_mv(const drive_config_t *config, const drive_side_t *side, int16_t wanted_mv,
                          int16_t speed_mm_s_q4);
 
