@@ -545,12 +545,14 @@ _fix_div_u32:
 	sub.w	r0,r0
 	rts
 .Ldivide_half:
-	mov.b	#8,r0l
-.Ltwo_rounds:
+	mov.b	#4,r0l
+.Lfour_rounds:
+	DIVIDE_ROUND
+	DIVIDE_ROUND
 	DIVIDE_ROUND
 	DIVIDE_ROUND
 	add.b	#-1,r0l
-	bne	.Ltwo_rounds
+	bne	.Lfour_rounds
 	rts
 
 ; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,

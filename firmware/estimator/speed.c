@@ -19,11 +19,17 @@ static inline int16_t to_q4(int32_t speed_mm_s_q17)
     return fix_round16(speed_mm_s_q17, 13);
 }
 
+/* The model's; mostly 0. */
+static inline int16_t sway_mm_s_q4(const signals_state_t *signals)
+{
+    return signals->predicted->sway_mm_s_q17 == 0 ? 0 : to_q4(signals->predicted->sway_mm_s_q17);
+}
+
 /* Acceleration by eq. 2's Coriolis term: sway that turns. */
 static int16_t turning_mm_s2(const signals_state_t *signals)
 {
-    const int32_t product_q4 = fix_mul(to_q4(signals->predicted->sway_mm_s_q17), signals->yaw_rate_mrad_s);
-    return fix_round16(fix_share_q15(product_q4, PER_1000_Q24), 13);
+    const int32_t product_q4 = fix_mul(sway_mm_s_q4(signals), signals->yaw_rate_mrad_s);
+    return product_q4 == 0 ? 0 : fix_round16(fix_share_q15(product_q4, PER_1000_Q24), 13);
 }
 
 /* The accelerometer, less its bias and what is no change of surge. */
@@ -135,9 +141,9 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_s
     if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
         signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, signals->speed_mm_s_q4, signals->sensors.period_ms);
     if (SIGNALS_SWAY) {
-        const int16_t sway_mm_s_q4 = to_q4(signals->predicted->sway_mm_s_q17);
-        signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, sway_mm_s_q4, signals->sensors.period_ms);
-        state->sway_mm_s_q4 = sway_mm_s_q4;
+        const int16_t now_mm_s_q4 = sway_mm_s_q4(signals);
+        signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, now_mm_s_q4, signals->sensors.period_ms);
+        state->sway_mm_s_q4 = now_mm_s_q4;
     }
     return fix_less(state->speed_mm_s_q17, &signals->predicted->surge_mm_s_q17);
 }

@@ -29,6 +29,8 @@ static void begin(speed_state_t *state, signals_state_t *signals)
     signals->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
     state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
+    if ((DRAWN_SENSORS & SENSOR_ROTATION) == 0)
+        state->behind_um_q5 = 0;
     state->bias.value = draw_within(4096000L); /* 1 m/s^2 */
     state->bias.learnt = draw_up_to(65535U);
     state->rotation_known = draw_rarely(1);
