@@ -49,6 +49,10 @@ typedef struct {
     int16_t derivative_mv;
 } pid_terms_t;
 
+/* Bumpless: sets the integrator so that the next pid_step() with these terms gives `output_mv`, as far as limit_mv allows the
+ * integrator to: within 1 mV. The counts are kept. The loop begins its runs at rest, with nothing to take over; it does not call it. */
+void pid_start(const pid_config_t *config, pid_state_t *state, const pid_terms_t *terms, int16_t output_mv);
+
 /* Empties the integrator; the counts are kept. */
 void pid_stop(pid_state_t *state);
 

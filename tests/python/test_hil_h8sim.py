@@ -58,7 +58,13 @@ def test_a_whole_mission_on_the_h8_gives_the_motor_stream_of_the_host(
 def on_host(sensors: str, folder: Path) -> Path:
     """The program for the simulator as it is built for a brick with these sensors, but for this machine."""
     flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
-    sources = ["hal/h8sim/main.c", "tests/python/h8sim_on_host.c", "hal/wire/check.c", "hal/wire/codecs_gen.c"]
+    sources = [
+        "hal/h8sim/main.c",
+        "tests/python/h8sim_on_host.c",
+        "hal/wire/check.c",
+        "hal/wire/codecs_gen.c",
+        "hal/wire/message.c",
+    ]
     sources += ["hal/wire/frame.c", *sorted(map(str, (ROOT / "hal/link").glob("*.c")))]
     sources += sorted(map(str, (ROOT / "firmware").rglob("*.c")))
     program = folder / "brick"

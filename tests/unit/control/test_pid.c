@@ -189,6 +189,24 @@ static void test_pid_counts_stay_at_their_end(void)
     TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.held_steps);
 }
 
+static void test_pid_starts_without_a_bump(void)
+{
+    const pid_config_t config = {.kp_mv_q10 = 900, .ki_mv_q10 = 5000, .kd_mv_q10 = 700, .limit_mv = 20000};
+    for (uint32_t i = 0; i < 5000; i++) {
+        const pid_terms_t input = scattered_input(i);
+        const int16_t wanted_mv = (int16_t)(scatter(i + 77777) / 4);
+        pid_start(&config, &state, &input, wanted_mv);
+        TEST_ASSERT_INT16_WITHIN(1, wanted_mv, step(&config, input).output_mv);
+    }
+}
+
+static void test_pid_start_keeps_the_integrator_within_the_limit(void)
+{
+    const pid_terms_t input = {.error = -30000, .period_ms = 3};
+    pid_start(&CONFIG, &state, &input, 9000);
+    TEST_ASSERT_EQUAL_INT32(9000L * 65536, state.integral_mv_q16);
+}
+
 static void test_pid_stop_empties_the_integrator_and_keeps_the_counts(void)
 {
     state = (pid_state_t){.integral_mv_q16 = 5, .limited_steps = 6, .held_steps = 7};
@@ -245,6 +263,8 @@ int main(void)
     RUN_TEST(test_pid_integrator_stops_when_its_own_limit_cuts);
     RUN_TEST(test_pid_integral_alone_stays_within_the_limit);
     RUN_TEST(test_pid_counts_stay_at_their_end);
+    RUN_TEST(test_pid_starts_without_a_bump);
+    RUN_TEST(test_pid_start_keeps_the_integrator_within_the_limit);
     RUN_TEST(test_pid_stop_empties_the_integrator_and_keeps_the_counts);
     RUN_TEST(test_pid_is_the_same_backward);
     RUN_TEST(test_pid_takes_the_ends_of_every_range);

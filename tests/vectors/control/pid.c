@@ -33,6 +33,8 @@ void vectors_feed(void)
     terms.feedforward_mv = draw_rarely(1) ? draw_s16() : 0;
     terms.saturated = (int8_t)draw_between(-1, 1);
     terms.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    if (draw_rarely(4))
+        pid_start(&config, &state, &terms, draw_s16());
     pid_step(&config, &state, &terms);
     hash_s32(state.integral_mv_q16);
     hash_u16(state.limited_steps);

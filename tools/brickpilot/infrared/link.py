@@ -1,4 +1,4 @@
-"""Messages to the autopilot on an RCX, one in a packet of LNP: hal/rcx/infrared.h."""
+"""Messages to the autopilot on an RCX, one in a packet of LNP, as hal/rcx/infrared has them."""
 
 from __future__ import annotations
 
