@@ -29,7 +29,7 @@ CANNOT = {
 
 
 BYTE_S = 0.0005  # a pseudo-terminal has no baud rate
-STACK = 480
+STACK = 400
 
 
 def run(name: str, sensors: str, *port: str) -> subprocess.CompletedProcess[str]:
