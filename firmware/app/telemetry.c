@@ -55,7 +55,7 @@ static uint8_t last_of(uint8_t part, const loop_state_t *state)
     if (part == DEMAND)
         return (uint8_t)(((uint8_t)drive->surge_saturated & WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_MASK)
                              << WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT |
-                         (uint8_t)drive->yaw_saturated << WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT);
+                         (unsigned)(uint8_t)drive->yaw_saturated << WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT);
     return 0;
 }
 
