@@ -43,7 +43,7 @@ typedef struct {
     pid_state_t heading_pid;
     mixer_state_t mixer;
     signals_drive_t drive; /* what the motors get from this step on */
-    uint8_t ahead_ms;      /* of the model's next step, gone by already: 0..2 */
+    uint8_t ahead_ms;      /* of the model's next step, gone by already: below it */
     uint16_t battery_mv;   /* the newest reading: what the duty was made for */
 } step_state_t;
 
