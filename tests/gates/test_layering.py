@@ -20,7 +20,7 @@ ALLOWED = {
     "firmware/control": {"core", "control"},
     "firmware/mixer": {"core", "mixer"},
     "firmware/app": {"core", "model", "estimator", "autopilot", "control", "mixer", "app", "hal.h", "wire"},
-    "hal/h8_include": set(),
+    "hal/h8": set(),
     "hal/include": {"wire"},
     "hal/wire": {"wire"},
     "hal/sil": {"hal.h", "wire", "sil"},
