@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,11 +12,10 @@ from pathlib import Path
 import make_golden
 import numpy as np
 import pytest
+import step_study
 from brickpilot import flight, scenario
 from brickpilot.errors import InputError
-from brickpilot.hil import ends, fly
-from brickpilot.hil.links import StreamLink
-from brickpilot.hil.session import LOCKSTEP
+from brickpilot.hil import ends
 from brickpilot.model import rcx
 from command import brickpilot
 
@@ -55,41 +53,13 @@ def test_a_whole_mission_on_the_h8_gives_the_motor_stream_of_the_host(
     assert figures["motor_stream_sha256"] == make_golden.golden()[f"{profile}/{sensors}"]
 
 
-def on_host(sensors: str, folder: Path) -> Path:
-    """The program for the simulator as it is built for a brick with these sensors, but for this machine."""
-    flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
-    sources = [
-        "hal/h8sim/main.c",
-        "tests/python/h8sim_on_host.c",
-        "hal/wire/check.c",
-        "hal/wire/codecs_gen.c",
-        "hal/wire/message.c",
-    ]
-    sources += ["hal/wire/frame.c", *sorted(map(str, (ROOT / "hal/link").glob("*.c")))]
-    sources += sorted(map(str, (ROOT / "firmware").rglob("*.c")))
-    program = folder / "brick"
-    includes = ("-Ifirmware", "-Ihal", "-Ihal/include")
-    subprocess.run(["cc", "-std=c99", "-O2", *flags.split(), *includes, *sources, "-o", program], check=True, cwd=ROOT)
-    return program
-
-
-def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
-    return fly.fly(link, "test", plan, pace=LOCKSTEP, telemetry_every=100, progress=lambda *_: None)
-
-
 @pytest.mark.parametrize(("built_for", "sensors"), [("imu", "imu"), ("rotation", "imu+encoders")])
 def test_the_mission_at_the_step_of_the_rcx_is_flown_whole_and_is_that_of_the_host(
     built_for: str, sensors: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors, seed=0)
-    ours, theirs = socket.socketpair()
-    with theirs:
-        host = subprocess.Popen([on_host(built_for, tmp_path)], stdin=theirs, stdout=theirs)
-    link = StreamLink(ours)
-    expected = at_the_link(ends.Ends(link, None), plan)
-    link.close()
-    assert host.wait(5.0) == 0
+    expected = step_study.fly_by(step_study.build(built_for, tmp_path), plan)
     assert expected.broke_off is None
     figures = flight.summary(expected.flight)
     assert (figures["waypoints_reached"], figures["final_mode"]) == (8, "arrived")
@@ -98,7 +68,7 @@ def test_the_mission_at_the_step_of_the_rcx_is_flown_whole_and_is_that_of_the_ho
     assert not np.any(commands[1::3] != commands[::3][: len(commands[1::3])])  # a step of 9 ms
 
     with ends.both_ends(f"h8sim:{built_for}") as both:
-        flown = at_the_link(both, plan)
+        flown = step_study.at_the_link(both, plan)
     assert flown.broke_off is None
     np.testing.assert_array_equal(flown.flight.motors, commands)
 

@@ -1,0 +1,104 @@
+"""What a longer control step costs: the mission over some seeds by the firmware as an RCX gets it, at several steps.
+
+Prints the table of firmware/README.md: `.venv/bin/python tests/loop/step_study.py`. The firmware is built for this
+machine, behind the link that the simulator of the RCX's processor has; `tests/python/test_hil_h8sim.py` shows that
+both do the same.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import re
+import socket
+import subprocess
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from brickpilot import flight, scenario
+from brickpilot.gen import params_header
+from brickpilot.hil import ends, fly
+from brickpilot.hil.links import StreamLink
+from brickpilot.hil.session import LOCKSTEP
+from brickpilot.model import rcx
+
+ROOT = Path(__file__).resolve().parents[2]
+SEEDS = 12
+STEPS_MS = (3, 6, 9, 12, 15)
+RESTS_S = (1.0, 2.0)  # before the start: as `brickpilot run` has it, and as hal/rcx/main.c
+SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # of the brick, and what a scenario calls them
+
+
+def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
+    """The brick's program as `hal/rcx/flags` has it, for this machine, in `folder`.
+
+    At another step it gets constants made for that.
+    """
+    flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
+    if step_ms is not None:
+        flags = re.sub(r"STEP_MS=\d+", f"STEP_MS={step_ms}", flags)
+        vehicle = copy.deepcopy(tomllib.loads((ROOT / "sim_host/models/rcx.toml").read_text(encoding="utf-8")))
+        vehicle["rates"]["rcx_step"]["value"] = step_ms / 1e3
+        (folder / "app").mkdir(parents=True)
+        (folder / "app/params_gen.h").write_text(params_header.render(vehicle), encoding="utf-8")
+    sources = ["hal/h8sim/main.c", "tests/python/h8sim_on_host.c"]
+    sources += [f"hal/wire/{name}.c" for name in ("check", "codecs_gen", "frame", "message")]
+    sources += sorted(map(str, (ROOT / "hal/link").glob("*.c"))) + sorted(map(str, (ROOT / "firmware").rglob("*.c")))
+    program = folder / "brick"
+    includes = (f"-I{folder}", "-Ifirmware", "-Ihal", "-Ihal/include")
+    subprocess.run(["cc", "-std=c99", "-O2", *flags.split(), *includes, *sources, "-o", program], check=True, cwd=ROOT)
+    return program
+
+
+def fly_by(program: Path, plan: flight.Plan) -> fly.HilFlight:
+    """A flight by a brick's program that speaks on its standard input and output, in lockstep."""
+    ours, theirs = socket.socketpair()
+    with theirs:
+        brick = subprocess.Popen([program], stdin=theirs, stdout=theirs)
+    link = StreamLink(ours)
+    flown = at_the_link(ends.Ends(link, None), plan)
+    link.close()
+    if brick.wait(5.0) != 0:
+        raise RuntimeError(f"{program} ended with {brick.returncode}")
+    return flown
+
+
+def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
+    return fly.fly(link, "test", plan, pace=LOCKSTEP, telemetry_every=1, progress=lambda *_: None)
+
+
+def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any]]:
+    """`flight.summary` of the packaged mission, by seed."""
+    mission = scenario.load(scenario.packaged()["mission"])
+    plans = [flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed) for seed in range(SEEDS)]
+    start_step = round(rest_s / flight.STEP_S)
+    flown = [fly_by(program, dataclasses.replace(plan, start_step=start_step)) for plan in plans]
+    return [flight.summary(one.flight) for one in flown]
+
+
+def main() -> None:
+    names = {"cross_track_rms_m": 1e3, "heading_rms_rad": 1e3, "position_estimate_error_m": 1e3}
+    print("| sensors | rest | step | all 8 waypoints | cross-track | heading error | position believed wrong by |")
+    print("|---|---|---|---|---|---|---|")
+    for of_brick, sensors in SENSORS.items():
+        for step_ms in STEPS_MS:
+            with tempfile.TemporaryDirectory() as folder:
+                program = build(of_brick, Path(folder), step_ms=step_ms)
+                for rest_s in RESTS_S:
+                    figures = figures_of(program, sensors, rest_s)
+                    whole = sum(figure["waypoints_reached"] == 8 for figure in figures)
+                    cross, heading, wrong = (
+                        scale * np.mean([figure[name] for figure in figures]) for name, scale in names.items()
+                    )
+                    print(
+                        f"| {of_brick} | {rest_s:.0f} s | {step_ms} ms | {whole} of {SEEDS} | {cross:.0f} mm "
+                        f"| {heading:.0f} mrad | {wrong:.0f} mm |",
+                        flush=True,
+                    )
+
+
+if __name__ == "__main__":
+    main()
