@@ -35,19 +35,20 @@ _fix_mul:
 	.global _fix_mul_u32_q16
 _fix_mul_u32_q16:
 	SAVE
-	sub.b	r4h,r4h
+	sub.b	r4l,r4l
 	mov.w	r2,r6
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bra	.Lmultiply
 
 .Lall:				; by 2^15: all of it, but at most 2^31 - 1
-	mov.w	r5,r3
+	mov.w	r5,r1
 	bpl	.Lfits
-	mov.w	#0x7fff,r3
+	mov.w	#0x7fff,r1
 	mov.w	#0xffff,r2
 .Lfits:
-	SIGNED_RESULT
+	mov.w	r4,r0
+	bra	.Lcut_and_leave
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
@@ -65,8 +66,8 @@ _fix_share_q15:
 	rts
 .Lsomething:
 	SAVE
-	mov.b	r0h,r4h
-	xor	r2h,r4h
+	mov.b	r0h,r4l
+	xor	r2h,r4l
 	mov.w	r2,r6
 	bpl	.Lfactor
 	not	r6h
@@ -81,130 +82,147 @@ _fix_share_q15:
 	add.w	r6,r6
 	bcs	.Lall
 .Lmultiply:
-	bset	#0,r4h
-
-; r5:r2 * r6 / 2^16, all without sign: where bit 0 of r4h is set, cut; else divided by 2^r4l (0 to 31) too, and rounded. Negated by bit 7
-; of r4h. Uses all registers: the end of a function that began with SAVE.
-	.global _fix_h8_scaled
-_fix_h8_scaled:
-	mov.w	r6,r1
-	sub.w	r3,r3
-	mov.w	r2,r0
-	beq	.Lonly_high
-	PRODUCT
-	mov.w	r6,r1
-.Lonly_high:
-	mov.b	r0l,r6l		; the highest byte of what is cut off
-	mov.w	r5,r0
-	bne	.Lhigh
-	mov.w	r3,r2
-	sub.w	r3,r3
-	bra	.Lproduct
-.Lhigh:
-	mov.w	r3,r5
-	PRODUCT
-	mov.b	r0l,r2h
-	add.w	r5,r2
-	addx	#0,r3l
-	addx	#0,r3h
-.Lproduct:
-	btst	#0,r4h
-	bne	_fix_h8_signed_result
-	mov.b	r4l,r4l
-	beq	.Lunshifted
-	jsr	@.Lshift
-	bra	.Lround
-.Lunshifted:
-	add.b	r6l,r6l
-.Lround:			; up where the last bit that fell off was set
-	addx	#0,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-	.global _fix_h8_signed_result
-_fix_h8_signed_result:
-	mov.b	r4h,r4h
-	bpl	.Lpositive
-	NEGATE	r3h,r3l,r2h,r2l
-.Lpositive:
-	mov.w	r3,r0
-	mov.w	r2,r1
+	mov.b	#0x80,r4h
+	bsr	_fix_h8_scaled
+.Lcut_and_leave:
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
-	rts
 
-; r3:r2 (without sign) / 2^r4l to r3:r2, cut; the carry: the last bit that fell off. r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right,
-; or left in a byte more.
-	.align 1
-.Lshift:
-	cmp.b	#8,r4l
-	bcs	.Lbits
-	mov.b	r2l,r1l
-	mov.b	r2h,r2l
-	mov.b	r3l,r2h
-	mov.b	r3h,r3l
-	sub.b	r3h,r3h
-	add.b	#-8,r4l
-	bra	.Lshift
-.Lbits:
-	cmp.b	#5,r4l
-	bcc	.Lleft
-	mov.b	r4l,r4l
-	bne	.Lright
-	add.b	r1l,r1l
+; r1:r2 (without sign) to r0:r1, negated where bit 7 of r0l is set. .Lround: one more where the carry is set.
+.Lcut:
+	andc	#0xfe,ccr
+	.global _fix_h8_round
+_fix_h8_round:
+	mov.b	r0l,r0l
+	bmi	.Lnegative
+	mov.w	r1,r0
+	mov.w	r2,r1
+	addx	#0,r1l
+	addx	#0,r1h
+	addx	#0,r0l
+	addx	#0,r0h
 	rts
-.Lright:
-	shlr	r3h
-	rotxr	r3l
-	rotxr	r2h
-	rotxr	r2l
-	dec	r4l
-	bne	.Lright
-	rts
-.Lleft:
-	sub.b	r1l,r1l
-.Lleft_again:
-	add.w	r2,r2
-	rotxl	r3l
-	rotxl	r3h
-	rotxl	r1l
-	inc	r4l
-	btst	#3,r4l
-	beq	.Lleft_again
-	add.b	r2l,r2l
-	mov.b	r2h,r2l
-	mov.b	r3l,r2h
-	mov.b	r3h,r3l
-	mov.b	r1l,r3h
+.Lnegative:
+	mov.w	r1,r3
+	mov.w	#0,r0		; not by sub.w: the carry is still to be counted
+	mov.w	r0,r1
+	subx	r2l,r1l
+	subx	r2h,r1h
+	subx	r3l,r0l
+	subx	r3h,r0h
 	rts
 
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_fraction
 _fix_fraction:
-	SAVE
-	bsr	.Lmagnitude
-	jsr	@.Lshift
-	SIGNED_RESULT
+	bsr	.Lmagnitude_shift
+	bra	.Lcut
 
 ; int32_t fix_round_shift(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_round_shift
 _fix_round_shift:
-	SAVE
-	bsr	.Lmagnitude
-	jsr	@.Lshift
-	jmp	@.Lround
+	bsr	.Lmagnitude_shift
+	bra	_fix_h8_round
 
-.Lmagnitude:
-	mov.b	r0h,r4h
-	mov.b	r2l,r4l
+.Lmagnitude_shift:		; r0:r1 / 2^r2l to r1:r2 and the carry, r0l the sign
+	mov.b	r2l,r3l
 	mov.w	r1,r2
-	mov.w	r0,r3
+	mov.w	r0,r1
 	bpl	.Lnot_negative
-	NEGATE	r3h,r3l,r2h,r2l
+	NEGATE	r1h,r1l,r2h,r2l
 .Lnot_negative:
+	mov.b	r0h,r0l
+	mov.b	r3l,r0h
+	bra	.Lshift
+
+; r5:r2 * r6 / 2^16, all without sign, to r1:r2; where bit 7 of r4h is not set, divided by 2^r4h (0 to 31) too, and the carry is the last
+; bit that fell off. r4 to r0. Uses all registers but r4.
+	.align 1
+	.global _fix_h8_scaled
+_fix_h8_scaled:
+	sub.w	r3,r3
+	mov.w	r2,r2
+	beq	.Lonly_high
+	mov.b	r2l,r0l
+	mulxu.b	r6l,r0		; low * low
+	mov.b	r2h,r1l
+	mulxu.b	r6l,r1		; high * low
+	mov.b	r2l,r3l
+	mulxu.b	r6h,r3		; low * high
+	mov.b	r2h,r2l
+	mulxu.b	r6h,r2		; high * high
+	add.b	r0h,r1l
+	addx	#0,r1h
+	add.w	r1,r3		; the middle: r3l the highest byte of what is cut off
+	addx	#0,r2h
+	add.b	r3h,r2l
+	addx	#0,r2h
+.Lonly_high:
+	mov.w	r5,r1
+	beq	.Lscaled
+	mov.b	r5l,r0l
+	mulxu.b	r6l,r0
+	mov.b	r5h,r1l
+	mulxu.b	r6h,r1
+	add.w	r0,r2
+	addx	#0,r1l
+	addx	#0,r1h
+	mov.b	r5h,r0l
+	mulxu.b	r6l,r0
+	mulxu.b	r6h,r5
+	add.w	r5,r0
+	addx	#0,r1h
+	add.b	r0l,r2h
+	addx	r0h,r1l
+	addx	#0,r1h
+.Lscaled:
+	mov.w	r4,r0
+	bmi	.Lshifted
+
+; r1:r2 (without sign) / 2^r0h to r1:r2, cut; the carry: the last bit that fell off; where r0h is 0, bit 7 of r3l. r0h 0 to 31. Uses r0h,
+; r3l. Bytes, then bits: right, or left in a byte more.
+.Lshift:
+	add.b	#-8,r0h
+	bcc	.Lbits
+	mov.b	r2l,r3l
+	mov.b	r2h,r2l
+	mov.b	r1l,r2h
+	mov.b	r1h,r1l
+	sub.b	r1h,r1h
+	bra	.Lshift
+.Lbits:
+	cmp.b	#-3,r0h
+	bcc	.Lleft
+	add.b	#8,r0h
+	bne	.Lright
+	add.b	r3l,r3l
+.Lshifted:
+	rts
+.Lright:
+	shlr	r1h
+	rotxr	r1l
+	rotxr	r2h
+	rotxr	r2l
+	dec	r0h
+	bne	.Lright
+	rts
+.Lleft:
+	sub.b	r3l,r3l
+.Lleft_again:
+	add.w	r2,r2
+	rotxl	r1l
+	rotxl	r1h
+	rotxl	r3l
+	inc	r0h
+	bne	.Lleft_again
+	add.b	r2l,r2l
+	mov.b	r2h,r2l
+	mov.b	r1l,r2h
+	mov.b	r1h,r1l
+	mov.b	r3l,r1h
 	rts
 
 ; int32_t fix_add_to(int32_t value, int32_t *sum)

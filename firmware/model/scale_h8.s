@@ -8,21 +8,21 @@
 _scale_apply16:
 	SAVE
 	sub.w	r2,r2
-	mov.b	#1,r4l
+	mov.w	#0x100,r4
 	bra	.Lapply
 
-; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the sign.
+; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the shift, r4l the sign.
 	.align 1
 	.global _scale_apply
 _scale_apply:
 	SAVE
-	sub.b	r4l,r4l
+	sub.w	r4,r4
 .Lapply:
-	mov.w	@r0,r6
-	mov.b	@(2,r0),r4h
-	add.b	r4h,r4l
-	mov.b	r6h,r4h
-	xor	r1h,r4h
+	mov.w	@r0+,r6
+	mov.b	@r0,r0l
+	add.b	r0l,r4h
+	mov.b	r6h,r4l
+	xor	r1h,r4l
 	mov.w	r6,r6
 	bpl	.Lmantissa
 	not	r6h
@@ -34,5 +34,8 @@ _scale_apply:
 	bpl	.Lvalue
 	NEGATE	r5h,r5l,r2h,r2l
 .Lvalue:
-	bclr	#0,r4h
-	jmp	@_fix_h8_scaled
+	jsr	@_fix_h8_scaled
+	mov.w	@r7+,r6
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	jmp	@_fix_h8_round
