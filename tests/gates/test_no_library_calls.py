@@ -31,6 +31,7 @@ def undefined_after_linking(sources: list[Path], folder: Path, *defines: str) ->
             *defines,
             f"-I{SHIM}",
             f"-I{ROOT}/firmware",
+            f"-Wa,-I{ROOT}/firmware",
             f"-I{ROOT}/hal/include",
             f"-I{ROOT}/hal",
         ]
@@ -48,7 +49,7 @@ def _compiler() -> None:
 
 @pytest.mark.parametrize("defines", [(), ("-DBODY_WITHOUT_PAPER",), ("-DBODY_WITHOUT_COUPLED",)])
 def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, ...]) -> None:
-    sources = sorted((ROOT / "firmware").rglob("*.[cs]")) + sorted((ROOT / "hal/wire").glob("*.c"))
+    sources = sorted((ROOT / "firmware").rglob("*.[csS]")) + sorted((ROOT / "hal/wire").glob("*.c"))
     sources += [ROOT / "hal/link/set.c"]
     assert len(sources) > 10
     missing = undefined_after_linking(sources, tmp_path, *defines)
@@ -66,7 +67,7 @@ def kernel_symbols() -> set[str]:
 def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str) -> None:
     flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
     defines = flags.split()
-    autopilot = [*sorted((ROOT / "firmware").rglob("*.[cs]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
+    autopilot = [*sorted((ROOT / "firmware").rglob("*.[csS]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
     autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/message.c"]
     record = [ROOT / f"hal/rcx/{name}.c" for name in ("record/record", "motors", "sensors")]
     for sources in (autopilot, record):

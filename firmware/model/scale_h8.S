@@ -1,7 +1,8 @@
-; scale_h8.s: the products of scale.h in the RCX's own instructions: see core/h8.inc.
+; scale_h8.S: the products of scale.h in the RCX's own instructions: see core/h8.inc. Nothing but `paper` multiplies 16 bits.
 	.include "core/h8.inc"
 	.text
 
+#ifndef BODY_WITHOUT_PAPER
 ; int32_t scale_apply16(const scale_t *scale, int16_t value): of 65536 times the value, and 65536 times smaller.
 	.align 1
 	.global _scale_apply16
@@ -10,6 +11,7 @@ _scale_apply16:
 	sub.w	r2,r2
 	mov.w	#0x100,r4
 	bra	.Lapply
+#endif
 
 ; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the shift, r4l the sign.
 	.align 1
