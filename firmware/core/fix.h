@@ -56,7 +56,7 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit);
  * Any value; bits 1..30, a constant. */
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
-/* The same as 16 bits, saturated. */
+/* The same as 16 bits, saturated; bits 8..30. */
 int16_t fix_round16(int32_t value, uint8_t bits);
 
 /* value * 256. */

@@ -6,10 +6,22 @@
 	.align 1
 	.global _fix_mul_u16
 _fix_mul_u16:
-	PRODUCT
-	mov.b	r2l,r1l
-	mov.b	r0l,r1h
-	mov.w	r3,r0
+	mov.b	r0l,r2l
+	mulxu.b	r1l,r2		; low * low
+	mov.b	r0h,r3l
+	mulxu.b	r1l,r3		; high * low
+	mov.b	r0h,r1l
+	mulxu.b	r1h,r0		; low * high
+	mulxu.b	r1h,r1		; high * high
+	add.b	r2h,r3l
+	addx	#0,r3h
+	add.w	r3,r0		; the middle
+	addx	#0,r1h
+	add.b	r0h,r1l
+	addx	#0,r1h
+	mov.b	r0l,r2h
+	mov.w	r1,r0
+	mov.w	r2,r1
 	rts
 
 ; int32_t fix_mul(int16_t a, int16_t b): the product of both without sign, less 65536 times the other for each that is negative.
@@ -77,7 +89,11 @@ _fix_share_q15:
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bpl	.Lvalue
-	NEGATE	r5h,r5l,r2h,r2l
+	sub.w	r5,r5
+	sub.w	r2,r2
+	sub.w	r1,r2
+	subx	r0l,r5l
+	subx	r0h,r5h
 .Lvalue:
 	add.w	r6,r6
 	bcs	.Lall
@@ -132,7 +148,12 @@ _fix_round_shift:
 	mov.w	r1,r2
 	mov.w	r0,r1
 	bpl	.Lnot_negative
-	NEGATE	r1h,r1l,r2h,r2l
+	mov.w	r2,r1
+	sub.w	r2,r2
+	sub.w	r1,r2
+	mov.w	#0,r1
+	subx	r0l,r1l
+	subx	r0h,r1h
 .Lnot_negative:
 	mov.b	r0h,r0l
 	mov.b	r3l,r0h
@@ -429,11 +450,45 @@ _fix_bits:
 	mov.b	r2l,r0l
 	rts
 
-; int16_t fix_round16(int32_t value, uint8_t bits)
+; int16_t fix_round16(int32_t value, uint8_t bits): a byte, then up to 7 bits; r3h the sign.
 	.align 1
 	.global _fix_round16
 _fix_round16:
-	jsr	@_fix_round_shift
+	mov.b	r0h,r3h
+	bpl	.Lmagnitude16
+	NEGATE	r0h,r0l,r1h,r1l
+.Lmagnitude16:
+	add.b	#-8,r2l
+	beq	.Lbyte16
+.Lbit16:
+	shlr	r0h
+	rotxr	r0l
+	rotxr	r1h
+	dec	r2l
+	bne	.Lbit16
+	bra	.Lround16
+.Lbyte16:
+	add.b	r1l,r1l
+.Lround16:
+	mov.b	r1h,r1l
+	mov.b	r0l,r1h
+	addx	#0,r1l		; the last bit that fell off
+	addx	#0,r1h
+	addx	#0,r0h
+	mov.b	r0h,r0h
+	bne	.Lmost16
+	mov.w	r1,r0
+	bpl	.Lwithin_most16
+.Lmost16:
+	mov.w	#0x7fff,r0
+.Lwithin_most16:
+	mov.b	r3h,r3h
+	bpl	.Lrounded16
+	not	r0h
+	not	r0l
+	adds	#1,r0
+.Lrounded16:
+	rts
 
 ; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
 	.align 1
@@ -611,6 +666,10 @@ _fix_sqrt_u32:
 	add.b	#-1,r6l
 	bne	.Lroot
 	mov.w	r4,r0
+
+; The end of a function that began with SAVE.
+	.global _fix_h8_leave
+_fix_h8_leave:
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4

@@ -64,10 +64,7 @@ _pose_step:
 	mov.w	r2,@(SIGNALS_Y_UM + 2,r5)
 .Lreckoned:
 	.endif
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	LEAVE
 
 ; What the travel's share r2 (and the sway's, r6) is on an axis, with the rest at r4: whole um to r0:r1, a new rest to r4.
 .Laxis:

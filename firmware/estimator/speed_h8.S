@@ -167,10 +167,7 @@ _speed_step:
 	mov.w	@r5,r0
 	mov.w	@(2,r5),r1
 	jsr	@_fix_less
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	LEAVE
 
 ; The travel at two speeds' mean, r0 and r1, to r0:r1.
 .Ltravel:

@@ -89,10 +89,7 @@ _body_predict:
 	jsr	@_scale_apply
 	mov.w	r0,@(STATE_SURGE,r5)
 	mov.w	r1,@(STATE_SURGE + 2,r5)
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	LEAVE
 
 ; void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17): the change is on the
 ; stack. The four quarters are added two at a time: they have one sign, so that the sum saturates the same way.

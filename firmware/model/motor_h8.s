@@ -50,16 +50,16 @@ _motor_step:
 	adds	#2,r7
 	mov.w	@r7+,r0
 	mov.w	@r7+,r1
-	mov.w	r4,r2
-	jsr	@_fix_add_to
+	mov.w	@r4,r2
+	mov.w	@(2,r4),r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
 	mov.w	#12000,r2	; MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536
 	jsr	@_fix_clamp_q16
 	mov.w	r0,@r4
 	mov.w	r1,@(2,r4)
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	LEAVE
 
 ; The value at r1, by both scales, to both sums. Twice as large: the voltage's scale gives 65536 times as much, but its word is in the place
 ; of the high one.
@@ -68,7 +68,13 @@ _motor_step:
 	mov.w	@r1,r5
 	mov.b	r5h,r4l
 	bpl	.Lpositive
-	NEGATE	r5h,r5l,r2h,r2l
+	mov.w	r2,r3
+	mov.w	r5,r1
+	sub.w	r5,r5
+	sub.w	r2,r2
+	sub.w	r3,r2
+	subx	r1l,r5l
+	subx	r1h,r5h
 .Lpositive:
 	add.w	r2,r2
 	rotxl	r5l

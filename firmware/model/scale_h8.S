@@ -34,7 +34,12 @@ _scale_apply:
 	add.w	r6,r6
 	mov.w	r1,r5
 	bpl	.Lvalue
-	NEGATE	r5h,r5l,r2h,r2l
+	mov.w	r2,r3
+	sub.w	r5,r5
+	sub.w	r2,r2
+	sub.w	r3,r2
+	subx	r1l,r5l
+	subx	r1h,r5h
 .Lvalue:
 	jsr	@_fix_h8_scaled
 	mov.w	@r7+,r6

@@ -38,10 +38,10 @@ static void feed_32(int32_t a, int32_t b)
 static void feed_shifts(int32_t value, uint8_t bits)
 {
     hash_s32(fix_fraction(value, bits));
-    if (bits > 0 && bits < 31) {
+    if (bits > 0 && bits < 31)
         hash_s32(fix_round_shift(value, bits));
+    if (bits >= 8 && bits < 31)
         hash_s16(fix_round16(value, bits));
-    }
 }
 
 static void feed_mixed(int32_t a, int16_t b)
