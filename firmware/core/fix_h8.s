@@ -483,22 +483,23 @@ _fix_round16:
 	mov.w	#0x7fff,r0
 .Lwithin_most16:
 	mov.b	r3h,r3h
-	bpl	.Lrounded16
-	not	r0h
-	not	r0l
-	adds	#1,r0
-.Lrounded16:
+	bmi	.Lnegate16
 	rts
 
 ; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
 	.align 1
 	.global _fix_sat16
 _fix_sat16:
-	mov.b	r1h,r2l
-	add.b	r2l,r2l
-	subx	r2l,r2l
-	mov.b	r2l,r2h
-	cmp.w	r2,r0
+	mov.w	r1,r2
+	bmi	.Llow_negative16
+	mov.w	r0,r0
+	bne	.Lbeyond16
+	mov.w	r1,r0
+	rts
+.Llow_negative16:
+	mov.w	r0,r2
+	adds	#1,r2
+	mov.w	r2,r2
 	bne	.Lbeyond16
 	mov.w	r1,r0
 .Lleast16:			; -32768 becomes -32767
@@ -579,6 +580,7 @@ _fix_round_bam16:
 _fix_abs_u16:
 	mov.w	r0,r0
 	bpl	.Labsolute16
+.Lnegate16:
 	not	r0h
 	not	r0l
 	adds	#1,r0

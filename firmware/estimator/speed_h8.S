@@ -74,8 +74,88 @@ _speed_step:
 	.if	POSSIBLE & SENSOR_ROTATION
 	mov.b	@(SIGNALS_HAVE_BITS,r6),r2l
 	btst	#ROTATION_PLACE,r2l
-	beq	.Lnot_counted
-	jsr	@.Lobserve_rotation
+	bne	.Lcount
+	jmp	@.Lnot_counted
+.Lcount:
+	mov.w	@(SIGNALS_ROTATION_LEFT,r6),r0
+	mov.w	@(STATE_ROTATION_LEFT,r5),r2
+	mov.w	r0,@(STATE_ROTATION_LEFT,r5)
+	sub.w	r2,r0
+	mov.w	@(SIGNALS_ROTATION_RIGHT,r6),r1
+	mov.w	@(STATE_ROTATION_RIGHT,r5),r2
+	mov.w	r1,@(STATE_ROTATION_RIGHT,r5)
+	sub.w	r2,r1
+	mov.b	@(STATE_ROTATION_KNOWN,r5),r2l
+	bne	.Lknown
+	mov.b	#1,r2l
+	mov.b	r2l,@(STATE_ROTATION_KNOWN,r5)
+	sub.w	r0,r0
+	sub.w	r1,r1
+	bra	.Lcounted
+.Lknown:
+	PUSH32
+	jsr	@_fix_add16
+	jsr	@.Ltravel_of_counts
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	PUSH32			; the mean's
+	mov.w	r2,r0
+	mov.w	r3,r1
+	jsr	@_fix_sub16
+	jsr	@.Ltravel_of_counts
+	mov.w	@(CONFIG_COUNT_MISMATCH,r4),r2
+	jsr	@_fix_share_q15
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	mov.w	#16384,r2	; MOST_TRAVEL_UM_Q_11
+	jsr	@_fix_clamp_q16
+.Lcounted:
+	mov.w	@(STATE_BEHIND,r5),r2
+	mov.w	@(STATE_BEHIND + 2,r5),r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	mov.w	@(SIGNALS_TRAVEL,r6),r2
+	mov.w	@(SIGNALS_TRAVEL + 2,r6),r3
+	sub.w	r3,r1
+	subx	r2l,r0l
+	subx	r2h,r0h
+	PUSH32			; how far behind
+	mov.w	@(CONFIG_BEHIND_TO_TRAVEL,r4),r2
+	jsr	@_fix_share_q15
+	mov.w	@(SIGNALS_TRAVEL,r6),r2
+	mov.w	@(SIGNALS_TRAVEL + 2,r6),r3
+	add.w	r1,r3
+	addx	r0l,r2l
+	addx	r0h,r2h
+	mov.w	r2,@(SIGNALS_TRAVEL,r6)
+	mov.w	r3,@(SIGNALS_TRAVEL + 2,r6)
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	sub.w	r1,r3
+	subx	r0l,r2l
+	subx	r0h,r2h
+	mov.w	r2,r0
+	mov.w	r3,r1
+	mov.w	#0xd400,r3	; SPEED_BEHIND_LIMIT_UM_Q5, 0x30d400
+	mov.w	r3,@-r7
+	mov.w	#0x30,r3
+	mov.w	r3,@-r7
+	jsr	@_fix_clamp32
+	adds	#2,r7
+	adds	#2,r7
+	STORE	STATE_BEHIND,r5
+	mov.w	@(CONFIG_BEHIND_TO_SPEED,r4),r2
+	jsr	@_fix_share_q15
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	PUSH32
 .Lnot_counted:
 	.endif
 
@@ -103,25 +183,26 @@ _speed_step:
 .Lobserved:
 	.endif
 
-	mov.b	@(SIGNALS_PERIOD_MS,r6),r0l
-	jsr	@_fix_inverse_q15
-	mov.w	r0,r3
 	mov.w	@r7+,r0
 	mov.w	@r7+,r1
-	mov.w	r3,@-r7
 	mov.w	#16380,r2	; SPEED_LIMIT_MM_S_Q1
 	jsr	@_fix_clamp_q16
-	mov.w	r5,r2		; STATE_SPEED
-	jsr	@_fix_less
-	mov.w	@r7+,r3
+	mov.w	@r5,r2		; STATE_SPEED: both are within the limit, so that nothing saturates
+	mov.w	@(2,r5),r3
+	mov.w	r0,@r5
+	mov.w	r1,@(2,r5)
+	sub.w	r3,r1
+	subx	r2l,r0l
+	subx	r2h,r0h
 	PUSH32			; the jump
-	mov.w	r3,@-r7
-	mov.w	r5,r2
-	jsr	@_fix_add_to
+	mov.w	@r5,r0
+	mov.w	@(2,r5),r1
 	mov.b	#13,r2l
 	jsr	@_fix_round16
 	mov.w	r0,@(SIGNALS_SPEED,r6)
-	mov.w	@r7+,r3
+	mov.b	@(SIGNALS_PERIOD_MS,r6),r0l
+	jsr	@_fix_inverse_q15
+	mov.w	r0,r3
 	mov.w	@r7+,r0
 	mov.w	@r7+,r1
 	mov.w	#8192,r2	; JUMP_LIMIT_MM_S_Q1
@@ -261,85 +342,6 @@ _speed_step:
 #endif
 
 	.if	POSSIBLE & SENSOR_ROTATION
-; The rotation sensors' word on the travel, and on the speed observed, which is above the return address.
-.Lobserve_rotation:
-	mov.w	@(SIGNALS_ROTATION_LEFT,r6),r0
-	mov.w	@(STATE_ROTATION_LEFT,r5),r2
-	mov.w	r0,@(STATE_ROTATION_LEFT,r5)
-	sub.w	r2,r0
-	mov.w	@(SIGNALS_ROTATION_RIGHT,r6),r1
-	mov.w	@(STATE_ROTATION_RIGHT,r5),r2
-	mov.w	r1,@(STATE_ROTATION_RIGHT,r5)
-	sub.w	r2,r1
-	mov.b	@(STATE_ROTATION_KNOWN,r5),r2l
-	bne	.Lknown
-	mov.b	#1,r2l
-	mov.b	r2l,@(STATE_ROTATION_KNOWN,r5)
-	sub.w	r0,r0
-	sub.w	r1,r1
-	bra	.Lcounted
-.Lknown:
-	PUSH32
-	jsr	@_fix_add16
-	jsr	@.Ltravel_of_counts
-	mov.w	@r7+,r2
-	mov.w	@r7+,r3
-	PUSH32			; the mean's
-	mov.w	r2,r0
-	mov.w	r3,r1
-	jsr	@_fix_sub16
-	jsr	@.Ltravel_of_counts
-	mov.w	@(CONFIG_COUNT_MISMATCH,r4),r2
-	jsr	@_fix_share_q15
-	mov.w	@r7+,r2
-	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
-	mov.w	#16384,r2	; MOST_TRAVEL_UM_Q_11
-	jsr	@_fix_clamp_q16
-.Lcounted:
-	mov.w	@(STATE_BEHIND,r5),r2
-	mov.w	@(STATE_BEHIND + 2,r5),r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
-	mov.w	@(SIGNALS_TRAVEL,r6),r2
-	mov.w	@(SIGNALS_TRAVEL + 2,r6),r3
-	sub.w	r3,r1
-	subx	r2l,r0l
-	subx	r2h,r0h
-	PUSH32			; how far behind
-	mov.w	@(CONFIG_BEHIND_TO_TRAVEL,r4),r2
-	jsr	@_fix_share_q15
-	mov.w	@(SIGNALS_TRAVEL,r6),r2
-	mov.w	@(SIGNALS_TRAVEL + 2,r6),r3
-	add.w	r1,r3
-	addx	r0l,r2l
-	addx	r0h,r2h
-	mov.w	r2,@(SIGNALS_TRAVEL,r6)
-	mov.w	r3,@(SIGNALS_TRAVEL + 2,r6)
-	mov.w	@r7+,r2
-	mov.w	@r7+,r3
-	sub.w	r1,r3
-	subx	r0l,r2l
-	subx	r0h,r2h
-	mov.w	r2,r0
-	mov.w	r3,r1
-	mov.w	#0xd400,r3	; SPEED_BEHIND_LIMIT_UM_Q5, 0x30d400
-	mov.w	r3,@-r7
-	mov.w	#0x30,r3
-	mov.w	r3,@-r7
-	jsr	@_fix_clamp32
-	adds	#2,r7
-	adds	#2,r7
-	STORE	STATE_BEHIND,r5
-	mov.w	@(CONFIG_BEHIND_TO_SPEED,r4),r2
-	jsr	@_fix_share_q15
-	mov.w	r7,r2
-	adds	#2,r2
-	jmp	@_fix_add_to
-
 ; Of r0 counts, at most MOST_COUNTS, to r0:r1: a negative number's product without sign is 65536 times the travel of a count too large.
 .Ltravel_of_counts:
 	mov.w	#4096,r1

@@ -11,13 +11,6 @@
 #define _body_correct_surge _body_h8_correct_surge
 #endif
 
-; Register r0: a scale of the coefficients, r4.
-	.macro	SCALE_AT	place
-	mov.w	r4,r0
-	add.b	#\place,r0l
-	addx	#0,r0h
-	.endm
-
 ; void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv): r4 and r5 are the
 ; first two, the right voltage is on the stack.
 	.align 1
@@ -26,16 +19,16 @@ _body_predict:
 	SAVE
 	mov.w	r0,r4
 	mov.w	r1,r5
-	mov.w	r2,r0
-	mov.w	@(8,r7),r6
 #ifdef BODY_WITHOUT_PAPER
+	mov.w	@(8,r7),r0
 	mov.w	#16383,r1	; MOTOR_VOLTAGE_LIMIT_MV
 	jsr	@_fix_clamp16
-	mov.w	r0,r2
-	mov.w	r6,r0
+	mov.w	r0,r6
+	mov.w	r2,r0
 	mov.w	#16383,r1
 	jsr	@_fix_clamp16
-	mov.w	r0,r6
+#else
+	mov.w	@(8,r7),r6
 	mov.w	r2,r0
 #endif
 	mov.w	r0,r1
@@ -49,15 +42,16 @@ _body_predict:
 	jsr	@_fix_mul_u16
 	mov.w	r1,r2
 	mov.w	r0,r1
-	SCALE_AT	COEFFICIENTS_DRAG
-	jsr	@_scale_apply
+	mov.b	#COEFFICIENTS_DRAG,r0l
+	jsr	@_scale_h8_at
 	mov.b	@(STATE_SURGE,r5),r2l
 	bmi	.Ldrag
 	NEGATE	r0h,r0l,r1h,r1l
 .Ldrag:
 	mov.w	r1,@-r7
 	mov.w	r0,@-r7
-	SCALE_AT	COEFFICIENTS_MOTOR_0
+	mov.w	r4,r0
+	adds	#2,r0		; COEFFICIENTS_MOTOR_0
 	mov.w	r5,r1
 	mov.w	r6,r2
 	jsr	@_motor_step
@@ -67,7 +61,9 @@ _body_predict:
 	sub.w	r0,r0
 	mov.w	r0,@-r7
 	mov.w	r0,@-r7
-	SCALE_AT	COEFFICIENTS_MOTOR_1
+	mov.w	r4,r0
+	add.b	#COEFFICIENTS_MOTOR_1,r0l
+	addx	#0,r0h
 	mov.w	r5,r1
 	add.b	#STATE_MOTOR_1,r1l
 	addx	#0,r1h
@@ -76,8 +72,8 @@ _body_predict:
 	adds	#2,r7
 	mov.w	@(STATE_SPEED_1,r5),r1
 	mov.w	@(STATE_SPEED_1 + 2,r5),r2
-	SCALE_AT	COEFFICIENTS_YAW_RATE_FROM_WHEEL
-	jsr	@_scale_apply
+	mov.b	#COEFFICIENTS_YAW_RATE_FROM_WHEEL,r0l
+	jsr	@_scale_h8_at
 	mov.w	r0,@(STATE_YAW_RATE,r5)
 	mov.w	r1,@(STATE_YAW_RATE + 2,r5)
 
@@ -85,8 +81,8 @@ _body_predict:
 .Lsurge:
 	mov.w	@(STATE_SPEED_0,r5),r1
 	mov.w	@(STATE_SPEED_0 + 2,r5),r2
-	SCALE_AT	COEFFICIENTS_SURGE_FROM_WHEEL
-	jsr	@_scale_apply
+	mov.b	#COEFFICIENTS_SURGE_FROM_WHEEL,r0l
+	jsr	@_scale_h8_at
 	mov.w	r0,@(STATE_SURGE,r5)
 	mov.w	r1,@(STATE_SURGE + 2,r5)
 	LEAVE
@@ -101,8 +97,8 @@ _body_correct_surge:
 	mov.w	r1,r5
 	mov.w	@(8,r7),r1
 	mov.w	@(10,r7),r2
-	SCALE_AT	COEFFICIENTS_QUARTER_WHEEL_FROM_SURGE
-	jsr	@_scale_apply
+	mov.b	#COEFFICIENTS_QUARTER_WHEEL_FROM_SURGE,r0l
+	jsr	@_scale_h8_at
 	add.w	r1,r1
 	rotxl	r0l
 	rotxl	r0h

@@ -13,8 +13,14 @@ _scale_apply16:
 	bra	.Lapply
 #endif
 
-; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the shift, r4l the sign.
+; scale_apply of a scale r0l bytes from r4
 	.align 1
+	.global _scale_h8_at
+_scale_h8_at:
+	sub.b	r0h,r0h
+	add.w	r4,r0
+
+; int32_t scale_apply(const scale_t *scale, int32_t value): value (r5:r2) * 2 |mantissa| (r6), r4h the shift, r4l the sign.
 	.global _scale_apply
 _scale_apply:
 	SAVE
