@@ -56,8 +56,8 @@ _fix_mul_u32_q16:
 .Lall:				; by 2^15: all of it, but at most 2^31 - 1
 	mov.w	r5,r1
 	bpl	.Lfits
-	mov.w	#0x7fff,r1
-	mov.w	#0xffff,r2
+	subs	#1,r1
+	subs	#1,r2
 .Lfits:
 	mov.w	r4,r0
 	bra	.Lcut_and_leave

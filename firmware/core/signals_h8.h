@@ -26,19 +26,18 @@
 
 #ifdef H8_ASSEMBLY
 
-; The bits of `have`, as core/signals.h has them, and their places.
-	.equ	SENSOR_GYRO, 1
-	.equ	SENSOR_ACCELEROMETER, 2
-	.equ	SENSOR_ROTATION, 4
-	.equ	SENSOR_REFERENCE, 8
-	.equ	SENSOR_BATTERY, 16
-	.equ	ACCELEROMETER_PLACE, 1
-	.equ	ROTATION_PLACE, 2
-	.equ	REFERENCE_PLACE, 3
+/* The bits of `have`, as core/signals.h has them, and their places. */
+#define SENSOR_GYRO 1
+#define SENSOR_ACCELEROMETER 2
+#define SENSOR_ROTATION 4
+#define SENSOR_REFERENCE 8
+#define SENSOR_BATTERY 16
+#define ACCELEROMETER_PLACE 1
+#define ROTATION_PLACE 2
+#define REFERENCE_PLACE 3
 #ifndef SENSORS_POSSIBLE
 #define SENSORS_POSSIBLE 31
 #endif
-	.equ	POSSIBLE, SENSORS_POSSIBLE
 
 #else
 

@@ -47,7 +47,7 @@ _pose_step:
 	adds	#2,r2
 	adds	#2,r2		; SIGNALS_Y_UM
 	jsr	@_fix_add_to
-	.if	POSSIBLE & SENSOR_REFERENCE
+#if SENSORS_POSSIBLE & SENSOR_REFERENCE
 	mov.b	@(SIGNALS_HAVE_BITS,r5),r2l
 	btst	#REFERENCE_PLACE,r2l
 	beq	.Lreckoned
@@ -63,7 +63,7 @@ _pose_step:
 	mov.w	@(SIGNALS_REFERENCE_Y + 2,r5),r2
 	mov.w	r2,@(SIGNALS_Y_UM + 2,r5)
 .Lreckoned:
-	.endif
+#endif
 	LEAVE
 
 ; What the travel's share r2 (and the sway's, r6) is on an axis, with the rest at r4: whole um to r0:r1, a new rest to r4.
@@ -107,19 +107,16 @@ _pose_step:
 	subx	r2h,r2h
 	mov.w	r2,@r4
 	adds	#2,r4
-	mov.b	r0h,r2l		; / 2^5 is * 2^3, a byte lower
-	add.b	r2l,r2l
-	subx	r2l,r2l
-	.rept	3
+	.rept	3		; / 2^5 is * 2^3, a byte lower: there is room for travels of 2^27
 	add.w	r1,r1
 	rotxl	r0l
 	rotxl	r0h
-	rotxl	r2l
 	.endr
 	mov.b	r1h,r1l
 	mov.b	r0l,r1h
 	mov.b	r0h,r0l
-	mov.b	r2l,r0h
+	add.b	r0h,r0h
+	subx	r0h,r0h
 	rts
 
 #ifndef BODY_WITHOUT_PAPER

@@ -18,6 +18,21 @@
 	mov.w	r0,@-r7
 	.endm
 
+; The travel at two speeds' mean, r0 and r1, to a place in the signals.
+	.macro	TRAVEL	place
+	sub.b	r3l,r3l
+	add.w	r1,r0
+	bge	.Lsum\@
+	dec	r3l
+.Lsum\@:
+	mov.w	r0,r1
+	mov.b	r3l,r0l
+	mov.b	r3l,r0h
+	mov.b	@(SIGNALS_PERIOD_MS,r6),r2l
+	jsr	@_fix_times
+	STORE	\place,r6
+	.endm
+
 ; int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_state_t *signals): r4, r5 and r6. On the stack is the speed
 ; observed; where there can be a reference, above it the speed of the step before.
 	.align 1
@@ -27,20 +42,20 @@ _speed_step:
 	mov.w	r0,r4
 	mov.w	r1,r5
 	mov.w	r2,r6
-	.if	POSSIBLE & SENSOR_REFERENCE
+#if SENSORS_POSSIBLE & SENSOR_REFERENCE
 	mov.w	@(SIGNALS_SPEED,r6),r1
 	mov.w	r1,@-r7
-	.endif
+#endif
 	mov.w	@(SIGNALS_PREDICTED,r6),r3
-	LOAD	MOTION_SURGE,r3
+	mov.w	@r3+,r0		; MOTION_SURGE
+	mov.w	@r3,r1
 	PUSH32
 	mov.b	#13,r2l
 	jsr	@_fix_round16
 	mov.w	@(SIGNALS_SPEED,r6),r1
-	jsr	@.Ltravel
-	STORE	SIGNALS_TRAVEL,r6
+	TRAVEL	SIGNALS_TRAVEL
 
-	.if	POSSIBLE & SENSOR_ACCELEROMETER
+#if SENSORS_POSSIBLE & SENSOR_ACCELEROMETER
 	mov.b	@(SIGNALS_HAVE_BITS,r6),r2l
 	btst	#ACCELEROMETER_PLACE,r2l
 	beq	.Lnot_felt
@@ -69,9 +84,9 @@ _speed_step:
 	adds	#2,r7
 	adds	#2,r7
 .Lnot_felt:
-	.endif
+#endif
 
-	.if	POSSIBLE & SENSOR_ROTATION
+#if SENSORS_POSSIBLE & SENSOR_ROTATION
 	mov.b	@(SIGNALS_HAVE_BITS,r6),r2l
 	btst	#ROTATION_PLACE,r2l
 	bne	.Lcount
@@ -157,7 +172,7 @@ _speed_step:
 	addx	r2h,r0h
 	PUSH32
 .Lnot_counted:
-	.endif
+#endif
 
 	mov.b	@(SIGNALS_AT_REST,r6),r2l
 	beq	.Lmoving
@@ -166,11 +181,11 @@ _speed_step:
 	mov.w	r0,@r7
 	mov.w	r0,@(2,r7)
 	STORE	SIGNALS_TRAVEL,r6
-	.if	POSSIBLE & SENSOR_ROTATION
+#if SENSORS_POSSIBLE & SENSOR_ROTATION
 	STORE	STATE_BEHIND,r5
-	.endif
+#endif
 .Lmoving:
-	.if	POSSIBLE & SENSOR_REFERENCE
+#if SENSORS_POSSIBLE & SENSOR_REFERENCE
 	mov.b	@(SIGNALS_HAVE_BITS,r6),r2l
 	btst	#REFERENCE_PLACE,r2l
 	beq	.Lobserved
@@ -181,7 +196,7 @@ _speed_step:
 	mov.w	r0,@r7
 	mov.w	r1,@(2,r7)
 .Lobserved:
-	.endif
+#endif
 
 	mov.w	@r7+,r0
 	mov.w	@r7+,r1
@@ -227,22 +242,20 @@ _speed_step:
 	jsr	@_fix_round16
 	mov.w	r0,@(SIGNALS_ACCEL,r6)
 
-	.if	POSSIBLE & SENSOR_REFERENCE
+#if SENSORS_POSSIBLE & SENSOR_REFERENCE
 	mov.w	@r7+,r1
 	mov.b	@(SIGNALS_HAVE_BITS,r6),r2l
 	btst	#REFERENCE_PLACE,r2l
 	beq	.Lno_reference
 	mov.w	@(SIGNALS_SPEED,r6),r0
-	jsr	@.Ltravel
-	STORE	SIGNALS_TRAVEL,r6
+	TRAVEL	SIGNALS_TRAVEL
 .Lno_reference:
-	.endif
+#endif
 #ifndef BODY_WITHOUT_PAPER
 	jsr	@.Lsway
 	mov.w	@(STATE_SWAY,r5),r1
 	mov.w	r0,@(STATE_SWAY,r5)
-	jsr	@.Ltravel
-	STORE	SIGNALS_SWAY_TRAVEL,r6
+	TRAVEL	SIGNALS_SWAY_TRAVEL
 #endif
 	mov.w	@(SIGNALS_PREDICTED,r6),r2
 	mov.w	@r5,r0
@@ -250,20 +263,7 @@ _speed_step:
 	jsr	@_fix_less
 	LEAVE
 
-; The travel at two speeds' mean, r0 and r1, to r0:r1.
-.Ltravel:
-	sub.b	r3l,r3l
-	add.w	r1,r0
-	bge	.Lsum
-	dec	r3l
-.Lsum:
-	mov.w	r0,r1
-	mov.b	r3l,r0l
-	mov.b	r3l,r0h
-	mov.b	@(SIGNALS_PERIOD_MS,r6),r2l
-	jmp	@_fix_times
-
-	.if	POSSIBLE & SENSOR_ACCELEROMETER
+#if SENSORS_POSSIBLE & SENSOR_ACCELEROMETER
 ; The accelerometer's word on the speed observed, which is above the return address.
 .Lobserve_accel:
 	LOAD	2,r7
@@ -312,7 +312,7 @@ _speed_step:
 	mov.w	r7,r2
 	adds	#2,r2
 	jmp	@_fix_add_to
-	.endif
+#endif
 
 #ifndef BODY_WITHOUT_PAPER
 ; The sway, mm/s q4, to r0.
@@ -341,7 +341,7 @@ _speed_step:
 	rts
 #endif
 
-	.if	POSSIBLE & SENSOR_ROTATION
+#if SENSORS_POSSIBLE & SENSOR_ROTATION
 ; Of r0 counts, at most MOST_COUNTS, to r0:r1: a negative number's product without sign is 65536 times the travel of a count too large.
 .Ltravel_of_counts:
 	mov.w	#4096,r1
@@ -357,4 +357,4 @@ _speed_step:
 	sub.w	r2,r0
 .Lforward:
 	rts
-	.endif
+#endif

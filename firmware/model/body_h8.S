@@ -46,7 +46,13 @@ _body_predict:
 	jsr	@_scale_h8_at
 	mov.b	@(STATE_SURGE,r5),r2l
 	bmi	.Ldrag
-	NEGATE	r0h,r0l,r1h,r1l
+	mov.w	r0,r2
+	mov.w	r1,r3
+	sub.w	r0,r0
+	sub.w	r1,r1
+	sub.w	r3,r1
+	subx	r2l,r0l
+	subx	r2h,r0h
 .Ldrag:
 	mov.w	r1,@-r7
 	mov.w	r0,@-r7
@@ -64,28 +70,31 @@ _body_predict:
 	mov.w	r4,r0
 	add.b	#COEFFICIENTS_MOTOR_1,r0l
 	addx	#0,r0h
-	mov.w	r5,r1
-	add.b	#STATE_MOTOR_1,r1l
-	addx	#0,r1h
+	mov.w	r5,r6
+	add.b	#STATE_MOTOR_1,r6l
+	addx	#0,r6h
+	mov.w	r6,r1
 	jsr	@_motor_step
 	adds	#2,r7
 	adds	#2,r7
-	mov.w	@(STATE_SPEED_1,r5),r1
-	mov.w	@(STATE_SPEED_1 + 2,r5),r2
 	mov.b	#COEFFICIENTS_YAW_RATE_FROM_WHEEL,r0l
-	jsr	@_scale_h8_at
-	mov.w	r0,@(STATE_YAW_RATE,r5)
-	mov.w	r1,@(STATE_YAW_RATE + 2,r5)
+	bsr	.Lfrom_wheel
 
 ; The surge from the mean wheel's speed: the end of a function that began with SAVE.
 .Lsurge:
-	mov.w	@(STATE_SPEED_0,r5),r1
-	mov.w	@(STATE_SPEED_0 + 2,r5),r2
+	mov.w	r5,r6
 	mov.b	#COEFFICIENTS_SURGE_FROM_WHEEL,r0l
-	jsr	@_scale_h8_at
-	mov.w	r0,@(STATE_SURGE,r5)
-	mov.w	r1,@(STATE_SURGE + 2,r5)
+	bsr	.Lfrom_wheel
 	LEAVE
+
+; By the coefficient r0l, of the motor at r6: where the yaw rate is, seen from the second motor, the surge is, seen from the first.
+.Lfrom_wheel:
+	mov.w	@(STATE_SPEED_0,r6),r1
+	mov.w	@(STATE_SPEED_0 + 2,r6),r2
+	jsr	@_scale_h8_at
+	mov.w	r0,@(STATE_SURGE,r6)
+	mov.w	r1,@(STATE_SURGE + 2,r6)
+	rts
 
 ; void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17): the change is on the
 ; stack. The four quarters are added two at a time: they have one sign, so that the sum saturates the same way.
@@ -117,5 +126,5 @@ _body_correct_surge:
 	jsr	@_fix_clamp_q16
 	mov.w	r0,@r6
 	mov.w	r1,@(2,r6)
-	bra	.Lsurge
+	jmp	@.Lsurge
 #endif

@@ -12,9 +12,7 @@
 #define STATE_MOTOR_0 0
 #define STATE_SPEED_0 4
 #define STATE_MOTOR_1 8
-#define STATE_SPEED_1 12
 #define STATE_SURGE 24
-#define STATE_YAW_RATE 32
 
 #ifndef H8_ASSEMBLY
 
@@ -30,9 +28,9 @@ H8_LAYOUT(body_coefficients_t, yaw_rate_from_wheel, COEFFICIENTS_YAW_RATE_FROM_W
 H8_LAYOUT(body_state_t, motor[0], STATE_MOTOR_0);
 H8_LAYOUT(body_state_t, motor[0].speed_mrad_s_q13, STATE_SPEED_0);
 H8_LAYOUT(body_state_t, motor[1], STATE_MOTOR_1);
-H8_LAYOUT(body_state_t, motor[1].speed_mrad_s_q13, STATE_SPEED_1);
+H8_LAYOUT(body_state_t, motor[1].speed_mrad_s_q13, STATE_MOTOR_1 + STATE_SPEED_0);
 H8_LAYOUT(body_state_t, motion.surge_mm_s_q17, STATE_SURGE);
-H8_LAYOUT(body_state_t, motion.yaw_rate_mrad_s_q12, STATE_YAW_RATE);
+H8_LAYOUT(body_state_t, motion.yaw_rate_mrad_s_q12, STATE_MOTOR_1 + STATE_SURGE);
 
 #endif
 

@@ -28,10 +28,9 @@ _motor_step:
 	adds	#2,r1
 	adds	#2,r1
 	bsr	.Lvalue		; the speed
+	sub.w	r2,r2
 	mov.w	@(8,r7),r5
 	mov.b	r5h,r4l
-	sub.w	r2,r2
-	mov.w	r5,r5
 	bpl	.Lvoltage
 	not	r5h
 	not	r5l
