@@ -134,7 +134,7 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     read_sensors(&state->output.state.sensors);
     command = guard(config, state, elapsed_ms, command);
     step_run(&config->step, route, &state->step, command, &state->output);
-    hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
+    hal_motors_write(state->step.mixer.drive.left_q15, state->step.mixer.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);
     state->tick++;

@@ -42,6 +42,11 @@ int16_t fix_round16(int32_t value, uint8_t bits)
     return fix_sat16(fix_round_shift(value, bits));
 }
 
+int16_t fix_gain16_q10(int16_t gain_q10, int16_t value)
+{
+    return fix_sat16(fix_gain_q10(gain_q10, value));
+}
+
 int32_t fix_q8(int16_t value)
 {
     return (int32_t)value * 256;

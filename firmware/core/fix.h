@@ -59,6 +59,10 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 /* The same as 16 bits, saturated. */
 int16_t fix_round16(int32_t value, uint8_t bits);
 
+/* gain * value, rounded to the nearest, halves away from zero; the second saturated, too. gain 0..32767, value any. */
+FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value);
+int16_t fix_gain16_q10(int16_t gain_q10, int16_t value);
+
 /* value * 256. */
 int32_t fix_q8(int16_t value);
 

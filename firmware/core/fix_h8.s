@@ -411,6 +411,14 @@ _fix_bits:
 	mov.b	r2l,r0l
 	rts
 
+; int16_t fix_gain16_q10(int16_t gain_q10, int16_t value); r3:r1 is what it would be without saturation
+	.align 1
+	.global _fix_gain16_q10
+_fix_gain16_q10:
+	jsr	@_fix_gain_q10
+	mov.w	r0,r3
+	bra	.Lsat16
+
 ; int16_t fix_round16(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_round16
@@ -421,6 +429,7 @@ _fix_round16:
 	.align 1
 	.global _fix_sat16
 _fix_sat16:
+.Lsat16:
 	mov.b	r1h,r2l
 	add.b	r2l,r2l
 	subx	r2l,r2l
@@ -598,6 +607,31 @@ _fix_sqrt_u32:
 	mov.w	@r7+,r4
 	rts
 
+; int32_t fix_gain_q10(int16_t gain_q10, int16_t value): the product by magnitude, half of a unit more, a byte and two bits less.
+	.align 1
+	.global _fix_gain_q10
+_fix_gain_q10:
+	mov.w	r1,@-r7
+	bpl	.Lgain_of_magnitude
+	not	r1h
+	not	r1l
+	adds	#1,r1
+.Lgain_of_magnitude:
+	jsr	@_fix_mul_u16
+	add.b	#2,r1h
+	addx	#0,r0l
+	addx	#0,r0h
+	.rept	2
+	shlr	r0h
+	rotxr	r0l
+	rotxr	r1h
+	.endr
+	mov.b	r1h,r1l
+	mov.b	r0l,r1h
+	mov.b	r0h,r0l
+	sub.b	r0h,r0h
+	bra	.Lby_sign
+
 ; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
 	.align 1
 	.global _fix_share_q16
@@ -605,6 +639,7 @@ _fix_share_q16:
 	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	jsr	@_fix_mul_u32_q16
+.Lby_sign:
 	mov.w	@r7+,r2
 	bpl	.Lpositive_share
 	NEGATE	r0h,r0l,r1h,r1l

@@ -45,6 +45,11 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
+FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value)
+{
+    return fix_round_shift(fix_mul(gain_q10, value), 10);
+}
+
 FIX_INLINE uint16_t fix_abs_u16(int16_t value)
 {
     return value < 0 ? (uint16_t)(0U - (uint16_t)value) : (uint16_t)value;

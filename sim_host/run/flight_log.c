@@ -91,8 +91,8 @@ static void put_controller(double *at, const loop_state_t *loop, const sil_port_
                              out->effort.yaw_mv * 1e-3,
                              port->left_q15 / 32767.0,
                              port->right_q15 / 32767.0,
-                             loop->step.drive.surge_saturated,
-                             loop->step.drive.yaw_saturated};
+                             loop->step.mixer.drive.surge_saturated,
+                             loop->step.mixer.drive.yaw_saturated};
     for (size_t i = 0; i < sizeof values / sizeof *values; i++)
         *at++ = values[i];
 }

@@ -84,9 +84,9 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_pid_answer(&output->heading);
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
-    hash_drive(&state->drive);
+    hash_drive(&state->mixer.drive);
     hash_u8(state->ahead_ms);
-    hash_u16(state->battery_mv);
+    hash_u16(state->mixer.battery_mv);
 }
 
 void vectors_feed(void)

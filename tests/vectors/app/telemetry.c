@@ -26,9 +26,9 @@ static void draw(step_state_t *state, step_output_t *output)
     state->mode.los.cross_track_mm = draw_s16();
     state->mode.los.heading_error_bam16 = draw_s16();
     state->mode.los.overshoots = draw_up_to(65535U);
-    state->drive.surge_saturated = (int8_t)draw_between(-1, 1);
-    state->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
-    state->battery_mv = draw_up_to(20000);
+    state->mixer.drive.surge_saturated = (int8_t)draw_between(-1, 1);
+    state->mixer.drive.yaw_saturated = (int8_t)draw_between(-1, 1);
+    state->mixer.battery_mv = draw_up_to(20000);
 }
 
 static void hash(const message_t *message)

@@ -17,6 +17,8 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_u16(fix_count_u16((uint16_t)a));
     hash_u8((uint8_t)fix_excess(a, b, &steps));
     hash_u16(steps);
+    hash_s32(fix_gain_q10((int16_t)(a & 0x7FFF), b));
+    hash_s16(fix_gain16_q10((int16_t)(a & 0x7FFF), b));
     hash_u16(fix_add_u16((uint16_t)a, (uint16_t)b));
     hash_s16(fix_share16_q15(a, b));
     hash_s16(fix_angle_diff_bam16((uint16_t)a, (uint16_t)b));
