@@ -63,7 +63,7 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
 
     take_battery(config, &state->mixer, signals);
     estimate(config, state, signals);
-    mode_step(&config->mode, route, &state->mode, signals, command, signals->sensors.period_ms);
+    mode_step(&config->mode, route, &state->mode, signals, command);
     control(config, state, output);
     output->effort.surge_mv = output->speed.output_mv;
     output->effort.yaw_mv = output->heading.output_mv;

@@ -31,20 +31,20 @@ static void obey(const route_t *route, mode_state_t *state, mode_command_t comma
 }
 
 void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
-               mode_command_t command, uint8_t period_ms)
+               mode_command_t command)
 {
     obey(route, state, command);
     if (state->mode != MODE_RUN)
         return;
     if (!signals->valid) {
-        state->lost_ms = fix_add_u16(state->lost_ms, period_ms);
+        state->lost_ms = fix_add_u16(state->lost_ms, signals->sensors.period_ms);
         if (state->lost_ms > config->lost_ms)
             enter(state, MODE_FAULT, MODE_STATE_LOST);
         return;
     }
     state->lost_ms = 0;
     state->demand.drive = true;
-    los_step(&config->los, route, &state->los, signals, period_ms, &state->demand);
+    los_step(&config->los, route, &state->los, signals, &state->demand);
     if (state->los.status == LOS_ARRIVED)
         enter(state, MODE_ARRIVED, MODE_NO_FAULT);
     else if (state->los.status != LOS_UNDERWAY)

@@ -23,7 +23,7 @@ static void integrate(const pid_config_t *config, pid_state_t *state, const pid_
     if (change_mv_q16 != 0 && (direction == terms->limited || direction == terms->saturated))
         state->held_steps = fix_count_u16(state->held_steps);
     else
-        state->integral_mv_q16 = fix_clamp_q16(fix_add32(state->integral_mv_q16, change_mv_q16), config->limit_mv);
+        state->integral_mv_q16 = fix_clamp_q16(fix_add_to(change_mv_q16, &state->integral_mv_q16), config->limit_mv);
 }
 
 void pid_stop(pid_state_t *state, pid_terms_t *terms)

@@ -188,6 +188,21 @@ _fix_fraction:
 	jsr	@.Lshift
 	SIGNED_RESULT
 
+; int16_t fix_thousandth(int32_t value)
+	.align 1
+	.global _fix_thousandth
+_fix_thousandth:
+	bsr	.Lthousandth
+	jmp	@_fix_sat16
+.Lthousandth:
+	SAVE
+	mov.b	#8,r2l
+	bsr	.Lmagnitude
+	mov.w	r3,r5
+	mov.w	#16777,r6
+	bclr	#0,r4h
+	jmp	@_fix_h8_scaled
+
 ; int32_t fix_round_shift(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_round_shift
@@ -207,6 +222,76 @@ _fix_round_shift:
 .Lnot_negative:
 	rts
 
+; int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with)
+	.align 1
+	.global _fix_dot
+_fix_dot:
+.Ldot:
+	mov.w	r4,@-r7
+	mov.w	r5,@-r7
+	mov.w	r0,r4
+	mov.w	r1,r5
+	mov.w	@r4+,r0
+	mov.w	@r5+,r1
+	jsr	@_fix_mul
+	mov.w	r1,@-r7
+	mov.w	r0,@-r7
+	mov.w	@r4,r0
+	mov.w	@r5,r1
+	jsr	@_fix_mul
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	rts
+
+; int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15): twice the magnitude and a half, its high word
+	.align 1
+	.global _fix_along
+_fix_along:
+	bsr	.Ldot
+	mov.w	r0,@-r7
+	jsr	@_fix_abs_u32
+	mov.w	#0x4000,r2
+	add.w	r2,r1
+	addx	#0,r0l
+	addx	#0,r0h
+	add.w	r1,r1
+	rotxl	r0l
+	rotxl	r0h
+	bcs	.Lmost_along
+	mov.w	r0,r0
+	bpl	.Lalong
+.Lmost_along:
+	mov.w	#0x7fff,r0
+.Lalong:
+	mov.w	@r7+,r2
+	bmi	.Lbackward
+	rts
+.Lbackward:
+	jmp	@.Lnegate16
+
+; int16_t fix_against_square(const int32_t *value, uint16_t root): value less square; both words of that in one
+	.align 1
+	.global _fix_against_square
+_fix_against_square:
+	mov.w	r0,@-r7
+	mov.w	r1,r0
+	jsr	@_fix_mul_u16
+	mov.w	@r7+,r3
+	mov.w	@(2,r3),r2
+	sub.w	r1,r2
+	mov.w	@r3,r3
+	subx	r0l,r3l
+	subx	r0h,r3h
+	mov.w	r3,r0
+	or	r2h,r0l
+	or	r2l,r0l
+	rts
+
 ; int32_t fix_add_to(int32_t value, int32_t *sum)
 	.align 1
 	.global _fix_add_to
@@ -220,12 +305,7 @@ _fix_add_to:
 	mov.w	r1,@(2,r2)
 	rts
 
-; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. By signs: the simulator sets V wrong after ADDX and SUBX.
-	.align 1
-	.global _fix_add32
-_fix_add32:
-	mov.w	@(2,r7),r2
-	mov.w	@(4,r7),r3
+; By signs: the simulator sets V wrong after ADDX and SUBX.
 .Ladd:
 	add.w	r3,r1
 	mov.b	r0h,r3h
@@ -238,12 +318,6 @@ _fix_add32:
 	mov.b	r0h,r0h
 	bmi	.Lleast
 	rts
-	.align 1
-	.global _fix_sub32
-_fix_sub32:
-	mov.w	@(2,r7),r2
-	mov.w	@(4,r7),r3
-	bra	.Lsubtract
 
 ; int32_t fix_less(int32_t value, const int32_t *other)
 	.align 1
@@ -251,7 +325,6 @@ _fix_sub32:
 _fix_less:
 	mov.w	@(2,r2),r3
 	mov.w	@r2,r2
-.Lsubtract:
 	sub.w	r3,r1
 	mov.b	r0h,r3h
 	subx	r2l,r0l
@@ -515,6 +588,7 @@ _fix_round_bam16:
 _fix_abs_u16:
 	mov.w	r0,r0
 	bpl	.Labsolute16
+.Lnegate16:
 	not	r0h
 	not	r0l
 	adds	#1,r0

@@ -85,7 +85,7 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
 
     const direction_t before = direction_of(rounded_heading_bam16(state));
     state->motion.yaw_rate_mrad_s_q12 =
-        fix_clamp_q16(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
+        fix_clamp_q16(fix_add_to(gain, &state->motion.yaw_rate_mrad_s_q12), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
     const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
     push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
          drag(coefficients, state->motion.surge_mm_s_q17), drag(coefficients, state->motion.sway_mm_s_q17));

@@ -136,9 +136,10 @@ static void test_los_takes_the_ends_of_every_range(void)
                                          .speed_mm_s_q4 = INT16_MIN,
                                          .yaw_rate_mrad_s = INT16_MIN,
                                          .heading_bam16 = 32768,
-                                         .valid = true};
+                                         .valid = true,
+                                         .sensors.period_ms = 255};
             los_reset(&state);
-            los_step(&config, &route, &state, &far, 255, &demand);
+            los_step(&config, &route, &state, &far, &demand);
             TEST_ASSERT_GREATER_OR_EQUAL_INT16(0, demand.speed_mm_s_q4);
         }
 }

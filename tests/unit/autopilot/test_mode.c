@@ -27,7 +27,8 @@ void tearDown(void) {}
 
 static void step(mode_command_t command)
 {
-    mode_step(&config, &route, &state, &signals, command, PERIOD_MS);
+    signals.sensors.period_ms = PERIOD_MS;
+    mode_step(&config, &route, &state, &signals, command);
 }
 
 static void step_at_mm(int32_t x_mm, int32_t y_mm)

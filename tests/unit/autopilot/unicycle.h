@@ -85,8 +85,9 @@ static inline void drive(double period_s)
 
 static inline void step(void)
 {
-    const signals_state_t signals = sensed();
-    los_step(&config, &route, &state, &signals, PERIOD_MS, &demand);
+    signals_state_t signals = sensed();
+    signals.sensors.period_ms = PERIOD_MS;
+    los_step(&config, &route, &state, &signals, &demand);
 }
 
 /* Moves on until `status` is other than underway or the time is over. */
