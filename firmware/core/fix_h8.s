@@ -638,8 +638,8 @@ _fix_div_u32:
 	bne	.Lfour_rounds
 	rts
 
-; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,
-; r4 the root, r2h:r5 a trial, r6l counts.
+; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root, of each of its words.
+; r4 the root, r2h:r5 a trial, r6l counts. Leading bytes of 0 make no root.
 	.align 1
 	.global _fix_sqrt_u32
 _fix_sqrt_u32:
@@ -647,12 +647,27 @@ _fix_sqrt_u32:
 	sub.b	r2l,r2l
 	sub.w	r3,r3
 	sub.w	r4,r4
-	mov.b	#16,r6l
+	mov.b	#8,r6l
+	mov.b	r0h,r0h
+	bne	.Lhigh_root
+	mov.b	#4,r6l
+	mov.b	r0l,r0h
+	beq	.Llow_root
+.Lhigh_root:
+	bsr	.Lroot
+.Llow_root:
+	mov.w	r1,r0
+	mov.b	#8,r6l
+	bsr	.Lroot
+	mov.w	r4,r0
+	mov.w	@r7+,r6
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	rts
+
 .Lroot:
 	.rept	2
-	add.w	r1,r1
-	rotxl	r0l
-	rotxl	r0h
+	add.w	r0,r0
 	rotxl	r3l
 	rotxl	r3h
 	rotxl	r2l
@@ -663,22 +678,18 @@ _fix_sqrt_u32:
 	add.w	r5,r5
 	rotxl	r2h
 	adds	#1,r5
-	cmp.b	r2h,r2l
-	bcs	.Lzero
-	bne	.Lone
-	cmp.w	r5,r3
-	bcs	.Lzero
-.Lone:
 	sub.w	r5,r3
 	subx	r2h,r2l
+	bcs	.Lroot_zero
 	adds	#1,r4
-.Lzero:
-	add.b	#-1,r6l
+	dec	r6l
 	bne	.Lroot
-	mov.w	r4,r0
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
+	rts
+.Lroot_zero:
+	add.w	r5,r3
+	addx	r2h,r2l
+	dec	r6l
+	bne	.Lroot
 	rts
 
 ; int32_t fix_gain_q10(int16_t gain_q10, int16_t value): the product by magnitude, half of a unit more, a byte and two bits less.
