@@ -32,7 +32,7 @@ static void estimate(const step_config_t *config, step_state_t *state, signals_s
 
 static void control(const step_config_t *config, step_state_t *state, step_output_t *out)
 {
-    const signals_demand_t *const demand = &state->mode.demand;
+    const signals_demand_t *const demand = &state->mode.los.demand;
     pid_terms_t *terms = &out->speed;
 
     if (!demand->drive) {

@@ -1,5 +1,7 @@
 #include "autopilot/los.h"
 
+#include <stddef.h>
+
 #include "core/bytes.h"
 #include "core/fix.h"
 #include "core/trig.h"
@@ -167,23 +169,30 @@ static void move(los_state_t *los)
         enter_drive(los);
 }
 
+static uint16_t twice_decel_mm_s2(const los_state_t *los)
+{
+    return (uint16_t)(los->config->decel_mm_s2 << 1);
+}
+
 /* The speed from which the robot can still brake: the square root of 2 decel distance. No root where the larger part of the
  * distance is enough for cruise. */
-static int16_t approach_speed_mm_s_q4(const los_state_t *los)
+static uint16_t approach_speed_mm_s_q4(const los_state_t *los)
 {
-    const los_config_t *config = los->config;
-    const uint16_t twice_decel = (uint16_t)(config->decel_mm_s2 << 1);
-    const uint16_t x_mm = fix_abs_u16(los->to_mm.x), y_mm = fix_abs_u16(los->to_mm.y);
-    uint16_t speed = (uint16_t)config->cruise_mm_s_q4, braking;
+    const uint16_t cruise = (uint16_t)los->config->cruise_mm_s_q4;
+    const uint16_t cruise_squared_high = (uint16_t)(fix_mul_u16(cruise, cruise) >> 16);
+    uint16_t distance_mm = fix_abs_u16(los->to_mm.x), speed = fix_abs_u16(los->to_mm.y);
 
-    if (fix_mul_u16(twice_decel, x_mm > y_mm ? x_mm : y_mm) >> 8 <= fix_mul_u16(speed, speed) >> 16) {
-        braking = fix_sqrt_u32(fix_mul_u16(twice_decel, fix_sqrt_u32((uint32_t)los->distance_squared_mm2)) << 8);
-        if (braking < speed)
-            speed = braking;
-        if (speed < (uint16_t)config->creep_mm_s_q4)
-            speed = (uint16_t)config->creep_mm_s_q4;
-    }
-    return (int16_t)speed;
+    if (distance_mm < speed)
+        distance_mm = speed;
+    if (fix_mul_u16(twice_decel_mm_s2(los), distance_mm) >> 8 > cruise_squared_high)
+        return cruise;
+    distance_mm = fix_sqrt_u32((uint32_t)los->distance_squared_mm2);
+    speed = fix_sqrt_u32(fix_mul_u16(twice_decel_mm_s2(los), distance_mm) << 8);
+    if (speed > cruise)
+        speed = cruise;
+    if (speed < (uint16_t)los->config->creep_mm_s_q4)
+        speed = (uint16_t)los->config->creep_mm_s_q4;
+    return speed;
 }
 
 static void steer_leg(los_state_t *los)
@@ -210,11 +219,10 @@ static void steer_leg(los_state_t *los)
 
 void los_reset(los_state_t *los)
 {
-    bytes_clear(los, sizeof *los);
+    bytes_clear(&los->to_x_um, (uint16_t)(sizeof *los - offsetof(los_state_t, to_x_um)));
 }
 
-void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
-              signals_demand_t *demand)
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals)
 {
     los->config = config;
     los->route = route;
@@ -226,8 +234,8 @@ void los_step(const los_config_t *config, const route_t *route, los_state_t *los
     if (los->phase != LOS_END)
         steer_leg(los);
 
-    demand->speed_mm_s_q4 = los->phase == LOS_DRIVE ? approach_speed_mm_s_q4(los) : 0;
-    demand->heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
+    los->demand.speed_mm_s_q4 = los->phase == LOS_DRIVE ? (int16_t)approach_speed_mm_s_q4(los) : 0;
+    los->demand.heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
     los->cross_track_mm = fix_along(&los->to_mm, &los->left_q15);
     (void)heading_error_bam16(los);
 }

@@ -48,6 +48,8 @@ typedef struct {
     const los_config_t *config;
     const route_t *route;
     const signals_state_t *signals;
+    signals_demand_t demand; /* its answer; whether to drive at all is the mode's */
+
     int32_t to_x_um; /* from the robot to the waypoint */
     int32_t to_y_um;
     fix_pair_t to_mm;
@@ -72,13 +74,11 @@ typedef struct {
     uint32_t leg_ms;             /* time on this leg */
 } los_state_t;
 
-/* All zero: the next step begins the route again. */
+/* All zero but the demand: the next step begins the route again. */
 void los_reset(los_state_t *los);
 
-/* One step, of signals->sensors.period_ms, 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on time-out
- * or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset().
- * `demand`: speed and heading; whether to drive at all is the mode's. */
-void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
-              signals_demand_t *demand);
+/* One step, of signals->sensors.period_ms, 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on
+ * time-out or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset(). */
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals);
 
 #endif

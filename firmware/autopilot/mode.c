@@ -8,8 +8,8 @@ static void enter(mode_state_t *state, mode_name_t mode, mode_fault_t fault)
     state->mode = mode;
     state->fault = fault;
     state->lost_ms = 0;
-    state->demand.drive = false;
-    state->demand.speed_mm_s_q4 = 0;
+    state->los.demand.drive = false;
+    state->los.demand.speed_mm_s_q4 = 0;
 }
 
 static void obey(const route_t *route, mode_state_t *state, mode_command_t command)
@@ -43,8 +43,8 @@ void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *
         return;
     }
     state->lost_ms = 0;
-    state->demand.drive = true;
-    los_step(&config->los, route, &state->los, signals, &state->demand);
+    state->los.demand.drive = true;
+    los_step(&config->los, route, &state->los, signals);
     if (state->los.status == LOS_ARRIVED)
         enter(state, MODE_ARRIVED, MODE_NO_FAULT);
     else if (state->los.status != LOS_UNDERWAY)

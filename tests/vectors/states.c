@@ -126,6 +126,7 @@ void hash_demand(const signals_demand_t *demand)
 
 void hash_los_state(const los_state_t *state)
 {
+    hash_demand(&state->demand);
     hash_s32(state->to_x_um);
     hash_s32(state->to_y_um);
     hash_s16(state->to_mm.x);
@@ -157,7 +158,6 @@ void hash_mode_state(const mode_state_t *state)
     hash_u8((uint8_t)state->mode);
     hash_u8((uint8_t)state->fault);
     hash_u16(state->lost_ms);
-    hash_demand(&state->demand);
     hash_los_state(&state->los);
 }
 
