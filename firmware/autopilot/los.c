@@ -81,10 +81,10 @@ static void follow_line(los_state_t *los, uint16_t bearing_bam16)
     look_along(&los->left_q15, (uint16_t)(bearing_bam16 - QUARTER_TURN));
 }
 
+/* Whose line the caller follows then. */
 static void begin_leg(los_state_t *los)
 {
     look(los);
-    follow_line(los, los->sight_bam16);
     los->leg_ms = 0;
     los->leg_overshoots = 0;
     los->passing = false;
@@ -211,10 +211,12 @@ static void steer_leg(los_state_t *los)
         move(los);
         return;
     }
-    if (los->config->skip_failed && begin_next_leg(los))
+    if (los->config->skip_failed && begin_next_leg(los)) {
         los->skipped++;
-    else
+        follow_line(los, los->sight_bam16);
+    } else {
         end(los, failed);
+    }
 }
 
 void los_reset(los_state_t *los)
@@ -227,10 +229,12 @@ void los_step(const los_config_t *config, const route_t *route, los_state_t *los
     los->config = config;
     los->route = route;
     los->signals = signals;
-    if (los->phase == LOS_BEGIN)
+    if (los->phase == LOS_BEGIN) {
         begin_leg(los);
-    else
+        follow_line(los, los->sight_bam16);
+    } else {
         look(los);
+    }
     if (los->phase != LOS_END)
         steer_leg(los);
 

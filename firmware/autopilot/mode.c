@@ -47,6 +47,6 @@ void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *
     los_step(&config->los, route, &state->los, signals);
     if (state->los.status == LOS_ARRIVED)
         enter(state, MODE_ARRIVED, MODE_NO_FAULT);
-    else if (state->los.status != LOS_UNDERWAY)
-        enter(state, MODE_FAULT, state->los.status == LOS_OVERSHOT ? MODE_LEG_OVERSHOT : MODE_LEG_TIMED_OUT);
+    else if (state->los.status != LOS_UNDERWAY) /* the faults of a leg follow each other as guidance's do */
+        enter(state, MODE_FAULT, (mode_fault_t)(state->los.status - LOS_TIMED_OUT + MODE_LEG_TIMED_OUT));
 }
