@@ -106,8 +106,9 @@ def test_every_module_has_vectors() -> None:
     ("file", "of", "to", "module"),
     [
         ("core/h8.inc", "addx	#0,r3h\n	add.b	r0h,r3l", "add.b	r0h,r3l", "core/fix"),
-        ("core/fix_h8.s", "mov.b	#4,r6l", "mov.b	#3,r6l", "core/fix"),
-        ("core/fix_h8.s", "sub.b	r2l,r3l\n	mov.b	r3l,r3h", "mov.b	r3l,r3h", "core/fix"),
+        ("core/divide_h8.s", "mov.b	#4,r6l", "mov.b	#3,r6l", "core/fix"),
+        ("core/divide_h8.s", "sub.b	r2l,r3l\n	mov.b	r3l,r3h", "mov.b	r3l,r3h", "core/fix"),
+        ("core/fix_h8.s", "mov.w	#0x4000,r2", "mov.w	#0x3fff,r2", "core/fix"),
         ("control/pid_h8.s", "mov.b	#20,r3h", "mov.b	#21,r3h", "control/pid"),
         ("mixer/mixer_h8.s", "subx	#0,r0l\n	subx	#0,r0h", "subx	#0,r0l", "mixer/mixer"),
         ("mixer/drive_h8.s", "mov.w	#160,r1", "mov.w	#161,r1", "mixer/drive"),
