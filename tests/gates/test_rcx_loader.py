@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BRICKOS = Path("/usr/lib/brickos")
 HEAP = 0xADBC, 0xEF28
 NINE_VOLTS, LEVEL = 319, 512
+STEP_MS = 9
 
 BYTE_S = 0.002
 """Of the time-outs alone: the pseudo-terminal carries what the simulator gives, at once."""
@@ -60,6 +62,21 @@ def linked(folder: Path, name: str, at: int) -> bytes:
     return (folder / "there.bin").read_bytes()
 
 
+def address(folder: Path, name: str) -> int:
+    """Of a variable of the program that `linked` made last."""
+    symbols = subprocess.run(["h8300-hms-nm", "there.coff"], cwd=folder, capture_output=True, text=True, check=True)
+    return next(int(line.split()[0], 16) for line in symbols.stdout.splitlines() if line.split()[-1] == name)
+
+
+def periods(kernel: Kernel, clock: int) -> list[int]:
+    """From one step of the control loop to the next, ms, in a second of the kernel's own task switching."""
+    times = []
+    for _ in range(1000):
+        kernel.run(1)
+        times.append(kernel.word(clock))
+    return [(after - before) & 0xFFFF for before, after in itertools.pairwise(times) if after != before]
+
+
 def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
     """Text and data stand in the memory as if linked for there, and the copy of the data that the next start needs."""
     program = lx.read(folder / f"{name}.lx")
@@ -93,6 +110,7 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
     kernel.run(600)
     assert kernel.shows("run 1")
     assert kernel.driven != (0, 0)
+    assert set(periods(kernel, address(built, "_now_ms"))) == {STEP_MS}
 
     with RcxBrick(device=kernel) as line:
         session = Session(InfraredLink(Tower(line.path, BYTE_S)), "infrared")

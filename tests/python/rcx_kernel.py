@@ -61,7 +61,7 @@ class Kernel:
         self._pass(struct.pack(">sBB", b"l", 0, 1), BYTE_MS)
 
     def byte(self, value: int) -> bytes:
-        sent = self._pass(struct.pack(">sBB", b"l", value, 0), BYTE_MS)
+        sent = self.bring(value)
         before, self._receiving = self._receiving, self.word(RECEIVED) != 0
         if self._receiving or not before:
             return sent
@@ -71,6 +71,10 @@ class Kernel:
                 break
             sent += more
         return sent
+
+    def bring(self, value: int) -> bytes:
+        """The line brings it a byte; gives what it sends meanwhile."""
+        return self._pass(struct.pack(">sBB", b"l", value, 0), BYTE_MS)
 
     def run(self, ms: int) -> bytes:
         """Time passes; gives what the brick sends."""
