@@ -5,18 +5,23 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from random import Random
 
 import pytest
 from brickpilot.errors import InputError
 from brickpilot.flash import lx, rcx
+from brickpilot.flash.program import CREATE, DATA, DELETE, RUN, SET_HOST
 from brickpilot.hil.session import REALTIME, Session
+from brickpilot.infrared import lnp
 from brickpilot.infrared.link import InfraredLink
 from brickpilot.infrared.tower import Tower
 from rcx_brick import Faults, RcxBrick
-from rcx_kernel import PROGRAMS, RUN, Kernel
+from rcx_brickos import BrickOs
+from rcx_kernel import PROGRAMS, RUN_BUTTON, Kernel
 
 ROOT = Path(__file__).resolve().parents[2]
 BRICKOS = Path("/usr/lib/brickos")
@@ -102,7 +107,7 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
     assert kernel.shows("    1")
     assert kernel.user_tasks == 0
 
-    kernel.press(RUN)
+    kernel.press(RUN_BUTTON)
     assert kernel.shows("rESt ")
     assert kernel.user_tasks == 2
     kernel.run(1400)
@@ -125,11 +130,11 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
     assert kernel.shows("run 1")
     assert min(kernel.driven) > 0  # straight ahead: its own route began with a turn
 
-    kernel.press(RUN)
+    kernel.press(RUN_BUTTON)
     kernel.run(600)
     assert kernel.user_tasks == 0
     assert kernel.driven == (0, 0)
-    kernel.press(RUN)  # as new: data and bss are what they were
+    kernel.press(RUN_BUTTON)  # as new: data and bss are what they were
     kernel.run(2300)
     assert kernel.shows("run 1")
     assert min(kernel.driven) < 0
@@ -140,7 +145,7 @@ def test_the_autopilot_arrives_by_brickos_own_tool(kernel: Kernel, imu: Path) ->
         command = ["dll", f"-t{line.path}", "-p1", "brickpilot.lx"]
         subprocess.run(command, cwd=imu, capture_output=True, timeout=60, check=True)
     assert is_in(kernel, imu, "brickpilot")
-    kernel.press(RUN)
+    kernel.press(RUN_BUTTON)
     kernel.run(2300)
     assert kernel.shows("run 1")
 
@@ -151,7 +156,7 @@ def test_record_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: Kernel
         assert line.hit > 10
     assert done.tally.sent_again > 3
     assert is_in(kernel, imu, "record")
-    kernel.press(RUN)
+    kernel.press(RUN_BUTTON)
     assert kernel.shows("rEc  ")
     kernel.run(1500)
     kernel.run(500)
@@ -165,7 +170,7 @@ def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -
         assert kernel.user_tasks == 1
     with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="a program is running on the brick"):
         flash(record, line.path)
-    kernel.press(RUN)
+    kernel.press(RUN_BUTTON)
     kernel.run(600)
     with RcxBrick(device=kernel) as line:
         flash(record, line.path)
@@ -186,3 +191,46 @@ def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> No
         table = others if wrong == "missing" else [first + 1, *others]
         flash(dataclasses.replace(record, relocations=tuple(table)), line.path)
     assert not is_in(kernel, imu, "record")
+
+
+def some_command(random: Random, brick: BrickOs) -> bytes:
+    """One for its loader, in or out of turn, whole or cut short; none that runs a program."""
+    number = random.randrange(3)
+    slot = brick.slots[number]
+    kind = random.choice([*2 * [DELETE], *3 * [CREATE], *8 * [DATA], RUN, SET_HOST, 0, 9])
+    if slot.valid and random.random() < 0.5:
+        kind = DELETE
+    elif kind == RUN and slot.valid:
+        kind = CREATE
+    command = bytes([kind, 0 if kind == SET_HOST else number])
+    if kind == CREATE:
+        sizes = (14, 10, random.choice([20, 20, 20000]), 256, 0)
+        command += b"".join(size.to_bytes(2, "big") for size in sizes) + b"\x0a"
+    elif kind == DATA:
+        offset = max(0, slot.downloaded + random.choice([0, 0, 0, 0, -4, 4]))
+        command += offset.to_bytes(2, "big") + random.randbytes(min(8, max(1, 24 - offset)))
+    return command[: random.randrange(1, len(command))] if random.random() < 0.1 else command
+
+
+def without_addresses(reply: bytes) -> bytes:
+    """Of CREATE, or nothing: the kernel chooses them, and the sum follows; where text, data and bss begin does not."""
+    if not reply:
+        return reply
+    text, data, bss = struct.unpack(">HHH", reply[6:12])
+    return reply[:6] + bytes([data - text, bss - data])
+
+
+def test_the_loader_that_other_tests_emulate_answers_as_the_kernel(kernel: Kernel) -> None:
+    emulated, random = BrickOs(), Random(1)
+    answered = whole = 0
+    for _ in range(200):
+        command = some_command(random, emulated)
+        packet = lnp.packet(command, lnp.address(0), lnp.address(8))
+        real, other = (b"".join(brick.byte(value) for value in packet) for brick in (kernel, emulated))
+        if command[0] == CREATE:
+            real, other = without_addresses(real), without_addresses(other)
+        assert real == other, command.hex()
+        answered += bool(real)
+        whole += any(slot.valid for slot in emulated.slots)
+    assert 60 < answered < 140
+    assert whole > 20

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 ROOT = Path(__file__).resolve().parents[2]
-ON_OFF, RUN, VIEW, PRGM = 1, 2, 4, 8
+RUN_BUTTON = 2
 RECEIVED, DISPLAY, TASKS, SYSTEM_TASKS, FONT, PROGRAMS = 0xAD72, 0xEF43, 0xAD34, 0xAD38, 0xA906, 0xAC30
 """Addresses in Debian's kernel. RECEIVED is 0 between two packets; PROGRAMS begins with where the first program is."""
 

@@ -1,4 +1,4 @@
-"""paced.py PATH: a simulated RCX before an infrared tower, in real time, at the serial port PATH, until it is stopped.
+"""paced.py PATH: a simulated RCX before an infrared tower, in real time, at the serial port PATH, for an hour at most.
 
 Its kernel is brickOS's own (alone.c), and the line carries 2400 baud: what the tools take for a real brick, they take
 for this one, but for the program's own time, which the simulator does not count.
