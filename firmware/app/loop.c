@@ -6,7 +6,7 @@
 
 enum { LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
 
-static void read_sensors(signals_sensors_t *sensors)
+static void read_sensors(loop_state_t *state)
 {
     hal_imu_t imu;
     hal_rotation_t rotation;
@@ -16,29 +16,29 @@ static void read_sensors(signals_sensors_t *sensors)
 
     if (imu_status == HAL_OK || imu_status == HAL_PARTLY) {
         have |= SENSOR_GYRO;
-        sensors->yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
+        state->output.state.sensors.yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
     if (SENSOR_POSSIBLE(SENSOR_ACCELEROMETER) && imu_status == HAL_OK) {
         have |= SENSOR_ACCELEROMETER;
-        sensors->accel_surge_mm_s2 = imu.accel_surge_mm_s2;
-        sensors->accel_sway_mm_s2 = imu.accel_sway_mm_s2;
+        state->output.state.sensors.accel_surge_mm_s2 = imu.accel_surge_mm_s2;
+        state->output.state.sensors.accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
     if (SENSOR_POSSIBLE(SENSOR_ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
         have |= SENSOR_ROTATION;
-        sensors->rotation_left = rotation.left;
-        sensors->rotation_right = rotation.right;
+        state->output.state.sensors.rotation_left = rotation.left;
+        state->output.state.sensors.rotation_right = rotation.right;
     }
     if (SENSOR_POSSIBLE(SENSOR_REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
         have |= SENSOR_REFERENCE;
-        sensors->reference_x_um = reference.x_um;
-        sensors->reference_y_um = reference.y_um;
-        sensors->reference_heading_bam16 = reference.heading_bam16;
-        sensors->reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
-        sensors->reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
+        state->output.state.sensors.reference_x_um = reference.x_um;
+        state->output.state.sensors.reference_y_um = reference.y_um;
+        state->output.state.sensors.reference_heading_bam16 = reference.heading_bam16;
+        state->output.state.sensors.reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
+        state->output.state.sensors.reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&sensors->battery_mv) == HAL_OK)
+    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&state->output.state.sensors.battery_mv) == HAL_OK)
         have |= SENSOR_BATTERY;
-    sensors->have = have;
+    state->output.state.sensors.have = have;
 }
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
@@ -131,10 +131,10 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     state->output.state.sensors.period_ms = elapsed_ms < 1            ? 1
                                             : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
                                                                       : (uint8_t)elapsed_ms;
-    read_sensors(&state->output.state.sensors);
+    read_sensors(state);
     command = guard(config, state, elapsed_ms, command);
     step_run(&config->step, route, &state->step, command, &state->output);
-    hal_motors_write(state->step.drive.left_q15, state->step.drive.right_q15);
+    hal_motors_write(state->step.mixer.drive.left_q15, state->step.mixer.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);
     state->tick++;

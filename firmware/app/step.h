@@ -42,9 +42,7 @@ typedef struct {
     pid_state_t speed_pid;
     pid_state_t heading_pid;
     mixer_state_t mixer;
-    signals_drive_t drive; /* what the motors get from this step on */
-    uint8_t ahead_ms;      /* of the model's next step, gone by already: below it */
-    uint16_t battery_mv;   /* the newest reading: what the duty was made for */
+    uint8_t ahead_ms; /* of the model's next step, gone by already: below it */
 } step_state_t;
 
 /* The estimator goes on from `state`: all zero to begin with, too. */

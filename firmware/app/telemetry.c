@@ -24,7 +24,7 @@ static const uint8_t PLACES[TELEMETRY_PARTS + 1][MESSAGE_DATA_MAX] = {
     {FOUR(output.state.y_um), TWO(output.state.speed_mm_s_q4), TICK, NONE},
     {TWO(output.state.yaw_rate_mrad_s), TWO(step.mode.los.cross_track_mm), TWO(step.mode.los.heading_error_bam16), TICK,
      ONE(step.mode.mode)},
-    {TWO(step.mode.demand.speed_mm_s_q4), TWO(step.mode.demand.heading_bam16), TWO(step.battery_mv), TICK,
+    {TWO(step.mode.los.demand.speed_mm_s_q4), TWO(step.mode.los.demand.heading_bam16), TWO(step.mixer.battery_mv), TICK,
      ONE(step.mode.fault)},
     {TWO(output.speed.proportional_mv), TWO(output.speed.integral_mv), TWO(output.speed.derivative_mv), TICK, NONE},
     {TWO(output.heading.proportional_mv), TWO(output.heading.integral_mv), TWO(output.heading.derivative_mv), TICK,
@@ -42,7 +42,7 @@ static uint8_t sat_u8(uint16_t value)
 static uint8_t last_of(uint8_t part, const loop_state_t *state)
 {
     const mode_state_t *const mode = &state->step.mode;
-    const signals_drive_t *const drive = &state->step.drive;
+    const signals_drive_t *const drive = &state->step.mixer.drive;
 
     if (part == TELEMETRY_HEARTBEAT)
         return sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));

@@ -1,44 +1,33 @@
 #include "autopilot/los.h"
 
+#include <stddef.h>
+
 #include "core/bytes.h"
 #include "core/fix.h"
 #include "core/trig.h"
 
 #define QUARTER_TURN 16384U
 
-static int32_t product(const los_state_t *los, int16_t x, int16_t y)
+static int16_t look_across(int16_t waypoint_mm, const int32_t *robot_um, int32_t *to_um)
 {
-    const int32_t along_x = fix_mul(los->to_x.mm, x);
-    return along_x + fix_mul(los->to_y.mm, y);
-}
-
-/* How far the waypoint lies in a direction. */
-static int16_t along_mm(const los_state_t *los, const los_direction_t *direction)
-{
-    return fix_sat16(fix_round_shift(product(los, direction->cos_q15, direction->sin_q15), 15));
-}
-
-/* By magnitude, so that both directions round alike; 16777 / 2^24 is 1/1000, low by 13 parts in a million. */
-static void look_across(int16_t waypoint_mm, const int32_t *robot_um, los_offset_t *to)
-{
-    to->um = fix_sub32(fix_mul(waypoint_mm, 1000), *robot_um);
-    to->mm = fix_sat16(fix_round_shift(fix_share_q16(to->um, 16777), 8));
+    *to_um = fix_less(fix_mul(waypoint_mm, 1000), robot_um);
+    return fix_thousandth(*to_um);
 }
 
 static void look(los_state_t *los)
 {
     const route_waypoint_t *waypoint = &los->route->waypoints[los->waypoint];
 
-    look_across(waypoint->x_mm, &los->signals->x_um, &los->to_x);
-    look_across(waypoint->y_mm, &los->signals->y_um, &los->to_y);
-    los->distance_squared_mm2 = product(los, los->to_x.mm, los->to_y.mm);
-    los->sight_bam16 = trig_atan2_bam16(&los->to_y.um, &los->to_x.um);
+    los->to_mm.x = look_across(waypoint->x_mm, &los->signals->x_um, &los->to_x_um);
+    los->to_mm.y = look_across(waypoint->y_mm, &los->signals->y_um, &los->to_y_um);
+    los->distance_squared_mm2 = fix_dot(&los->to_mm, &los->to_mm);
+    los->sight_bam16 = trig_atan2_bam16(&los->to_y_um, &los->to_x_um);
 }
 
-static void look_along(los_direction_t *direction, uint16_t bearing_bam16)
+static void look_along(fix_pair_t *direction_q15, uint16_t bearing_bam16)
 {
-    direction->cos_q15 = trig_cos_q15(bearing_bam16);
-    direction->sin_q15 = trig_sin_q15(bearing_bam16);
+    direction_q15->x = trig_cos_q15(bearing_bam16);
+    direction_q15->y = trig_sin_q15(bearing_bam16);
 }
 
 static uint16_t heading_error_bam16(los_state_t *los)
@@ -47,10 +36,10 @@ static uint16_t heading_error_bam16(los_state_t *los)
     return fix_abs_u16(los->heading_error_bam16);
 }
 
-/* The square of the distance to the waypoint, less that of a distance. */
-static int32_t beyond_mm2(const los_state_t *los, uint16_t distance_mm)
+/* How the distance to the waypoint compares with another one: less than 0, 0 or more. */
+static int16_t beyond(const los_state_t *los, uint16_t distance_mm)
 {
-    return los->distance_squared_mm2 - (int32_t)fix_mul_u16(distance_mm, distance_mm);
+    return fix_against_square(&los->distance_squared_mm2, distance_mm);
 }
 
 static void enter(los_state_t *los, los_phase_t phase)
@@ -67,7 +56,7 @@ static void enter_brake(los_state_t *los)
 
 static void enter_drive(los_state_t *los)
 {
-    look_along(&los->pass, los->sight_bam16);
+    look_along(&los->pass_q15, los->sight_bam16);
     los->passing = true;
     enter(los, LOS_DRIVE);
 }
@@ -89,13 +78,13 @@ static bool pivots(los_state_t *los)
 
 static void follow_line(los_state_t *los, uint16_t bearing_bam16)
 {
-    look_along(&los->left, (uint16_t)(bearing_bam16 - QUARTER_TURN));
+    look_along(&los->left_q15, (uint16_t)(bearing_bam16 - QUARTER_TURN));
 }
 
+/* Whose line the caller follows then. */
 static void begin_leg(los_state_t *los)
 {
     look(los);
-    follow_line(los, los->sight_bam16);
     los->leg_ms = 0;
     los->leg_overshoots = 0;
     los->passing = false;
@@ -131,7 +120,7 @@ static void reach(los_state_t *los)
 /* True when this step finds the robot past the plane through the waypoint once too often. */
 static bool overshoots(los_state_t *los)
 {
-    if (!los->passing || along_mm(los, &los->pass) >= -(int16_t)los->config->overshoot_mm)
+    if (!los->passing || fix_along(&los->to_mm, &los->pass_q15) >= -(int16_t)los->config->overshoot_mm)
         return false;
     los->passing = false;
     los->overshoots = fix_count_u16(los->overshoots);
@@ -144,7 +133,7 @@ static bool overshoots(los_state_t *los)
 /* What ends the phase holds in this step: whether it has for long enough. */
 static bool held(los_state_t *los, uint16_t needed_ms)
 {
-    los->quiet_ms = fix_add_u16(los->quiet_ms, los->period_ms);
+    los->quiet_ms = fix_add_u16(los->quiet_ms, los->signals->sensors.period_ms);
     return los->quiet_ms >= needed_ms;
 }
 
@@ -169,7 +158,7 @@ static void move(los_state_t *los)
         brake(los);
         return;
     }
-    if (beyond_mm2(los, (uint16_t)(config->bearing_hold_mm + 1U)) >= 0)
+    if (beyond(los, (uint16_t)(config->bearing_hold_mm + 1U)) >= 0)
         los->bearing_bam16 = los->sight_bam16;
     if (los->phase == LOS_DRIVE)
         (void)pivots(los);
@@ -180,33 +169,40 @@ static void move(los_state_t *los)
         enter_drive(los);
 }
 
+static uint16_t twice_decel_mm_s2(const los_state_t *los)
+{
+    return (uint16_t)(los->config->decel_mm_s2 << 1);
+}
+
 /* The speed from which the robot can still brake: the square root of 2 decel distance. No root where the larger part of the
  * distance is enough for cruise. */
-static int16_t approach_speed_mm_s_q4(const los_state_t *los)
+static uint16_t approach_speed_mm_s_q4(const los_state_t *los)
 {
-    const los_config_t *config = los->config;
-    const uint16_t twice_decel = (uint16_t)(config->decel_mm_s2 << 1);
-    const uint16_t x_mm = fix_abs_u16(los->to_x.mm), y_mm = fix_abs_u16(los->to_y.mm);
-    uint16_t speed = (uint16_t)config->cruise_mm_s_q4, braking;
+    const uint16_t cruise = (uint16_t)los->config->cruise_mm_s_q4;
+    const uint16_t cruise_squared_high = (uint16_t)(fix_mul_u16(cruise, cruise) >> 16);
+    uint16_t distance_mm = fix_abs_u16(los->to_mm.x), speed = fix_abs_u16(los->to_mm.y);
 
-    if (fix_mul_u16(twice_decel, x_mm > y_mm ? x_mm : y_mm) <= (fix_mul_u16(speed, speed) - 1U) >> 8) {
-        braking = fix_sqrt_u32(fix_mul_u16(twice_decel, fix_sqrt_u32((uint32_t)los->distance_squared_mm2)) << 8);
-        if (braking < speed)
-            speed = braking;
-        if (speed < (uint16_t)config->creep_mm_s_q4)
-            speed = (uint16_t)config->creep_mm_s_q4;
-    }
-    return (int16_t)speed;
+    if (distance_mm < speed)
+        distance_mm = speed;
+    if (fix_mul_u16(twice_decel_mm_s2(los), distance_mm) >> 8 > cruise_squared_high)
+        return cruise;
+    distance_mm = fix_sqrt_u32((uint32_t)los->distance_squared_mm2);
+    speed = fix_sqrt_u32(fix_mul_u16(twice_decel_mm_s2(los), distance_mm) << 8);
+    if (speed > cruise)
+        speed = cruise;
+    if (speed < (uint16_t)los->config->creep_mm_s_q4)
+        speed = (uint16_t)los->config->creep_mm_s_q4;
+    return speed;
 }
 
 static void steer_leg(los_state_t *los)
 {
     los_status_t failed;
 
-    los->leg_ms += los->period_ms;
+    los->leg_ms += los->signals->sensors.period_ms;
     if ((int32_t)(los->config->leg_timeout_ms - los->leg_ms) < 0) {
         failed = LOS_TIMED_OUT;
-    } else if (!los->last_reached && beyond_mm2(los, los->config->acceptance_mm) <= 0) {
+    } else if (!los->last_reached && beyond(los, los->config->acceptance_mm) <= 0) {
         reach(los);
         return;
     } else if (overshoots(los)) {
@@ -215,33 +211,35 @@ static void steer_leg(los_state_t *los)
         move(los);
         return;
     }
-    if (los->config->skip_failed && begin_next_leg(los))
+    if (los->config->skip_failed && begin_next_leg(los)) {
         los->skipped++;
-    else
+        follow_line(los, los->sight_bam16);
+    } else {
         end(los, failed);
+    }
 }
 
 void los_reset(los_state_t *los)
 {
-    bytes_clear(los, sizeof *los);
+    bytes_clear(&los->to_x_um, (uint16_t)(sizeof *los - offsetof(los_state_t, to_x_um)));
 }
 
-void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
-              uint8_t period_ms, signals_demand_t *demand)
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals)
 {
     los->config = config;
     los->route = route;
     los->signals = signals;
-    los->period_ms = period_ms;
-    if (los->phase == LOS_BEGIN)
+    if (los->phase == LOS_BEGIN) {
         begin_leg(los);
-    else
+        follow_line(los, los->sight_bam16);
+    } else {
         look(los);
+    }
     if (los->phase != LOS_END)
         steer_leg(los);
 
-    demand->speed_mm_s_q4 = los->phase == LOS_DRIVE ? approach_speed_mm_s_q4(los) : 0;
-    demand->heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
-    los->cross_track_mm = along_mm(los, &los->left);
+    los->demand.speed_mm_s_q4 = los->phase == LOS_DRIVE ? (int16_t)approach_speed_mm_s_q4(los) : 0;
+    los->demand.heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
+    los->cross_track_mm = fix_along(&los->to_mm, &los->left_q15);
     (void)heading_error_bam16(los);
 }

@@ -9,6 +9,7 @@
 #define BRICKPILOT_AUTOPILOT_LOS_H
 
 #include "autopilot/route.h"
+#include "core/fix.h"
 #include "core/signals.h"
 
 typedef struct {
@@ -41,29 +42,19 @@ enum {
 };
 typedef uint8_t los_status_t;
 
-/* A direction in the arena that stays for many steps, by what takes time to compute. */
-typedef struct {
-    int16_t cos_q15;
-    int16_t sin_q15;
-} los_direction_t;
-
-/* From the robot to the waypoint in one coordinate. */
-typedef struct {
-    int32_t um;
-    int16_t mm;
-} los_offset_t;
-
 /* All zero: the next step begins the route at its first waypoint, from wherever the robot is. */
 typedef struct {
     /* What the newest step was about: every step makes it new, and nobody looks through the pointers after it. */
     const los_config_t *config;
     const route_t *route;
     const signals_state_t *signals;
-    los_offset_t to_x;
-    los_offset_t to_y;
+    signals_demand_t demand; /* its answer; whether to drive at all is the mode's */
+
+    int32_t to_x_um; /* from the robot to the waypoint */
+    int32_t to_y_um;
+    fix_pair_t to_mm;
     int32_t distance_squared_mm2;
-    uint16_t sight_bam16; /* the direction from the robot to the waypoint */
-    uint8_t period_ms;
+    uint16_t sight_bam16; /* the direction of the waypoint */
 
     los_phase_t phase;
     los_status_t status;
@@ -76,20 +67,18 @@ typedef struct {
     uint16_t bearing_bam16;      /* to the waypoint, held near it */
     int16_t heading_error_bam16; /* bearing minus heading */
     int16_t cross_track_mm;      /* from the leg's line, right of it positive */
-    los_direction_t pass;        /* ahead at the beginning of DRIVE: normal to the plane of the overshoot rule */
-    los_direction_t left;        /* of the leg's line, from the waypoint before to this one */
+    fix_pair_t pass_q15;         /* ahead at the beginning of DRIVE: normal to the plane of the overshoot rule */
+    fix_pair_t left_q15;         /* of the leg's line, from the waypoint before to this one */
     uint16_t hold_heading_bam16; /* at the beginning of BRAKE */
     uint16_t quiet_ms;           /* how long the condition that ends the phase has held */
     uint32_t leg_ms;             /* time on this leg */
 } los_state_t;
 
-/* All zero: the next step begins the route again. */
+/* All zero but the demand: the next step begins the route again. */
 void los_reset(los_state_t *los);
 
-/* One step, period_ms 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on time-out
- * or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset().
- * `demand`: speed and heading; whether to drive at all is the mode's. */
-void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals,
-              uint8_t period_ms, signals_demand_t *demand);
+/* One step, of signals->sensors.period_ms, 1..255. `route` holds a route that route_set() took; `signals` is valid. A leg fails on
+ * time-out or overshoots; past the end (arrived or failed) nothing but cross-track and heading error changes until los_reset(). */
+void los_step(const los_config_t *config, const route_t *route, los_state_t *los, const signals_state_t *signals);
 
 #endif

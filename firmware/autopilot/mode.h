@@ -38,13 +38,12 @@ typedef struct {
     mode_name_t mode;
     mode_fault_t fault; /* why FAULT was entered; cleared by a reset */
     uint16_t lost_ms;   /* for how long the state has been invalid */
-    signals_demand_t demand;
-    los_state_t los; /* of the last step in RUN */
+    los_state_t los;    /* of the last step in RUN; its demand is of every step */
 } mode_state_t;
 
-/* One step, period_ms 1..255. `command` acts where the diagram has an arrow for it (abort and cut: in RUN) and is ignored
- * elsewhere. What the robot shall do and how far it is stands in state->demand, ->mode, ->fault and ->los. */
+/* One step, of signals->sensors.period_ms, 1..255. `command` acts where the diagram has an arrow for it (abort and cut: in RUN) and
+ * is ignored elsewhere. What the robot shall do and how far it is stands in state->mode, ->fault and ->los. */
 void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
-               mode_command_t command, uint8_t period_ms);
+               mode_command_t command);
 
 #endif

@@ -26,9 +26,6 @@ enum {
 };
 typedef uint8_t route_status_t;
 
-/* What route_set() would say. */
-route_status_t route_check(const route_waypoint_t *waypoints, uint8_t count);
-
 /* The route is written only with ROUTE_OK. */
 route_status_t route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count);
 

@@ -2,6 +2,7 @@
 
 #include "core/fix.h"
 
+#ifndef FIX_IN_ASSEMBLY
 enum { PERIOD_MAX_MS = 20 };
 
 /* mV/s Q10 times ms is mV Q16 times 0.064: that times the period, times 2^14: 1048.576 a millisecond, to the nearest. By bytes,
@@ -22,34 +23,31 @@ static void integrate(const pid_config_t *config, pid_state_t *state, const pid_
     if (change_mv_q16 != 0 && (direction == terms->limited || direction == terms->saturated))
         state->held_steps = fix_count_u16(state->held_steps);
     else
-        state->integral_mv_q16 = fix_clamp32(fix_add32(state->integral_mv_q16, change_mv_q16),
-                                             (int32_t)((uint32_t)(uint16_t)config->limit_mv << 16));
+        state->integral_mv_q16 = fix_clamp_q16(fix_add_to(change_mv_q16, &state->integral_mv_q16), config->limit_mv);
 }
 
-/* Rounded by magnitude; saturated for telemetry. */
-static int32_t part_mv(int16_t gain_mv_q10, int16_t value, int16_t *told_mv)
-{
-    const int32_t mv = gain_mv_q10 == 0 ? 0 : fix_round_shift(fix_mul(gain_mv_q10, value), 10);
-    *told_mv = fix_sat16(mv);
-    return mv;
-}
-
-void pid_stop(pid_state_t *state)
+void pid_stop(pid_state_t *state, pid_terms_t *terms)
 {
     state->integral_mv_q16 = 0;
+    terms->limited = 0;
+    terms->output_mv = 0;
+    terms->proportional_mv = 0;
+    terms->integral_mv = 0;
+    terms->derivative_mv = 0;
 }
 
 void pid_step(const pid_config_t *config, pid_state_t *state, pid_terms_t *terms)
 {
+    const int32_t proportional_mv = fix_gain_q10(config->kp_mv_q10, terms->error);
+    const int32_t derivative_mv = -fix_gain_q10(config->kd_mv_q10, terms->rate);
     int16_t asked_mv;
-    int32_t wanted_mv = part_mv(config->kp_mv_q10, terms->error, &terms->proportional_mv);
 
-    wanted_mv += part_mv((int16_t)-config->kd_mv_q10, terms->rate, &terms->derivative_mv);
+    terms->proportional_mv = fix_sat16(proportional_mv);
+    terms->derivative_mv = fix_sat16(derivative_mv);
     terms->integral_mv = (int16_t)fix_round_shift(state->integral_mv_q16, 16);
-    wanted_mv += terms->integral_mv;
-    wanted_mv += terms->feedforward_mv;
-    asked_mv = fix_sat16(wanted_mv);
+    asked_mv = fix_sat16(proportional_mv + derivative_mv + terms->integral_mv + terms->feedforward_mv);
     terms->output_mv = fix_clamp16(asked_mv, config->limit_mv);
     terms->limited = fix_excess(asked_mv, terms->output_mv, &state->limited_steps);
     integrate(config, state, terms);
 }
+#endif

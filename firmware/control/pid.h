@@ -18,11 +18,13 @@
  *   heading  kp [V per rad]     1024 * kp * 0.09587380   up to 333 V per rad (2000 pi / 65536 = 0.0958738)
  *            ki [V per rad s]   1024 * ki * 0.09587380
  *            kd [V per rad/s]   1024 * kd                up to 31.9 V per rad/s
+ *
+ * pid_h8.S walks along this struct and the next ones: the order counts.
  */
 typedef struct {
+    int16_t kd_mv_q10; /* mV per rate unit, 0..32767 */
     int16_t kp_mv_q10; /* mV per error unit, 0..32767 */
     int16_t ki_mv_q10; /* mV per error unit and second, 0..32767 */
-    int16_t kd_mv_q10; /* mV per rate unit, 0..32767 */
     int16_t limit_mv;  /* of the output, of the integrator: 0..20000 */
 } pid_config_t;
 
@@ -35,8 +37,8 @@ typedef struct {
 
 typedef struct {
     /* Told to pid_step(). */
-    int16_t error;          /* demand minus measurement, error units, any */
     int16_t rate;           /* of change of the measurement, rate units, any; 0 where unknown */
+    int16_t error;          /* demand minus measurement, error units, any */
     int16_t feedforward_mv; /* any */
     int8_t saturated;       /* the mixer's answer to the last output: 1 less than asked, -1 more, 0 in full */
     uint8_t period_ms;      /* 1..20; beyond counts as 20 */
@@ -53,8 +55,8 @@ typedef struct {
  * integrator to: within 1 mV. The counts are kept. The loop begins its runs at rest, with nothing to take over; it does not call it. */
 void pid_start(const pid_config_t *config, pid_state_t *state, const pid_terms_t *terms, int16_t output_mv);
 
-/* Empties the integrator; the counts are kept. */
-void pid_stop(pid_state_t *state);
+/* No output: all of the answer is 0. Empties the integrator; the counts are kept. */
+void pid_stop(pid_state_t *state, pid_terms_t *terms);
 
 /* output = feedforward + kp error + integral - kd rate, limited; the integral is advanced after its use (forward
  * Euler). Each part is rounded to the nearest mV. The integrator's gain is within 0.05 % (0.01 % at 3 ms); each of its

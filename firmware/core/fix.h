@@ -14,7 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: on the RCX all of it, and more, stands in fix_h8.s and the like; the C forms are its definition. FIX_INLINE: what
+/* FIX_IN_ASSEMBLY: on the RCX all of it, and more, stands in fix_h8.S and the like; the C forms are its definition. FIX_INLINE: what
  * stands before the small functions; there, where each would take 20 to 100 bytes wherever it is used, they are called. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
@@ -26,6 +26,12 @@
 #define FIX_INT16_MAX 32767
 #define FIX_INT32_MAX 2147483647L
 
+/* Two coordinates, or a direction's cosine and sine. */
+typedef struct {
+    int16_t x;
+    int16_t y;
+} fix_pair_t;
+
 /* Exact 16 x 16 -> 32 bit product of magnitudes; any operands. */
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
 
@@ -35,13 +41,18 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 /* Exact signed product. Any operands: at most 2^30 in magnitude. */
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
 
+/* Exact scalar product; without -32768. How far `of` goes in a direction: the same / 2^15, to the nearest, halves away from zero,
+ * saturated. */
+int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with);
+int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15);
+
+/* *value, 0..2^31-1, as compared with the square of `root`, 0..32768: less than 0, 0, or more. */
+int16_t fix_against_square(const int32_t *value, uint16_t root);
+
 /* Saturating conversions and sums; any operands. */
 FIX_INLINE int16_t fix_sat16(int32_t value);
-int32_t fix_add32(int32_t a, int32_t b); /* saturates at +-(2^31 - 1) */
-int32_t fix_sub32(int32_t a, int32_t b);
-int32_t fix_add_to(int32_t value, int32_t *sum); /* *sum = fix_add32(*sum, value), which it returns */
-int32_t fix_less(int32_t value,
-                 const int32_t *other); /* fix_sub32(value, *other); both shorter than what takes two values */
+int32_t fix_add_to(int32_t value, int32_t *sum);       /* *sum += value, at most +-(2^31 - 1), which it returns */
+int32_t fix_less(int32_t value, const int32_t *other); /* value - *other, the same */
 FIX_INLINE int16_t fix_add16(int16_t a, int16_t b);
 FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b);
 
@@ -56,8 +67,12 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit);
  * Any value; bits 1..30, a constant. */
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
-/* The same as 16 bits, saturated. */
+/* The same as 16 bits, saturated; bits 8..30. */
 int16_t fix_round16(int32_t value, uint8_t bits);
+
+/* gain * value, rounded to the nearest, halves away from zero; the second saturated, too. gain 0..32767, value any. */
+FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value);
+int16_t fix_gain16_q10(int16_t gain_q10, int16_t value);
 
 /* value * 256. */
 int32_t fix_q8(int16_t value);
@@ -91,6 +106,9 @@ int16_t fix_share16_q15(int16_t value, int16_t factor_q15);
 
 /* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
 int32_t fix_share_q16(int32_t value, uint16_t factor_q16);
+
+/* value / 1000, as 16777 / 2^24, low by 13 parts in a million; to the nearest, halves away from zero, saturated. */
+int16_t fix_thousandth(int32_t value);
 
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);

@@ -1,4 +1,4 @@
-/* fix_small.h: the bodies of fix.h's small functions, inline; not for the RCX, which has them in fix_h8.s. */
+/* fix_small.h: the bodies of fix.h's small functions, inline; not for the RCX, which has them in fix_h8.S. */
 #ifndef BRICKPILOT_CORE_FIX_SMALL_H
 #define BRICKPILOT_CORE_FIX_SMALL_H
 
@@ -43,6 +43,11 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
 {
     const uint32_t magnitude = (fix_abs_u32(value) + ((uint32_t)1 << (bits - 1))) >> bits;
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value)
+{
+    return fix_round_shift(fix_mul(gain_q10, value), 10);
 }
 
 FIX_INLINE uint16_t fix_abs_u16(int16_t value)

@@ -9,7 +9,7 @@ typedef struct {
     uint8_t bends[128];
 } curve_t;
 
-/* Not static, and laid out for it: trig_h8.s reads them. */
+/* Not static, and laid out for it: trig_h8.S reads them. */
 extern const curve_t trig_sine_q15, trig_arctan_bam16_q2;
 
 /* 32767 sin(i / 256 of a quarter turn): neighbours differ by at most 201, so that a step times a rest is 8 x 8 bits. */

@@ -8,7 +8,10 @@ enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980, BLIND_LIMIT_MS = 65000 };
 /* The gyro's rate, less what is known of its errors. */
 static int16_t measured_mrad_s(const heading_config_t *config, int16_t gyro_mrad_s)
 {
-    const int32_t rate_q8 = fix_q8(fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s));
+    const int16_t rate_mrad_s = fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s);
+    if (config->gyro_scale_q15 == 0)
+        return rate_mrad_s;
+    const int32_t rate_q8 = fix_q8(rate_mrad_s);
     return fix_round16(rate_q8 + fix_share_q15(rate_q8, config->gyro_scale_q15), 8);
 }
 

@@ -3,6 +3,9 @@
 #include "core/fix.h"
 #include "core/trig.h"
 
+#ifdef FIX_IN_ASSEMBLY
+#include "estimator/pose_h8.h"
+#else
 static uint16_t middle_bam16(uint16_t before_bam16, uint16_t after_bam16)
 {
     const int16_t turned = fix_angle_diff_bam16(after_bam16, before_bam16);
@@ -35,3 +38,4 @@ void pose_step(pose_state_t *state, signals_state_t *signals)
     }
     state->heading_bam16 = signals->heading_bam16;
 }
+#endif

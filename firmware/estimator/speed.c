@@ -2,6 +2,9 @@
 
 #include "core/fix.h"
 
+#ifdef FIX_IN_ASSEMBLY
+#include "estimator/speed_h8.h"
+#else
 enum {
     Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: (um/s q8) to (mm/s q17) */
     PER_1000_Q24 = 16777,            /* applied as q15, then 9 bits */
@@ -147,3 +150,4 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_s
     }
     return fix_less(state->speed_mm_s_q17, &signals->predicted->surge_mm_s_q17);
 }
+#endif

@@ -17,12 +17,12 @@
 
 #define DRIVE_STILL_MM_S_Q4 160 /* 10 mm/s */
 
-/* One side. */
+/* One side; drive_h8.S walks along it: the order counts. */
 typedef struct {
-    int16_t gain_q15;    /* of the voltage, beyond 1: -32767..32767 = -1..1 */
     int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
-    int16_t friction_mv; /* 0..20000 */
     int16_t offset_mv;   /* -20000..20000 */
+    int16_t friction_mv; /* 0..20000 */
+    int16_t gain_q15;    /* of the voltage, beyond 1: -32767..32767 = -1..1 */
 } drive_side_t;
 
 typedef struct {

@@ -18,18 +18,21 @@ typedef struct {
 
 /* All zero to begin with. Counts are of steps and stay at 65535. */
 typedef struct {
+    signals_drive_t drive; /* what the motors get from the newest step on */
+    uint16_t battery_mv;   /* the newest reading: what the duty is made for */
     uint16_t surge_saturated_steps;
     uint16_t yaw_saturated_steps;
     uint16_t battery_low_steps; /* the reading was below the floor */
-    uint16_t battery_mv;        /* what the newest step reckoned with ... */
-    int16_t most_mv;            /* ... of which the motors may have this */
 } mixer_state_t;
 
-/* `battery_mv` any; above 20000 counts as 20000. Efforts any.
+/* The duty was made for state->battery_mv; the next reading says what the motors had: the voltages told become those. */
+void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv);
+
+/* Sets state->drive. state->battery_mv any; above 20000 counts as 20000. Efforts any.
  * Voltages are within battery * max_duty less the drive's reserve, and are those that the model's motors would get;
  * duty is what drive_voltage_mv() makes of them, at most max_duty, over battery, rounded to the nearest 1/32767: the
  * battery's own voltage gives 32767. No effort gives duty 0, whatever the drive. `motion`: speed and yaw rate count. */
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
-                const signals_state_t *motion, uint16_t battery_mv, signals_drive_t *drive);
+                const signals_state_t *motion);
 
 #endif

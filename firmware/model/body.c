@@ -1,5 +1,16 @@
 #include "model/body_parts.h"
 
+/* On the RCX body_h8.S has what the profile `coupled` does, and in a build without the other all of this file. */
+#ifdef FIX_IN_ASSEMBLY
+#include "model/body_h8.h"
+void body_h8_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
+void body_h8_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
+#define predict_coupled body_h8_predict
+#define correct_coupled body_h8_correct_surge
+#endif
+
+#if !defined(FIX_IN_ASSEMBLY) || !defined(BODY_WITHOUT_PAPER)
+
 enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
 
 static inline int32_t clamp_speed(int32_t speed_mm_s_q17)
@@ -20,6 +31,7 @@ static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_
     return speed_mm_s_q17 < 0 ? loss : -loss;
 }
 
+#ifndef FIX_IN_ASSEMBLY
 static void predict_coupled(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv,
                             int16_t right_mv)
 {
@@ -32,6 +44,17 @@ static void predict_coupled(const body_coefficients_t *coefficients, body_state_
     state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
     state->motion.yaw_rate_mrad_s_q12 = scale_apply(&coefficients->yaw_rate_from_wheel, difference->speed_mrad_s_q13);
 }
+
+static void correct_coupled(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17)
+{
+    motor_state_t *const mean = &state->motor[0];
+    const int32_t quarter = scale_apply(&coefficients->quarter_wheel_from_surge, change_mm_s_q17);
+    for (uint8_t i = 0; i < 4; i++)
+        fix_add_to(quarter, &mean->speed_mrad_s_q13);
+    mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536);
+    state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
+}
+#endif
 
 #ifndef BODY_WITHOUT_PAPER
 /* Change of speed by one wheel's thrust in this step, mm/s q24. */
@@ -85,7 +108,7 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
 
     const direction_t before = direction_of(rounded_heading_bam16(state));
     state->motion.yaw_rate_mrad_s_q12 =
-        fix_clamp_q16(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
+        fix_clamp_q16(fix_add_to(gain, &state->motion.yaw_rate_mrad_s_q12), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
     const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
     push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
          drag(coefficients, state->motion.surge_mm_s_q17), drag(coefficients, state->motion.sway_mm_s_q17));
@@ -120,10 +143,6 @@ void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *s
         state->motion.surge_mm_s_q17 = clamp_speed(state->motion.surge_mm_s_q17 + change_mm_s_q17);
         return;
     }
-    motor_state_t *const mean = &state->motor[0];
-    const int32_t quarter = scale_apply(&coefficients->quarter_wheel_from_surge, change_mm_s_q17);
-    for (uint8_t i = 0; i < 4; i++)
-        fix_add_to(quarter, &mean->speed_mrad_s_q13);
-    mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536);
-    state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
+    correct_coupled(coefficients, state, change_mm_s_q17);
 }
+#endif

@@ -1,4 +1,4 @@
-# The compiler's assembly, with the ends of functions replaced by jumps to the same instructions in firmware/core/ends_h8.s, and
+# The compiler's assembly, with the ends of functions replaced by jumps to the same instructions in firmware/core/ends_h8.S, and
 # a call that is followed by the return by a jump. Results stay in r0 and r1, and a caller expects nothing in r2 and r3.
 { line[NR] = $0 }
 

@@ -69,7 +69,8 @@ static void take(const message_t *message)
         if (is_due())
             loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
         else
-            hal_motors_write(loop.step.drive.left_q15, loop.step.drive.right_q15); /* they keep what they have */
+            hal_motors_write(loop.step.mixer.drive.left_q15,
+                             loop.step.mixer.drive.right_q15); /* they keep what they have */
         link_stepped(&port);
     }
     while (link_give(&port, &answer)) {

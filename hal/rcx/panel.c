@@ -15,11 +15,11 @@ uint8_t panel_pressed(void)
 void panel_show(const mode_state_t *mode, bool starting)
 {
     enum { STARTING = MODE_FAULT + 1, SIZE = 6 };
-    static const char TEXTS[][SIZE] = {[MODE_IDLE] = "idLE",
+    static const char TEXTS[][SIZE] = {[MODE_IDLE] = "idLE ",
                                        [MODE_RUN] = "run  ",
-                                       [MODE_ARRIVED] = "donE",
+                                       [MODE_ARRIVED] = "donE ",
                                        [MODE_FAULT] = "Err  ",
-                                       [STARTING] = "rESt"};
+                                       [STARTING] = "rESt "};
     static uint16_t shown;
     const uint8_t text = starting && mode->mode == MODE_IDLE ? STARTING : (uint8_t)mode->mode;
     uint8_t number = 0;

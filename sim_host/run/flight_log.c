@@ -77,8 +77,8 @@ static void put_controller(double *at, const loop_state_t *loop, const sil_port_
                              mode->los.phase,
                              mode->los.waypoint,
                              mode->los.overshoots,
-                             mode->demand.speed_mm_s_q4 / 16e3,
-                             bam16_to_rad(mode->demand.heading_bam16),
+                             mode->los.demand.speed_mm_s_q4 / 16e3,
+                             bam16_to_rad(mode->los.demand.heading_bam16),
                              mode->los.heading_error_bam16 * (TURN / 65536.0),
                              mode->los.cross_track_mm * 1e-3,
                              out->speed.proportional_mv * 1e-3,
@@ -91,8 +91,8 @@ static void put_controller(double *at, const loop_state_t *loop, const sil_port_
                              out->effort.yaw_mv * 1e-3,
                              port->left_q15 / 32767.0,
                              port->right_q15 / 32767.0,
-                             loop->step.drive.surge_saturated,
-                             loop->step.drive.yaw_saturated};
+                             loop->step.mixer.drive.surge_saturated,
+                             loop->step.mixer.drive.yaw_saturated};
     for (size_t i = 0; i < sizeof values / sizeof *values; i++)
         *at++ = values[i];
 }

@@ -18,9 +18,9 @@ PARTS = 16
 PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
-# Those that an RCX's program is built for. The host's build is for all sensors, and is fed these alone.
-POSSIBLE = re.findall(r"-DSENSORS_POSSIBLE=\([A-Z_|]+\)", (ROOT / "hal/rcx/flags").read_text())
-OF_EACH_SENSORS = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed")
+# Those that an RCX's program is built with. The host's build is for all sensors, and is fed these alone.
+PROGRAMS = re.findall(r"-D[^']+", (ROOT / "hal/rcx/flags").read_text())
+OF_EACH_PROGRAM = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed", "model/body")
 
 # These call the HAL: the missions on the simulator do so too, tests/python/test_hil_h8sim.py.
 WITHOUT_VECTORS = {"app/loop", "app/serve"}
@@ -29,16 +29,16 @@ NOT_ON_THE_RCX = {"wire/slcan"}
 VECTORS = ROOT / "tests/vectors"
 MODULES = sorted(path.relative_to(VECTORS).with_suffix("").as_posix() for path in VECTORS.glob("*/*.c"))
 CASES = [(module, flag) for module in MODULES for flag in (PROFILES if module in OF_EACH_PROFILE else ("",))]
-CASES += [(module, flag) for flag in POSSIBLE for module in OF_EACH_SENSORS]
+CASES += [(module, flags) for flags in PROGRAMS for module in OF_EACH_PROGRAM]
 
 Told = tuple[list[str], list[str], list[str]]
 """What the host's program says, the same under the sanitizer, and the RCX's on its simulator."""
 
 
-def build(root: Path, kind: str, folder: Path, flag: str, modules: Iterable[str]) -> None:
+def build(root: Path, kind: str, folder: Path, flags: str, modules: Iterable[str]) -> None:
     """Programs of the checkout at `root`."""
     sources = [f"tests/vectors/{module}.c" for module in modules]
-    subprocess.run([root / "tests/vectors/build", kind, folder, *filter(None, [flag]), *sources], check=True)
+    subprocess.run([root / "tests/vectors/build", kind, folder, *flags.split(), *sources], check=True)
 
 
 def run(*command: str | Path) -> list[str]:
@@ -90,7 +90,8 @@ def test_a_module_gives_the_same_on_the_h8(
 
 
 def test_vectors_are_of_both_sets_of_sensors() -> None:
-    assert len(POSSIBLE) == 2
+    assert [re.search("SENSOR_ROTATION", flags) is not None for flags in PROGRAMS] == [False, True]
+    assert all("-DSENSORS_POSSIBLE=" in flags and "-DBODY_WITHOUT_PAPER" in flags for flags in PROGRAMS)
 
 
 def test_every_module_has_vectors() -> None:
@@ -105,10 +106,21 @@ def test_every_module_has_vectors() -> None:
 @pytest.mark.parametrize(
     ("file", "of", "to", "module"),
     [
-        ("core/h8.inc", "addx	#0,r3h\n	add.b	r0h,r3l", "add.b	r0h,r3l", "core/fix"),
-        ("core/fix_h8.s", "mov.b	#16,r6l", "mov.b	#15,r6l", "core/fix"),
-        ("model/scale_h8.s", "mov.b	#1,r4l", "mov.b	#2,r4l", "model/scale"),
-        ("core/trig_h8.s", "and	#7,r0l", "and	#15,r0l", "core/trig"),
+        ("core/h8.inc", "addx	#0,\\hl", "add.b	#0,\\hl", "core/fix"),
+        ("core/fix_h8.S", "add.w	r5,r0\n	addx	#0,r1h", "add.w	r5,r0", "core/fix"),
+        ("model/scale_h8.S", "mov.w	#0x100,r4", "mov.w	#0x200,r4", "model/scale"),
+        ("model/motor_h8.S", "addx	r1h,r3h", "add.b	r1h,r3h", "model/motor"),
+        ("model/body_h8.S", "add.w	r0,r6", "mov.w	r0,r6", "model/body"),
+        ("estimator/bias_h8.S", "_fix_fraction", "_fix_round_shift", "estimator/bias"),
+        ("estimator/pose_h8.S", "mov.b	#31,r3l", "mov.b	#30,r3l", "estimator/pose"),
+        ("estimator/speed_h8.S", "bge	.Lsum", "bpl	.Lsum", "estimator/speed"),
+        ("core/divide_h8.S", "mov.b	#4,r6l", "mov.b	#3,r6l", "core/fix"),
+        ("core/divide_h8.S", "sub.b	r2l,r3l\n	mov.b	r3l,r3h", "mov.b	r3l,r3h", "core/fix"),
+        ("core/fix_h8.S", "mov.w	#0x4000,r2", "mov.w	#0x3fff,r2", "core/fix"),
+        ("control/pid_h8.S", "mov.b	#20,r3h", "mov.b	#21,r3h", "control/pid"),
+        ("mixer/mixer_h8.S", "subx	#0,r0l\n	subx	#0,r0h", "subx	#0,r0l", "mixer/mixer"),
+        ("mixer/drive_h8.S", "mov.w	#160,r1", "mov.w	#161,r1", "mixer/drive"),
+        ("core/trig_h8.S", "and	#7,r0l", "and	#15,r0l", "core/trig"),
     ],
 )
 def test_a_slip_in_what_the_h8_alone_does_is_caught(file: str, of: str, to: str, module: str, tmp_path: Path) -> None:
@@ -127,3 +139,27 @@ def test_a_slip_in_what_the_h8_alone_does_is_caught(file: str, of: str, to: str,
         pairs = zip(run(tmp_path / "host" / name), h8.stdout, strict=False)
         assert any(wanted != found.rstrip("\n") for wanted, found in pairs)
         h8.kill()
+
+
+@pytest.mark.parametrize(
+    ("header", "source"),
+    [
+        ("model/body_h8.h", "model/body.c"),
+        ("core/signals_h8.h", "estimator/pose.c"),
+        ("estimator/pose_h8.h", "estimator/pose.c"),
+        ("estimator/speed_h8.h", "estimator/speed.c"),
+    ],
+)
+def test_a_wrong_place_of_a_field_does_not_compile(header: str, source: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
+    path = tmp_path / "firmware" / header
+    places = re.findall(r"^#define \w+ \d+$", path.read_text().split("H8_ASSEMBLY")[0], re.MULTILINE)
+    assert len(places) > 2
+    compiler = ("h8300-hms-gcc", "-std=gnu99", f"-I{ROOT}/hal/h8_include", f"-I{tmp_path}/firmware", "-S", "-o-")
+    command = (*compiler, tmp_path / "firmware" / source)
+    assert subprocess.run(command, stdout=subprocess.DEVNULL, check=False).returncode == 0
+    text = path.read_text()
+    for place in places:
+        path.write_text(text.replace(f"{place}\n", f"{place}1\n"))
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+        assert "h8_layout" in done.stderr, place

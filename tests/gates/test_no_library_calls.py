@@ -34,7 +34,7 @@ def _compiler() -> None:
 
 @pytest.mark.parametrize("defines", [(), ("-DBODY_WITHOUT_PAPER",), ("-DBODY_WITHOUT_COUPLED",)])
 def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, ...]) -> None:
-    sources = sorted((ROOT / "firmware").rglob("*.[cs]")) + sorted((ROOT / "hal/wire").glob("*.c"))
+    sources = sorted((ROOT / "firmware").rglob("*.[cS]")) + sorted((ROOT / "hal/wire").glob("*.c"))
     sources += [ROOT / "hal/link/set.c"]
     assert len(sources) > 10
     missing = undefined_after_linking(sources, tmp_path, *defines)
@@ -52,10 +52,10 @@ def kernel_symbols() -> set[str]:
 def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str) -> None:
     flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
     defines = flags.split()
-    autopilot = [*sorted((ROOT / "firmware").rglob("*.[cs]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
+    autopilot = [*sorted((ROOT / "firmware").rglob("*.[cS]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
     autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/message.c"]
     record = [ROOT / f"hal/rcx/{name}.c" for name in ("record/record", "motors", "sensors")]
-    record.append(ROOT / "firmware/core/ends_h8.s")
+    record.append(ROOT / "firmware/core/ends_h8.S")
     for sources in (autopilot, record):
         missing = undefined_after_linking(sources, tmp_path, *PORT, *defines)
         assert "lnp_addressing_write" in missing

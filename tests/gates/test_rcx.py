@@ -57,7 +57,7 @@ class Tower:
             received = os.read(self.master, 256)
             os.write(self.master, received)  # as a tower does
             heard += received
-            request = lnp.find(heard, rcx.BRICK, rcx.HOST)
+            request = lnp.find(heard, lnp.BRICK, lnp.HOST)
             if request is not None:
                 heard = b""
                 self.asked += 1

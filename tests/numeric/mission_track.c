@@ -167,7 +167,7 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
         sense(flown, &output.state.sensors);
         step_run(&own, &route, &state, step == 0 ? MODE_START : MODE_NONE, &output);
         record(track, mission, step, position, state.mode.los.waypoint, state.mode.mode == MODE_ARRIVED);
-        advance(flown, &state.drive);
+        advance(flown, &state.mixer.drive);
     }
 }
 

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from brickpilot.hil.ends import brick_interface
+from rcx_lnp import Packet, Receiver
 
 HEARTBEAT = 0x180
 BRICK, HOST = 0x07, 0x87
@@ -24,30 +25,21 @@ class Autopilot:
         self._ffi: Any
         self._ffi, self._library = brick_interface()
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
-        self._packet = bytearray()
+        self._receiver = Receiver()
         self._newest: int | None = None
         self._answer = b""
         self._sequence = 0
         self._telemetry_after, self._answered = telemetry_after, 0
 
     def silence(self) -> None:
-        self._packet.clear()
+        self._receiver.forget()
 
     def damaged(self) -> None:
-        self._packet.clear()
+        self._receiver.forget()
 
     def byte(self, value: int) -> bytes:
-        packet = self._packet
-        packet.append(value)
-        if packet[0] & 0xF8 != 0xF0:
-            packet.clear()
-            return b""
-        if len(packet) < 3 or len(packet) < packet[1] + 3:
-            return b""
-        whole, self._packet = bytes(packet), bytearray()
-        if (0xFF + sum(whole[:-1])) & 0xFF != whole[-1] or whole[0] != 0xF1 or whole[2:4] != bytes([BRICK, HOST]):
-            return b""
-        return self._take(whole[4:-1])
+        packet = self._receiver.byte(value)
+        return self._take(packet.data) if packet is not None and packet[:2] == (BRICK, HOST) else b""
 
     def _take(self, content: bytes) -> bytes:
         if content[0] == self._newest:
@@ -69,5 +61,4 @@ class Autopilot:
 
     def _send(self, identifier: int, data: bytes) -> bytes:
         self._sequence = (self._sequence + 1) & 255
-        content = bytes([0xF1, len(data) + 5, HOST, BRICK, self._sequence, identifier & 255, identifier >> 8]) + data
-        return content + bytes([(0xFF + sum(content)) & 0xFF])
+        return Packet(HOST, BRICK, bytes([self._sequence, identifier & 255, identifier >> 8]) + data).on_the_line()

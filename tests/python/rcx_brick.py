@@ -15,9 +15,10 @@ import threading
 import time
 import tty
 from types import TracebackType
+from typing import Protocol
 
-import rcx_autopilot
 import rcx_brickos
+import rcx_lnp
 import rcx_rom
 
 BYTE_S = 0.0002
@@ -31,6 +32,18 @@ class Faults:
     seed: int = 0
     corrupt: float = 0.0
     lose: float = 0.0
+
+
+class Device(Protocol):
+    """What is on the brick: is fed bytes, and gives the bytes that it sends."""
+
+    def silence(self) -> None:
+        """The line was quiet for longer than its receiver waits."""
+
+    def damaged(self) -> None:
+        """A byte came with wrong parity."""
+
+    def byte(self, value: int) -> bytes: ...
 
 
 class _Air:
@@ -66,7 +79,7 @@ class RcxBrick:
         broken_sums: of so many blocks the ROM finds the checksum wrong.
         lego: what is started answers by the ROM's protocol, as LEGO's firmware does; else it is brickOS.
         lose_replies: those of the brick's answers that are lost, counted from 1.
-        autopilot: runs already, and hears all.
+        device: hears all, in place of the ROM and brickOS.
     """
 
     def __init__(
@@ -82,14 +95,14 @@ class RcxBrick:
         broken_sums: int = 0,
         lego: bool = False,
         lose_replies: frozenset[int] = frozenset(),
-        autopilot: rcx_autopilot.Autopilot | None = None,
+        device: Device | None = None,
     ) -> None:
         self.rom = rcx_rom.Rom(broken_sums=broken_sums)
         self.brickos = rcx_brickos.BrickOs(host)
         self.heard = 0
         """Bytes that came from the host."""
-        self._autopilot = autopilot
-        self._in_rom, self._lego = not brickos and autopilot is None, lego
+        self._other = device
+        self._in_rom, self._lego = not brickos and device is None, lego
         self._tower, self._on = tower, on
         self._vanish_after, self._back_after = vanish_after, back_after
         self._lose_replies, self._replies = lose_replies, 0
@@ -127,7 +140,7 @@ class RcxBrick:
                 return
             data = os.read(self._master, 4096)
             now = time.monotonic()
-            idle = rcx_rom.IDLE_BYTES if self._in_rom else rcx_brickos.IDLE_BYTES
+            idle = rcx_rom.IDLE_BYTES if self._in_rom else rcx_lnp.IDLE_BYTES
             if now - last > idle * BYTE_S:
                 self._device.silence()
             last = now
@@ -144,9 +157,9 @@ class RcxBrick:
         return self._back_after is None or self.heard < self._back_after
 
     @property
-    def _device(self) -> rcx_rom.Rom | rcx_brickos.BrickOs | rcx_autopilot.Autopilot:
-        if self._autopilot is not None:
-            return self._autopilot
+    def _device(self) -> Device:
+        if self._other is not None:
+            return self._other
         return self.rom if self._in_rom else self.brickos
 
     def _hear(self, data: bytes) -> None:

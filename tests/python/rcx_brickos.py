@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 
+from rcx_lnp import Packet, Receiver
+
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SHORTEST = {0: 1, 1: 2, 2: 13, 3: 8, 4: 4, 5: 2, 6: 2, 7: 2}
 """Bytes below which a command is passed over."""
 SLOTS = 8
 HEAP = 0xAE00, 0xEE00
-IDLE_BYTES = 1.5
-"""Silence that resets the receiver, in byte times: 7 ms at 2400 baud."""
 
 
 @dataclasses.dataclass
@@ -47,47 +47,20 @@ class BrickOs:
         self.running: int | None = None
         self.commands: list[bytes] = []
         self._address = host << 4
-        self._packet = bytearray()
+        self._receiver = Receiver()
 
     def silence(self) -> None:
-        """The line was quiet for long enough."""
-        self._packet.clear()
+        self._receiver.forget()
 
     def damaged(self) -> None:
-        """A byte came with wrong parity: the packet is lost."""
-        self._packet.clear()
+        self._receiver.forget()
 
     def byte(self, value: int) -> bytes:
-        packet = self._packet
-        packet.append(value)
-        if packet[0] == 0x55:
-            if not self._lego_goes_on():
-                packet.clear()
+        packet = self._receiver.byte(value)
+        if packet is None or packet.to != self._address:
             return b""
-        if packet[0] & 0xF8 != 0xF0:
-            packet.clear()
-            return b""
-        if len(packet) < 3 or len(packet) < packet[1] + 3:
-            return b""
-        whole, self._packet = bytes(packet), bytearray()
-        right = (0xFF + sum(whole[:-1])) & 0xFF == whole[-1]
-        if not right or whole[0] != 0xF1 or whole[1] <= 2 or whole[2] != self._address:
-            return b""
-        reply = self._command(whole[4:-1])
-        if reply is None:
-            return b""
-        content = bytes([0xF1, len(reply) + 2, whole[3], self._address]) + reply
-        return content + bytes([(0xFF + sum(content)) & 0xFF])
-
-    def _lego_goes_on(self) -> bool:
-        """Whether what began with 0x55 may still be a message of LEGO's own protocol, and is not complete."""
-        packet = self._packet
-        if not packet.startswith(b"\x55\xff\x00"[: len(packet)]):
-            return False
-        pairs = packet[3:]
-        if any(low ^ high != 0xFF for low, high in zip(pairs[::2], pairs[1::2], strict=False)):
-            return False
-        return not pairs or len(pairs) < 2 * (2 + (pairs[0] & 7 if pairs[0] & 7 < 6 else (pairs[0] & 7) - 6))
+        reply = self._command(packet.data)
+        return b"" if reply is None else Packet(packet.sender, packet.to, reply).on_the_line()
 
     def _command(self, data: bytes) -> bytes | None:
         self.commands.append(data)

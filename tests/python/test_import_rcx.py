@@ -31,10 +31,10 @@ class Answers:
     def exchange(
         self, packet: bytes, find: Callable[[bytes], bytes | None], reply_bytes: int, patience: float, /
     ) -> bytes | None:
-        request = lnp.find(packet, rcx.BRICK, rcx.HOST)
+        request = lnp.find(packet, lnp.BRICK, lnp.HOST)
         assert request is not None
         block = self.blocks.get(*struct.unpack("<H", request))
-        return find(b"" if block is None else lnp.packet(request + block, rcx.HOST, rcx.BRICK))
+        return find(b"" if block is None else lnp.packet(request + block, lnp.HOST, lnp.BRICK))
 
 
 def test_numbers_of_ten_bits_come_out_of_five_bytes() -> None:

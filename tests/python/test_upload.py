@@ -43,11 +43,11 @@ def upload(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, objec
 def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "two.toml").write_text(MISSION)
     brick = Autopilot()
-    with RcxBrick(autopilot=brick) as far:
+    with RcxBrick(device=brick) as far:
         told = ("--set", "heading_kp=900", "--set", "acceptance=150", "--start")
         found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *told)
         assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
-    with RcxBrick(autopilot=brick) as far:  # a pseudo-terminal cannot be set up twice
+    with RcxBrick(device=brick) as far:  # a pseudo-terminal cannot be set up twice
         session = Session(ends.open_link(f"infrared:{far.path}"), "again")
         assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)
         assert session.route() == [(1000, 500), (0, -250)]
@@ -60,7 +60,7 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
 def test_each_request_is_obeyed_once_whatever_the_line_loses(seed: int, capsys: pytest.CaptureFixture[str]) -> None:
     brick = Autopilot(telemetry_after=3)
     faults = Faults(seed=seed, corrupt=0.01, lose=0.01)
-    with RcxBrick(autopilot=brick, faults=faults) as far:
+    with RcxBrick(device=brick, faults=faults) as far:
         found = upload(capsys, "mission", "--link", f"infrared:{far.path}", "--start")
         assert far.hit > 0
     assert (found["waypoints"], found["started"]) == (8, True)
@@ -70,7 +70,7 @@ def test_each_request_is_obeyed_once_whatever_the_line_loses(seed: int, capsys: 
 
 def test_a_lost_answer_to_start_is_given_again_and_not_obeyed_again() -> None:
     brick = Autopilot()
-    with RcxBrick(autopilot=brick, lose_replies=frozenset({5})) as far:
+    with RcxBrick(device=brick, lose_replies=frozenset({5})) as far:
         session = Session(ends.open_link(f"infrared:{far.path}"), "infrared")
         session.open("coupled", REALTIME)
         session.upload([(1000, 0), (0, 500)])
@@ -81,7 +81,7 @@ def test_a_lost_answer_to_start_is_given_again_and_not_obeyed_again() -> None:
 
 def test_no_brick_is_told_in_one_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(infrared_link, "FIRST_TRIES", 1)
-    with RcxBrick(autopilot=Autopilot(), on=False) as far, pytest.raises(SystemExit) as left:
+    with RcxBrick(device=Autopilot(), on=False) as far, pytest.raises(SystemExit) as left:
         upload(capsys, "mission", "--link", f"infrared:{far.path}")
     assert left.value.code == 2
     said = capsys.readouterr().err

@@ -13,9 +13,14 @@ _world_exit:
 	mov.w	#0xbeef,r2
 	sleep
 
+	.global _world_read
+_world_read:
+	.word	0x5e00,0x00c6	; the simulator's system calls: r0 descriptor, r1 bytes, r2 size
+	rts
+
 	.global _world_write
 _world_write:
-	.word	0x5e00,0x00c7	; the simulator's system call: r0 descriptor, r1 bytes, r2 size
+	.word	0x5e00,0x00c7
 	rts
 
 ; An interrupt, as LEGO's ROM hands it on: r6 is saved, the handler's address is in r0.

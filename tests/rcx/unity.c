@@ -1,7 +1,5 @@
 #include "unity.h"
 
-void world_exit(int16_t status);
-
 static const char *running;
 static const char *ignored;
 

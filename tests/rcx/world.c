@@ -13,16 +13,12 @@
 #include <unistd.h>
 
 /* Not in brickOS's headers for programs; in its linker script. */
-extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[], tx_handler[];
+extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[];
 extern volatile unsigned char motor_controller;
 extern const void *ad_vector;
 void mm_init(void);
 void dm_init(void);
 void ds_init(void);
-
-int16_t world_write(int16_t descriptor, const char *bytes, uint16_t size);
-void world_exit(int16_t status);
-void world_interrupt(const void *handler);
 
 enum {
     POP_R6 = 0x6d76,
@@ -104,18 +100,12 @@ void world_boot(void)
 /* One byte of the infrared line, in either direction. The brick hears itself. */
 static void pass_byte(void)
 {
-    if ((S_CR & SCR_TX_IRQ) != 0) {
-        S_SR = (unsigned char)(S_SR | SSR_TRANS_EMPTY);
-        world_interrupt(tx_handler);
-        if ((S_CR & SCR_TX_IRQ) == 0)
-            return;
-        if (air_size < AIR)
-            air[air_size++] = S_TDR;
-        S_RDR = disturbed ? (unsigned char)~S_TDR : S_TDR;
+    uint8_t sent;
+
+    if (world_line(disturbed, &sent)) {
         disturbed = false;
-        world_interrupt(rx_handler);
-    } else if ((S_CR & SCR_TE_IRQ) != 0) {
-        world_interrupt((const void *)&txend_handler);
+        if (air_size < AIR)
+            air[air_size++] = sent;
     }
 }
 
@@ -130,25 +120,10 @@ void world_run(uint16_t ms)
     }
 }
 
-void world_convert(uint8_t input, uint16_t raw)
-{
-    volatile unsigned *const converter = input == 0   ? &BATTERY
-                                         : input == 1 ? &SENSOR_1
-                                         : input == 2 ? &SENSOR_2
-                                                      : &SENSOR_3;
-    *converter = raw << 6;
-}
-
 void world_converted(void)
 {
     for (uint8_t i = 0; i < 12; i++) /* four channels in turn */
         world_interrupt(ad_vector);
-}
-
-void world_press(uint8_t keys)
-{
-    PORT4 = (unsigned char)((keys & KEY_ONOFF ? 0 : 2) | (keys & KEY_RUN ? 0 : 4));
-    PORT7 = (unsigned char)((keys & KEY_VIEW ? 0 : 0x40) | (keys & KEY_PRGM ? 0 : 0x80));
 }
 
 void world_pulses(int16_t *a, int16_t *c)

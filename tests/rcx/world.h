@@ -42,6 +42,19 @@ void world_forget(void);
 /* What the kernel's largest free block takes, counted before world_main() with all tasks of the kernel running. */
 extern uint16_t world_room;
 
+/* One byte time of the infrared line: true where the brick has sent a byte, which it hears itself, disturbed or not. */
+bool world_line(bool disturbed, uint8_t *sent);
+
+/* An interrupt, whose handler stands in the kernel's vector. */
+void world_interrupt(const void *handler);
+
+/* Bytes read from and written to the simulator's own standard input (0) and output (1); 0 at the end, below 0 on error. */
+int16_t world_read(int16_t descriptor, void *bytes, uint16_t size);
+int16_t world_write(int16_t descriptor, const void *bytes, uint16_t size);
+
+/* The simulator ends. */
+void world_exit(int16_t status);
+
 void world_say(const char *text);
 void world_say_number(uint16_t number);
 

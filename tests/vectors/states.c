@@ -126,10 +126,11 @@ void hash_demand(const signals_demand_t *demand)
 
 void hash_los_state(const los_state_t *state)
 {
-    hash_s32(state->to_x.um);
-    hash_s32(state->to_y.um);
-    hash_s16(state->to_x.mm);
-    hash_s16(state->to_y.mm);
+    hash_demand(&state->demand);
+    hash_s32(state->to_x_um);
+    hash_s32(state->to_y_um);
+    hash_s16(state->to_mm.x);
+    hash_s16(state->to_mm.y);
     hash_s32(state->distance_squared_mm2);
     hash_u16(state->sight_bam16);
     hash_u8(state->phase);
@@ -143,10 +144,10 @@ void hash_los_state(const los_state_t *state)
     hash_u16(state->bearing_bam16);
     hash_s16(state->heading_error_bam16);
     hash_s16(state->cross_track_mm);
-    hash_s16(state->pass.cos_q15);
-    hash_s16(state->pass.sin_q15);
-    hash_s16(state->left.cos_q15);
-    hash_s16(state->left.sin_q15);
+    hash_s16(state->pass_q15.x);
+    hash_s16(state->pass_q15.y);
+    hash_s16(state->left_q15.x);
+    hash_s16(state->left_q15.y);
     hash_u16(state->hold_heading_bam16);
     hash_u16(state->quiet_ms);
     hash_u32(state->leg_ms);
@@ -157,7 +158,6 @@ void hash_mode_state(const mode_state_t *state)
     hash_u8((uint8_t)state->mode);
     hash_u8((uint8_t)state->fault);
     hash_u16(state->lost_ms);
-    hash_demand(&state->demand);
     hash_los_state(&state->los);
 }
 

@@ -41,7 +41,8 @@ def flash_rcx(
     """Puts FILE on a LEGO RCX by its serial infrared tower: firmware (.srec), or a program for brickOS (.lx).
 
     FILE is checked before anything is sent. A packet that is lost or damaged is sent again, shorter each time; 2400
-    baud take a minute for 11 KB of firmware. The options -p, -r and -e are for programs, and as dll has them.
+    baud take two minutes for 11 KB of firmware, one for a program of 12. The options -p, -r and -e are for programs,
+    and as dll has them.
     """
     from brickpilot.flash import lx, rcx, srec
 

@@ -166,12 +166,12 @@ int main(int argc, char **argv)
     (void)argc;
     (void)argv;
     sensors_start();
-    cputs("rEc");
+    cputs("rEc  ");
     due_ms = hal_clock_ms();
     for (uint8_t i = 0; i < MANOEUVRES_COUNT && whole; i++)
         whole = drive(&MANOEUVRES[i], &due_ms);
     hal_motors_write(0, 0);
-    cputs("SEnd");
+    cputs("SEnd ");
     lnp_addressing_set_handler(INFRARED_PORT, &receive);
     while (whole && wait_event(&somebody_asks, 0) != 0) {
         asking = false;

@@ -183,7 +183,9 @@ static void test_a_gain_takes_effect_and_its_ends_are_inclusive(void)
 
 static void test_compensation_written_bit_by_bit_is_the_same_as_at_once(void)
 {
-    const compensation_t told = {.drive = {.left = {100, 200, 300, -400}, .right = {-1, 2, 3, 4}, .deadband_mv = 500},
+    const drive_side_t left = {.gain_q15 = 100, .emf_mv_q15 = 200, .friction_mv = 300, .offset_mv = -400};
+    const drive_side_t right = {.gain_q15 = -1, .emf_mv_q15 = 2, .friction_mv = 3, .offset_mv = 4};
+    const compensation_t told = {.drive = {.left = left, .right = right, .deadband_mv = 500},
                                  .battery_sags = true,
                                  .travel_scale_q15 = 1638,
                                  .count_mismatch_q15 = -77};

@@ -21,25 +21,30 @@ static void test_compensation_of_nothing_leaves_every_constant(void)
     TEST_ASSERT_EQUAL_MEMORY(&before, &config, sizeof config);
 }
 
-static void assert_side(int first, const drive_side_t *side)
+static drive_side_t side(int16_t first)
 {
-    TEST_ASSERT_EQUAL_INT16(first, side->gain_q15);
-    TEST_ASSERT_EQUAL_INT16(first + 1, side->emf_mv_q15);
-    TEST_ASSERT_EQUAL_INT16(first + 2, side->friction_mv);
-    TEST_ASSERT_EQUAL_INT16(first + 3, side->offset_mv);
+    return (drive_side_t){.gain_q15 = first,
+                          .emf_mv_q15 = (int16_t)(first + 1),
+                          .friction_mv = (int16_t)(first + 2),
+                          .offset_mv = (int16_t)(first + 3)};
+}
+
+static void assert_side(int first, const drive_side_t *found)
+{
+    TEST_ASSERT_EQUAL_INT16(first, found->gain_q15);
+    TEST_ASSERT_EQUAL_INT16(first + 1, found->emf_mv_q15);
+    TEST_ASSERT_EQUAL_INT16(first + 2, found->friction_mv);
+    TEST_ASSERT_EQUAL_INT16(first + 3, found->offset_mv);
 }
 
 static void test_compensation_reaches_every_stage(void)
 {
-    const compensation_t all = {.drive = {.left = {10, 11, 12, 13},
-                                          .right = {20, 21, 22, 23},
-                                          .deadband_mv = 30,
-                                          .half_track_m_q14 = 31,
-                                          .reserve_mv = 32},
-                                .battery_sags = true,
-                                .gyro_bias_mrad_s = 40,
-                                .gyro_scale_q15 = 41,
-                                .count_mismatch_q15 = 42};
+    const compensation_t all = {
+        .drive = {.left = side(10), .right = side(20), .deadband_mv = 30, .half_track_m_q14 = 31, .reserve_mv = 32},
+        .battery_sags = true,
+        .gyro_bias_mrad_s = 40,
+        .gyro_scale_q15 = 41,
+        .count_mismatch_q15 = 42};
     compensation_apply(&all, &config);
     assert_side(10, &config.step.mixer.drive.left);
     assert_side(20, &config.step.mixer.drive.right);

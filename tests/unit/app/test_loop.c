@@ -120,7 +120,7 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
     port.reference_status = port.battery_status = HAL_ABSENT;
     run(300, 3, MODE_NONE);
     TEST_ASSERT_TRUE(state.output.state.at_rest);
-    TEST_ASSERT_EQUAL_UINT16(config.step.battery_nominal_mv, state.step.battery_mv);
+    TEST_ASSERT_EQUAL_UINT16(config.step.battery_nominal_mv, state.step.mixer.battery_mv);
     for (int i = 0; i < 167; i++) { /* a hand that turns the robot is not steady */
         port.imu.yaw_rate_mrad_s = 800;
         run(1, 3, MODE_NONE);
@@ -228,8 +228,8 @@ static void test_loop_tells_the_model_what_a_sagging_battery_gave(void)
     const int32_t sagged = current_ua_q7(true, 8000);
     setUp();
     run(200, 3, MODE_START);
-    state.step.drive.left_mv = (int16_t)(state.step.drive.left_mv - state.step.drive.left_mv / 9);
-    state.step.drive.right_mv = (int16_t)(state.step.drive.right_mv - state.step.drive.right_mv / 9);
+    state.step.mixer.drive.left_mv = (int16_t)(state.step.mixer.drive.left_mv - state.step.mixer.drive.left_mv / 9);
+    state.step.mixer.drive.right_mv = (int16_t)(state.step.mixer.drive.right_mv - state.step.mixer.drive.right_mv / 9);
     run(1, 3, MODE_NONE);
     TEST_ASSERT_LESS_THAN_INT32(full - full / 50, sagged);
     TEST_ASSERT_INT32_WITHIN(full / 1000, state.step.model.motor[0].current_ua_q7, sagged);
@@ -243,7 +243,7 @@ static void test_loop_tells_the_model_what_a_battery_below_its_floor_gave(void)
     config.step.battery_sags = true;
     port.battery_mv = 2500; /* counts as 5 V: the duty gives half of what is wanted */
     run(1, 3, MODE_START);
-    const int16_t wanted_mv = state.step.drive.left_mv;
+    const int16_t wanted_mv = state.step.mixer.drive.left_mv;
     const int32_t rest = state.step.model.motor[0].current_ua_q7;
     run(1, 3, MODE_NONE);
     body_state_t half = {.x_um = 0};

@@ -68,9 +68,9 @@ static void test_telemetry_carries_demands_and_efforts(void)
     struct wire_telemetry_heading_t heading;
     struct wire_telemetry_effort_t effort;
     state->mode.fault = MODE_SILENT;
-    state->mode.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
-    state->drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
-    state->battery_mv = 8765;
+    state->mode.los.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
+    state->mixer.drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
+    state->mixer.battery_mv = 8765;
     output->speed = (pid_terms_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
     output->heading = (pid_terms_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
     output->effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};

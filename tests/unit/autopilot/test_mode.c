@@ -27,7 +27,8 @@ void tearDown(void) {}
 
 static void step(mode_command_t command)
 {
-    mode_step(&config, &route, &state, &signals, command, PERIOD_MS);
+    signals.sensors.period_ms = PERIOD_MS;
+    mode_step(&config, &route, &state, &signals, command);
 }
 
 static void step_at_mm(int32_t x_mm, int32_t y_mm)
@@ -41,8 +42,8 @@ static void assert_stopped(mode_name_t mode, mode_fault_t fault)
 {
     TEST_ASSERT_EQUAL(mode, state.mode);
     TEST_ASSERT_EQUAL(fault, state.fault);
-    TEST_ASSERT_FALSE(state.demand.drive);
-    TEST_ASSERT_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+    TEST_ASSERT_FALSE(state.los.demand.drive);
+    TEST_ASSERT_EQUAL_INT16(0, state.los.demand.speed_mm_s_q4);
 }
 
 static void test_mode_idles_with_motors_off_until_started(void)
@@ -59,9 +60,9 @@ static void test_mode_start_drives_in_the_same_step(void)
 {
     step(MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-    TEST_ASSERT_TRUE(state.demand.drive);
-    TEST_ASSERT_EQUAL_INT16(4000, state.demand.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_UINT16(0, state.demand.heading_bam16);
+    TEST_ASSERT_TRUE(state.los.demand.drive);
+    TEST_ASSERT_EQUAL_INT16(4000, state.los.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_UINT16(0, state.los.demand.heading_bam16);
 }
 
 static void test_mode_passes_the_heading_on(void)
@@ -69,7 +70,7 @@ static void test_mode_passes_the_heading_on(void)
     signals.heading_bam16 = 1000;
     signals.y_um = -100000;
     step(MODE_START);
-    TEST_ASSERT_UINT16_WITHIN(2, 1040, state.demand.heading_bam16);
+    TEST_ASSERT_UINT16_WITHIN(2, 1040, state.los.demand.heading_bam16);
 }
 
 static void test_mode_arrives_at_the_last_waypoint_and_stays(void)
@@ -131,7 +132,7 @@ static void test_mode_keeps_the_last_demand_while_the_state_is_briefly_lost(void
     for (int i = 0; i < 10; i++) {
         step(MODE_NONE);
         TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-        TEST_ASSERT_EQUAL_INT16(4000, state.demand.speed_mm_s_q4);
+        TEST_ASSERT_EQUAL_INT16(4000, state.los.demand.speed_mm_s_q4);
     }
     step(MODE_NONE);
     assert_stopped(MODE_FAULT, MODE_STATE_LOST);
@@ -152,7 +153,7 @@ static void test_mode_without_a_state_starts_with_motors_off_and_gives_up(void)
     signals.valid = false;
     step(MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-    TEST_ASSERT_FALSE(state.demand.drive);
+    TEST_ASSERT_FALSE(state.los.demand.drive);
     for (int i = 0; i < 10; i++)
         step(MODE_NONE);
     assert_stopped(MODE_FAULT, MODE_STATE_LOST);

@@ -209,8 +209,14 @@ static void test_pid_start_keeps_the_integrator_within_the_limit(void)
 
 static void test_pid_stop_empties_the_integrator_and_keeps_the_counts(void)
 {
+    pid_terms_t terms = {.limited = 1, .output_mv = 1, .proportional_mv = 2, .integral_mv = 3, .derivative_mv = 4};
     state = (pid_state_t){.integral_mv_q16 = 5, .limited_steps = 6, .held_steps = 7};
-    pid_stop(&state);
+    pid_stop(&state, &terms);
+    TEST_ASSERT_EQUAL_INT8(0, terms.limited);
+    TEST_ASSERT_EQUAL_INT16(0, terms.output_mv);
+    TEST_ASSERT_EQUAL_INT16(0, terms.proportional_mv);
+    TEST_ASSERT_EQUAL_INT16(0, terms.integral_mv);
+    TEST_ASSERT_EQUAL_INT16(0, terms.derivative_mv);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_UINT16(6, state.limited_steps);
     TEST_ASSERT_EQUAL_UINT16(7, state.held_steps);

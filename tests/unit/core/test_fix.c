@@ -38,8 +38,10 @@ static void check_pair(int32_t a, int32_t b)
 {
     const int16_t a16 = (int16_t)a;
     const int16_t b16 = (int16_t)b;
-    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a + b, INT32_MAX), fix_add32(a, b));
-    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a - b, INT32_MAX), fix_sub32(a, b));
+    int32_t sum = a;
+    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a + b, INT32_MAX), fix_add_to(b, &sum));
+    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a + b, INT32_MAX), sum);
+    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a - b, INT32_MAX), fix_less(a, &b));
     TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 + b16, INT16_MAX), fix_add16(a16, b16));
     TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 - b16, INT16_MAX), fix_sub16(a16, b16));
     TEST_ASSERT_EQUAL_INT64((int64_t)a16 * b16, fix_mul(a16, b16));
@@ -88,6 +90,42 @@ static void test_fix_round_shift_rounds_to_nearest_and_is_odd(void)
         TEST_ASSERT_EQUAL_INT32((int32_t)round(value / 65536.0), fix_round_shift(value, 16));
         TEST_ASSERT_EQUAL_INT32((int32_t)round(value / 1073741824.0), fix_round_shift(value, 30));
     }
+}
+
+static void test_fix_gain_and_thousandth_are_rounded_to_nearest_and_saturate(void)
+{
+    for (int i = 0; i < RANDOM_COUNT; i++) {
+        const int32_t value = i < EDGE_COUNT ? EDGES[i] : random_i32();
+        const int16_t gain = (int16_t)(random_i32() & 32767), value16 = (int16_t)value;
+        const int64_t product = (int64_t)round(gain * value16 / 1024.0);
+        TEST_ASSERT_EQUAL_INT64(product, fix_gain_q10(gain, value16));
+        TEST_ASSERT_EQUAL_INT64(saturated(product, INT16_MAX), fix_gain16_q10(gain, value16));
+        TEST_ASSERT_EQUAL_INT64(saturated((int64_t)round(value * (16777.0 / 16777216.0)), INT16_MAX),
+                                fix_thousandth(value));
+    }
+}
+
+static void test_fix_pairs_are_multiplied_and_measured_along_a_direction(void)
+{
+    for (int i = 0; i < RANDOM_COUNT; i++) {
+        const fix_pair_t of = {fix_sat16(random_i32()), fix_sat16(random_i32())};
+        const fix_pair_t with = {fix_sat16(random_i32()), fix_sat16(random_i32())};
+        const int64_t product = (int64_t)of.x * with.x + (int64_t)of.y * with.y;
+        TEST_ASSERT_EQUAL_INT64(product, fix_dot(&of, &with));
+        TEST_ASSERT_EQUAL_INT64(saturated((int64_t)round((double)product / 32768.0), INT16_MAX), fix_along(&of, &with));
+    }
+}
+
+static void test_fix_tells_how_a_value_compares_with_a_square(void)
+{
+    for (int32_t root = 0; root <= 32768; root++)
+        for (int32_t more = -1; more <= 1; more++) {
+            const int32_t value = root * root + more;
+            if (value < 0)
+                continue;
+            const int16_t found = fix_against_square(&value, (uint16_t)root);
+            TEST_ASSERT_EQUAL_INT32(more, (found > 0) - (found < 0));
+        }
 }
 
 static void test_fix_right_shift_of_negative_numbers_is_arithmetic(void)
@@ -168,6 +206,9 @@ int main(void)
     RUN_TEST(test_fix_division_by_zero_gives_the_largest_number);
     RUN_TEST(test_fix_square_root_is_rounded_down);
     RUN_TEST(test_fix_round_shift_rounds_to_nearest_and_is_odd);
+    RUN_TEST(test_fix_gain_and_thousandth_are_rounded_to_nearest_and_saturate);
+    RUN_TEST(test_fix_pairs_are_multiplied_and_measured_along_a_direction);
+    RUN_TEST(test_fix_tells_how_a_value_compares_with_a_square);
     RUN_TEST(test_fix_right_shift_of_negative_numbers_is_arithmetic);
     RUN_TEST(test_fix_limits_are_met_and_not_passed);
     RUN_TEST(test_fix_counts_stay_at_their_end);

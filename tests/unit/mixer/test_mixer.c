@@ -16,9 +16,9 @@ void tearDown(void) {}
 static signals_drive_t mix_with(const mixer_config_t *config, int16_t surge_mv, int16_t yaw_mv, uint16_t battery_mv)
 {
     const signals_effort_t effort = {.surge_mv = surge_mv, .yaw_mv = yaw_mv};
-    signals_drive_t drive;
-    mixer_step(config, &state, &effort, &motion, battery_mv, &drive);
-    return drive;
+    state.battery_mv = battery_mv;
+    mixer_step(config, &state, &effort, &motion);
+    return state.drive;
 }
 
 static signals_drive_t mix(int16_t surge_mv, int16_t yaw_mv)

@@ -71,7 +71,7 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s32(state->speed.behind_um_q5);
     hash_u8((uint8_t)state->mode.mode);
     hash_u8((uint8_t)state->mode.fault);
-    hash_demand(&state->mode.demand);
+    hash_demand(&state->mode.los.demand);
     hash_s32(output->state.x_um);
     hash_s32(output->state.y_um);
     hash_u16(output->state.heading_bam16);
@@ -84,9 +84,9 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_pid_answer(&output->heading);
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
-    hash_drive(&state->drive);
+    hash_drive(&state->mixer.drive);
     hash_u8(state->ahead_ms);
-    hash_u16(state->battery_mv);
+    hash_u16(state->mixer.battery_mv);
 }
 
 void vectors_feed(void)

@@ -19,16 +19,16 @@ static void draw(step_state_t *state, step_output_t *output)
     output->effort.yaw_mv = draw_s16();
     state->mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
     state->mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
-    state->mode.demand.speed_mm_s_q4 = draw_s16();
-    state->mode.demand.heading_bam16 = (uint16_t)draw_s16();
+    state->mode.los.demand.speed_mm_s_q4 = draw_s16();
+    state->mode.los.demand.heading_bam16 = (uint16_t)draw_s16();
     state->mode.los.phase = (los_phase_t)draw_up_to(LOS_END);
     state->mode.los.waypoint = (uint8_t)draw_up_to(31);
     state->mode.los.cross_track_mm = draw_s16();
     state->mode.los.heading_error_bam16 = draw_s16();
     state->mode.los.overshoots = draw_up_to(65535U);
-    state->drive.surge_saturated = (int8_t)draw_between(-1, 1);
-    state->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
-    state->battery_mv = draw_up_to(20000);
+    state->mixer.drive.surge_saturated = (int8_t)draw_between(-1, 1);
+    state->mixer.drive.yaw_saturated = (int8_t)draw_between(-1, 1);
+    state->mixer.battery_mv = draw_up_to(20000);
 }
 
 static void hash(const message_t *message)

@@ -15,7 +15,6 @@ void vectors_feed(void)
     static los_state_t state;
     static signals_state_t motion;
     static uint8_t left;
-    signals_demand_t demand;
 
     if (left == 0) {
         left = RUN_STEPS;
@@ -32,7 +31,7 @@ void vectors_feed(void)
         draw_motion_about(&motion, &waypoints[state.waypoint], state.bearing_bam16);
     if (draw_rarely(6))
         los_reset(&state);
-    los_step(config, &route, &state, &motion, (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20), &demand);
+    motion.sensors.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    los_step(config, &route, &state, &motion);
     hash_los_state(&state);
-    hash_demand(&demand);
 }

@@ -32,6 +32,7 @@ void vectors_feed(void)
     if (draw_rarely(5))
         command = (mode_command_t)draw_up_to(MODE_CUT);
     draw_motion_about(&motion, &waypoints[state.los.waypoint], state.los.bearing_bam16);
-    mode_step(&config, &route, &state, &motion, command, (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20));
+    motion.sensors.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    mode_step(&config, &route, &state, &motion, command);
     hash_mode_state(&state);
 }

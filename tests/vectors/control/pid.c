@@ -11,7 +11,7 @@ static void begin(pid_config_t *config, pid_state_t *state)
     config->ki_mv_q10 = draw_between(0, 32767);
     config->kd_mv_q10 = draw_between(0, 32767);
     config->limit_mv = draw_between(0, 20000);
-    pid_stop(state);
+    state->integral_mv_q16 = 0;
     state->limited_steps = draw_up_to(65535U);
     state->held_steps = draw_up_to(65535U);
 }
@@ -35,7 +35,10 @@ void vectors_feed(void)
     terms.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
     if (draw_rarely(4))
         pid_start(&config, &state, &terms, draw_s16());
-    pid_step(&config, &state, &terms);
+    if (draw_rarely(6))
+        pid_stop(&state, &terms);
+    else
+        pid_step(&config, &state, &terms);
     hash_s32(state.integral_mv_q16);
     hash_u16(state.limited_steps);
     hash_u16(state.held_steps);

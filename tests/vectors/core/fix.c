@@ -17,6 +17,8 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
     hash_u16(fix_count_u16((uint16_t)a));
     hash_u8((uint8_t)fix_excess(a, b, &steps));
     hash_u16(steps);
+    hash_s32(fix_gain_q10((int16_t)(a & 0x7FFF), b));
+    hash_s16(fix_gain16_q10((int16_t)(a & 0x7FFF), b));
     hash_u16(fix_add_u16((uint16_t)a, (uint16_t)b));
     hash_s16(fix_share16_q15(a, b));
     hash_s16(fix_angle_diff_bam16((uint16_t)a, (uint16_t)b));
@@ -25,8 +27,6 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
 static void feed_32(int32_t a, int32_t b)
 {
     hash_u32(fix_abs_u32(a));
-    hash_s32(fix_add32(a, b));
-    hash_s32(fix_sub32(a, b));
     hash_s32(fix_clamp32(a, b & 0x7FFFFFFFL));
     hash_s32(fix_less(a, &b));
     hash_s32(fix_add_to(a, &b));
@@ -35,13 +35,31 @@ static void feed_32(int32_t a, int32_t b)
     hash_u16(fix_sqrt_u32((uint32_t)a));
 }
 
+static int16_t at_most_32767(int16_t value)
+{
+    return value < -32767 ? (int16_t)-32767 : value;
+}
+
+static void feed_pairs(int16_t a, int16_t b, int32_t wide)
+{
+    const fix_pair_t of = {at_most_32767(a), at_most_32767((int16_t)wide)};
+    const fix_pair_t with = {at_most_32767(b), at_most_32767((int16_t)(wide >> 16))};
+    const int32_t value = wide & 0x7FFFFFFFL;
+    const int16_t sign = fix_against_square(&value, draw_up_to(32768U));
+
+    hash_s32(fix_dot(&of, &with));
+    hash_s16(fix_along(&of, &with));
+    hash_u8((uint8_t)((sign < 0) + 2 * (sign > 0)));
+    hash_s16(fix_thousandth(wide));
+}
+
 static void feed_shifts(int32_t value, uint8_t bits)
 {
     hash_s32(fix_fraction(value, bits));
-    if (bits > 0 && bits < 31) {
+    if (bits > 0 && bits < 31)
         hash_s32(fix_round_shift(value, bits));
+    if (bits >= 8 && bits < 31)
         hash_s16(fix_round16(value, bits));
-    }
 }
 
 static void feed_mixed(int32_t a, int16_t b)
@@ -66,4 +84,5 @@ void vectors_feed(void)
     feed_32(a, b);
     feed_shifts(b, (uint8_t)(draw_u16() & 31U));
     feed_mixed(a, c);
+    feed_pairs(c, d, b);
 }

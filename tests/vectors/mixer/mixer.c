@@ -10,7 +10,6 @@ void vectors_feed(void)
     static mixer_state_t state;
     static signals_state_t motion;
     signals_effort_t effort;
-    signals_drive_t drive;
 
     if (draw_rarely(5)) {
         config.battery_floor_mv = (uint16_t)draw_between(1000, 20000);
@@ -26,8 +25,12 @@ void vectors_feed(void)
     effort.yaw_mv = draw_s16();
     motion.speed_mm_s_q4 = draw_s16();
     motion.yaw_rate_mrad_s = draw_s16();
-    mixer_step(&config, &state, &effort, &motion, draw_up_to(draw_rarely(3) ? 65535U : 12000), &drive);
-    hash_drive(&drive);
+    if (draw_rarely(3))
+        mixer_correct(&config, &state, draw_up_to(20000));
+    hash_drive(&state.drive);
+    state.battery_mv = draw_up_to(draw_rarely(3) ? 65535U : 12000);
+    mixer_step(&config, &state, &effort, &motion);
+    hash_drive(&state.drive);
     hash_u16(state.surge_saturated_steps);
     hash_u16(state.yaw_saturated_steps);
     hash_u16(state.battery_low_steps);

@@ -4,6 +4,9 @@ What brickOS 0.9 leaves without an acknowledgement: `delete` while a program run
 (so too when it is sent again) and where memory is short; `data` beyond what it has, and any `data` once the program is
 whole. `data` that it has already it acknowledges and forgets. An acknowledgement does not say of what.
 
+Two packets need 7 ms of silence between them, as `Tower.exchange` leaves: where damage makes a byte of data pass for a
+length, the receiver reads on until the line is silent, and past its buffer begins the table of the programs.
+
 Sources: brickOS 0.9.0, its headers and its loader, compared with the kernel of Debian's package, disassembled.
 """
 

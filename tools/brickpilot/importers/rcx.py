@@ -17,7 +17,6 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 from brickpilot.infrared import lnp
 from brickpilot.infrared.tower import BYTE_S, Tower
 
-BRICK, HOST = 0x07, 0x87
 PATIENCE = 4.0  # the brick may wait for a quiet line
 TRIES = 8
 VERSION = 1
@@ -120,11 +119,12 @@ def _ask(line: Line, port: Path, number: int) -> bytes:
     wanted = struct.pack("<H", number)
 
     def answer(heard: bytes) -> bytes | None:
-        data = lnp.find(heard, HOST, BRICK)
+        data = lnp.find(heard, lnp.HOST, lnp.BRICK)
         return data[2:] if data is not None and data[:2] == wanted else None
 
+    packet = lnp.packet(wanted, lnp.BRICK, lnp.HOST)
     for _ in range(TRIES):
-        block = line.exchange(lnp.packet(wanted, BRICK, HOST), answer, BLOCK_SAMPLES * SAMPLE_SIZE + 7, PATIENCE)
+        block = line.exchange(packet, answer, BLOCK_SAMPLES * SAMPLE_SIZE + 7, PATIENCE)
         if block is not None:
             return block
     if number == 0:

@@ -9,7 +9,6 @@ from brickpilot.hil.links import Frame, LinkGoneError
 from brickpilot.infrared import lnp
 from brickpilot.infrared.tower import Tower
 
-BRICK, HOST = 0x07, 0x87
 HEAD = 3
 ANSWER_BYTES = 4 + HEAD + 8 + 1
 PATIENCE = 4.0
@@ -46,10 +45,10 @@ class InfraredLink:
     def _ask(self, identifier: int, data: bytes) -> None:
         self._sequence = (self._sequence + 1) & 255
         head = bytes([self._sequence, identifier & 255, identifier >> 8])
-        packet = lnp.packet(head + data, BRICK, HOST)
+        packet = lnp.packet(head + data, lnp.BRICK, lnp.HOST)
 
         def answer(heard: bytes) -> Frame | None:
-            for found in lnp.each(heard, HOST, BRICK):
+            for found in lnp.each(heard, lnp.HOST, lnp.BRICK):
                 frame = found[1] | found[2] << 8, found[HEAD:]
                 if len(found) > HEAD and frame[0] == identifier + 1 and frame[1][0] == data[0]:
                     return frame

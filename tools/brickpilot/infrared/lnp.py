@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 HEADER = 0xF1
+BRICK, HOST = 0x07, 0x87
+"""Addresses of the programs of hal/rcx, and of who speaks to them: hosts 0 and 8, port 7. Port 0 is the kernel's."""
 
 
 def address(host: int, port: int = 0) -> int:

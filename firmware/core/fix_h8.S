@@ -1,4 +1,4 @@
-; fix_h8.s: the arithmetic of fix.h that a step spends most of its time in, in the RCX's own instructions: see h8.inc.
+; fix_h8.S: the arithmetic of fix.h that a step spends most of its time in, in the RCX's own instructions: see h8.inc.
 	.include "core/h8.inc"
 	.text
 
@@ -6,10 +6,22 @@
 	.align 1
 	.global _fix_mul_u16
 _fix_mul_u16:
-	PRODUCT
-	mov.b	r2l,r1l
-	mov.b	r0l,r1h
-	mov.w	r3,r0
+	mov.b	r0l,r2l
+	mulxu.b	r1l,r2		; low * low
+	mov.b	r0h,r3l
+	mulxu.b	r1l,r3		; high * low
+	mov.b	r0h,r1l
+	mulxu.b	r1h,r0		; low * high
+	mulxu.b	r1h,r1		; high * high
+	add.b	r2h,r3l
+	addx	#0,r3h
+	add.w	r3,r0		; the middle
+	addx	#0,r1h
+	add.b	r0h,r1l
+	addx	#0,r1h
+	mov.b	r0l,r2h
+	mov.w	r1,r0
+	mov.w	r2,r1
 	rts
 
 ; int32_t fix_mul(int16_t a, int16_t b): the product of both without sign, less 65536 times the other for each that is negative.
@@ -35,19 +47,20 @@ _fix_mul:
 	.global _fix_mul_u32_q16
 _fix_mul_u32_q16:
 	SAVE
-	sub.b	r4h,r4h
+	sub.b	r4l,r4l
 	mov.w	r2,r6
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bra	.Lmultiply
 
 .Lall:				; by 2^15: all of it, but at most 2^31 - 1
-	mov.w	r5,r3
+	mov.w	r5,r1
 	bpl	.Lfits
-	mov.w	#0x7fff,r3
-	mov.w	#0xffff,r2
+	subs	#1,r1
+	subs	#1,r2
 .Lfits:
-	SIGNED_RESULT
+	mov.w	r4,r0
+	bra	.Lcut_and_leave
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
@@ -65,8 +78,8 @@ _fix_share_q15:
 	rts
 .Lsomething:
 	SAVE
-	mov.b	r0h,r4h
-	xor	r2h,r4h
+	mov.b	r0h,r4l
+	xor	r2h,r4l
 	mov.w	r2,r6
 	bpl	.Lfactor
 	not	r6h
@@ -76,136 +89,252 @@ _fix_share_q15:
 	mov.w	r1,r2
 	mov.w	r0,r5
 	bpl	.Lvalue
-	NEGATE	r5h,r5l,r2h,r2l
+	sub.w	r5,r5
+	sub.w	r2,r2
+	sub.w	r1,r2
+	subx	r0l,r5l
+	subx	r0h,r5h
 .Lvalue:
 	add.w	r6,r6
 	bcs	.Lall
 .Lmultiply:
-	bset	#0,r4h
-
-; r5:r2 * r6 / 2^16, all without sign: where bit 0 of r4h is set, cut; else divided by 2^r4l (0 to 31) too, and rounded. Negated by bit 7
-; of r4h. Uses all registers: the end of a function that began with SAVE.
-	.global _fix_h8_scaled
-_fix_h8_scaled:
-	mov.w	r6,r1
-	sub.w	r3,r3
-	mov.w	r2,r0
-	beq	.Lonly_high
-	PRODUCT
-	mov.w	r6,r1
-.Lonly_high:
-	mov.b	r0l,r6l		; the highest byte of what is cut off
-	mov.w	r5,r0
-	bne	.Lhigh
-	mov.w	r3,r2
-	sub.w	r3,r3
-	bra	.Lproduct
-.Lhigh:
-	mov.w	r3,r5
-	PRODUCT
-	mov.b	r0l,r2h
-	add.w	r5,r2
-	addx	#0,r3l
-	addx	#0,r3h
-.Lproduct:
-	btst	#0,r4h
-	bne	_fix_h8_signed_result
-	mov.b	r4l,r4l
-	beq	.Lunshifted
-	jsr	@.Lshift
-	bra	.Lround
-.Lunshifted:
-	add.b	r6l,r6l
-.Lround:			; up where the last bit that fell off was set
-	addx	#0,r2l
-	addx	#0,r2h
-	addx	#0,r3l
-	addx	#0,r3h
-	.global _fix_h8_signed_result
-_fix_h8_signed_result:
-	mov.b	r4h,r4h
-	bpl	.Lpositive
-	NEGATE	r3h,r3l,r2h,r2l
-.Lpositive:
-	mov.w	r3,r0
-	mov.w	r2,r1
+	mov.b	#0x80,r4h
+	bsr	_fix_h8_scaled
+.Lcut_and_leave:
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
-	rts
 
-; r3:r2 (without sign) / 2^r4l to r3:r2, cut; the carry: the last bit that fell off. r4l 0 to 31. Uses r1l, r4l. Bytes, then bits: right,
-; or left in a byte more.
-	.align 1
-.Lshift:
-	cmp.b	#8,r4l
-	bcs	.Lbits
-	mov.b	r2l,r1l
-	mov.b	r2h,r2l
-	mov.b	r3l,r2h
-	mov.b	r3h,r3l
-	sub.b	r3h,r3h
-	add.b	#-8,r4l
-	bra	.Lshift
-.Lbits:
-	cmp.b	#5,r4l
-	bcc	.Lleft
-	mov.b	r4l,r4l
-	bne	.Lright
-	add.b	r1l,r1l
+; r1:r2 (without sign) to r0:r1, negated where bit 7 of r0l is set. .Lround: one more where the carry is set.
+.Lcut:
+	andc	#0xfe,ccr
+	.global _fix_h8_round
+_fix_h8_round:
+	mov.b	r0l,r0l
+	bmi	.Lnegative
+	mov.w	r1,r0
+	mov.w	r2,r1
+	addx	#0,r1l
+	addx	#0,r1h
+	addx	#0,r0l
+	addx	#0,r0h
 	rts
-.Lright:
-	shlr	r3h
-	rotxr	r3l
-	rotxr	r2h
-	rotxr	r2l
-	dec	r4l
-	bne	.Lright
-	rts
-.Lleft:
-	sub.b	r1l,r1l
-.Lleft_again:
-	add.w	r2,r2
-	rotxl	r3l
-	rotxl	r3h
-	rotxl	r1l
-	inc	r4l
-	btst	#3,r4l
-	beq	.Lleft_again
-	add.b	r2l,r2l
-	mov.b	r2h,r2l
-	mov.b	r3l,r2h
-	mov.b	r3h,r3l
-	mov.b	r1l,r3h
+.Lnegative:
+	mov.w	r1,r3
+	mov.w	#0,r0		; not by sub.w: the carry is still to be counted
+	mov.w	r0,r1
+	subx	r2l,r1l
+	subx	r2h,r1h
+	subx	r3l,r0l
+	subx	r3h,r0h
 	rts
 
 ; int32_t fix_fraction(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_fraction
 _fix_fraction:
-	SAVE
-	bsr	.Lmagnitude
-	jsr	@.Lshift
-	SIGNED_RESULT
+	bsr	.Lmagnitude_shift
+	bra	.Lcut
 
 ; int32_t fix_round_shift(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_round_shift
 _fix_round_shift:
-	SAVE
-	bsr	.Lmagnitude
-	jsr	@.Lshift
-	jmp	@.Lround
+	bsr	.Lmagnitude_shift
+	bra	_fix_h8_round
 
-.Lmagnitude:
-	mov.b	r0h,r4h
-	mov.b	r2l,r4l
+.Lmagnitude_shift:		; r0:r1 / 2^r2l to r1:r2 and the carry, r0l the sign
+	mov.b	r2l,r3l
 	mov.w	r1,r2
-	mov.w	r0,r3
+	mov.w	r0,r1
 	bpl	.Lnot_negative
-	NEGATE	r3h,r3l,r2h,r2l
+	mov.w	r2,r1
+	sub.w	r2,r2
+	sub.w	r1,r2
+	mov.w	#0,r1
+	subx	r0l,r1l
+	subx	r0h,r1h
 .Lnot_negative:
+	mov.b	r0h,r0l
+	mov.b	r3l,r0h
+	bra	.Lshift
+
+; r5:r2 * r6 / 2^16, all without sign, to r1:r2; where bit 7 of r4h is not set, divided by 2^r4h (0 to 31) too, and the carry is the last
+; bit that fell off. r4 to r0. Uses all registers but r4.
+	.align 1
+	.global _fix_h8_scaled
+_fix_h8_scaled:
+	sub.w	r3,r3
+	mov.w	r2,r2
+	beq	.Lonly_high
+	mov.b	r2l,r0l
+	mulxu.b	r6l,r0		; low * low
+	mov.b	r2h,r1l
+	mulxu.b	r6l,r1		; high * low
+	mov.b	r2l,r3l
+	mulxu.b	r6h,r3		; low * high
+	mov.b	r2h,r2l
+	mulxu.b	r6h,r2		; high * high
+	add.b	r0h,r1l
+	addx	#0,r1h
+	add.w	r1,r3		; the middle: r3l the highest byte of what is cut off
+	addx	#0,r2h
+	add.b	r3h,r2l
+	addx	#0,r2h
+.Lonly_high:
+	mov.w	r5,r1
+	beq	.Lscaled
+	mov.b	r5l,r0l
+	mulxu.b	r6l,r0
+	mov.b	r5h,r1l
+	mulxu.b	r6h,r1
+	add.w	r0,r2
+	addx	#0,r1l
+	addx	#0,r1h
+	mov.b	r5h,r0l
+	mulxu.b	r6l,r0
+	mulxu.b	r6h,r5
+	add.w	r5,r0
+	addx	#0,r1h
+	add.b	r0l,r2h
+	addx	r0h,r1l
+	addx	#0,r1h
+.Lscaled:
+	mov.w	r4,r0
+	bmi	.Lshifted
+
+; r1:r2 (without sign) / 2^r0h to r1:r2, cut; the carry: the last bit that fell off; where r0h is 0, bit 7 of r3l. r0h 0 to 31. Uses r0h,
+; r3l. Bytes, then bits: right, or left in a byte more.
+.Lshift:
+	add.b	#-8,r0h
+	bcc	.Lbits
+	mov.b	r2l,r3l
+	mov.b	r2h,r2l
+	mov.b	r1l,r2h
+	mov.b	r1h,r1l
+	sub.b	r1h,r1h
+	bra	.Lshift
+.Lbits:
+	cmp.b	#-3,r0h
+	bcc	.Lleft
+	add.b	#8,r0h
+	bne	.Lright
+	add.b	r3l,r3l
+.Lshifted:
 	rts
+.Lright:
+	shlr	r1h
+	rotxr	r1l
+	rotxr	r2h
+	rotxr	r2l
+	dec	r0h
+	bne	.Lright
+	rts
+.Lleft:
+	sub.b	r3l,r3l
+.Lleft_again:
+	add.w	r2,r2
+	rotxl	r1l
+	rotxl	r1h
+	rotxl	r3l
+	inc	r0h
+	bne	.Lleft_again
+	add.b	r2l,r2l
+	mov.b	r2h,r2l
+	mov.b	r1l,r2h
+	mov.b	r1h,r1l
+	mov.b	r3l,r1h
+	rts
+
+; int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with)
+	.align 1
+	.global _fix_dot
+_fix_dot:
+.Ldot:
+	mov.w	r4,@-r7
+	mov.w	r5,@-r7
+	mov.w	r0,r4
+	mov.w	r1,r5
+	mov.w	@r4+,r0
+	mov.w	@r5+,r1
+	jsr	@_fix_mul
+	mov.w	r1,@-r7
+	mov.w	r0,@-r7
+	mov.w	@r4,r0
+	mov.w	@r5,r1
+	jsr	@_fix_mul
+	mov.w	@r7+,r2
+	mov.w	@r7+,r3
+	add.w	r3,r1
+	addx	r2l,r0l
+	addx	r2h,r0h
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	rts
+
+; int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15): twice the magnitude and a half, its high word
+	.align 1
+	.global _fix_along
+_fix_along:
+	bsr	.Ldot
+	mov.w	r0,@-r7
+	jsr	@_fix_abs_u32
+	mov.w	#0x4000,r2
+	add.w	r2,r1
+	addx	#0,r0l
+	addx	#0,r0h
+	add.w	r1,r1
+	rotxl	r0l
+	rotxl	r0h
+	bcs	.Lmost_along
+	mov.w	r0,r0
+	bpl	.Lalong
+.Lmost_along:
+	mov.w	#0x7fff,r0
+.Lalong:
+	mov.w	@r7+,r2
+	bmi	.Lbackward
+	rts
+.Lbackward:
+	jmp	@.Lnegate16
+
+; int16_t fix_against_square(const int32_t *value, uint16_t root): value less square; both words of that in one
+	.align 1
+	.global _fix_against_square
+_fix_against_square:
+	mov.w	r0,@-r7
+	mov.w	r1,r0
+	jsr	@_fix_mul_u16
+	mov.w	@r7+,r3
+	mov.w	@(2,r3),r2
+	sub.w	r1,r2
+	mov.w	@r3,r3
+	subx	r0l,r3l
+	subx	r0h,r3h
+	mov.w	r3,r0
+	or	r2h,r0l
+	or	r2l,r0l
+	rts
+
+; int16_t fix_thousandth(int32_t value)
+	.align 1
+	.global _fix_thousandth
+_fix_thousandth:
+	SAVE
+	mov.w	#0x0800,r4
+	mov.b	r0h,r4l
+	mov.w	#16777,r6
+	mov.w	r1,r2
+	mov.w	r0,r5
+	bpl	.Lthousands
+	NEGATE	r5h,r5l,r2h,r2l
+.Lthousands:
+	jsr	@_fix_h8_scaled
+	mov.w	@r7+,r6
+	mov.w	@r7+,r5
+	mov.w	@r7+,r4
+	jsr	@_fix_h8_round
+	jmp	@_fix_sat16
 
 ; int32_t fix_add_to(int32_t value, int32_t *sum)
 	.align 1
@@ -220,12 +349,7 @@ _fix_add_to:
 	mov.w	r1,@(2,r2)
 	rts
 
-; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. By signs: the simulator sets V wrong after ADDX and SUBX.
-	.align 1
-	.global _fix_add32
-_fix_add32:
-	mov.w	@(2,r7),r2
-	mov.w	@(4,r7),r3
+; By signs: the simulator sets V wrong after ADDX and SUBX.
 .Ladd:
 	add.w	r3,r1
 	mov.b	r0h,r3h
@@ -238,12 +362,6 @@ _fix_add32:
 	mov.b	r0h,r0h
 	bmi	.Lleast
 	rts
-	.align 1
-	.global _fix_sub32
-_fix_sub32:
-	mov.w	@(2,r7),r2
-	mov.w	@(4,r7),r3
-	bra	.Lsubtract
 
 ; int32_t fix_less(int32_t value, const int32_t *other)
 	.align 1
@@ -251,7 +369,6 @@ _fix_sub32:
 _fix_less:
 	mov.w	@(2,r2),r3
 	mov.w	@r2,r2
-.Lsubtract:
 	sub.w	r3,r1
 	mov.b	r0h,r3h
 	subx	r2l,r0l
@@ -282,19 +399,6 @@ _fix_less:
 	adds	#1,r1
 .Lsum:
 	rts
-
-	.macro	DIVIDE_ROUND
-	add.w	r1,r1
-	rotxl	r3l
-	rotxl	r3h
-	bcs	.Lone\@
-	cmp.w	r2,r3
-	bcs	.Lzero\@
-.Lone\@:
-	sub.w	r2,r3
-	adds	#1,r1
-.Lzero\@:
-	.endm
 
 ; int32_t fix_clamp32(int32_t value, int32_t limit): limit is on the stack
 	.align 1
@@ -411,21 +515,65 @@ _fix_bits:
 	mov.b	r2l,r0l
 	rts
 
-; int16_t fix_round16(int32_t value, uint8_t bits)
+; int16_t fix_gain16_q10(int16_t gain_q10, int16_t value); r3:r1 is what it would be without saturation
+	.align 1
+	.global _fix_gain16_q10
+_fix_gain16_q10:
+	jsr	@_fix_gain_q10
+	mov.w	r0,r3
+	bra	.Lsat16
+
+; int16_t fix_round16(int32_t value, uint8_t bits): a byte, then up to 7 bits; r3h the sign.
 	.align 1
 	.global _fix_round16
 _fix_round16:
-	jsr	@_fix_round_shift
+	mov.b	r0h,r3h
+	bpl	.Lmagnitude16
+	NEGATE	r0h,r0l,r1h,r1l
+.Lmagnitude16:
+	add.b	#-8,r2l
+	beq	.Lbyte16
+.Lbit16:
+	shlr	r0h
+	rotxr	r0l
+	rotxr	r1h
+	dec	r2l
+	bne	.Lbit16
+	bra	.Lround16
+.Lbyte16:
+	add.b	r1l,r1l
+.Lround16:
+	mov.b	r1h,r1l
+	mov.b	r0l,r1h
+	addx	#0,r1l		; the last bit that fell off
+	addx	#0,r1h
+	addx	#0,r0h
+	mov.b	r0h,r0h
+	bne	.Lmost16
+	mov.w	r1,r0
+	bpl	.Lwithin_most16
+.Lmost16:
+	mov.w	#0x7fff,r0
+.Lwithin_most16:
+	mov.b	r3h,r3h
+	bmi	.Lnegate16
+	rts
 
 ; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
 	.align 1
 	.global _fix_sat16
 _fix_sat16:
-	mov.b	r1h,r2l
-	add.b	r2l,r2l
-	subx	r2l,r2l
-	mov.b	r2l,r2h
-	cmp.w	r2,r0
+.Lsat16:
+	mov.w	r1,r2
+	bmi	.Llow_negative16
+	mov.w	r0,r0
+	bne	.Lbeyond16
+	mov.w	r1,r0
+	rts
+.Llow_negative16:
+	mov.w	r0,r2
+	adds	#1,r2
+	mov.w	r2,r2
 	bne	.Lbeyond16
 	mov.w	r1,r0
 .Lleast16:			; -32768 becomes -32767
@@ -506,6 +654,7 @@ _fix_round_bam16:
 _fix_abs_u16:
 	mov.w	r0,r0
 	bpl	.Labsolute16
+.Lnegate16:
 	not	r0h
 	not	r0l
 	adds	#1,r0
@@ -523,80 +672,30 @@ _fix_abs_u32:
 .Labsolute:
 	rts
 
-; uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor): each half by subtract and shift; r3 is the rest, r0l counts.
+; int32_t fix_gain_q10(int16_t gain_q10, int16_t value): the product by magnitude, half of a unit more, a byte and two bits less.
 	.align 1
-	.global _fix_div_u32
-_fix_div_u32:
-	sub.w	r3,r3
-	cmp.w	r2,r0
-	bcs	.Lhigh_is_rest
+	.global _fix_gain_q10
+_fix_gain_q10:
 	mov.w	r1,@-r7
-	mov.w	r0,r1
-	bsr	.Ldivide_half
-	mov.w	@r7+,r0
-	mov.w	r1,@-r7
-	mov.w	r0,r1
-	bsr	.Ldivide_half
-	mov.w	@r7+,r0
-	rts
-.Lhigh_is_rest:
-	mov.w	r0,r3
-	bsr	.Ldivide_half
-	sub.w	r0,r0
-	rts
-.Ldivide_half:
-	mov.b	#4,r0l
-.Lfour_rounds:
-	DIVIDE_ROUND
-	DIVIDE_ROUND
-	DIVIDE_ROUND
-	DIVIDE_ROUND
-	add.b	#-1,r0l
-	bne	.Lfour_rounds
-	rts
-
-; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root. r0:r1 value,
-; r4 the root, r2h:r5 a trial, r6l counts.
-	.align 1
-	.global _fix_sqrt_u32
-_fix_sqrt_u32:
-	SAVE
-	sub.b	r2l,r2l
-	sub.w	r3,r3
-	sub.w	r4,r4
-	mov.b	#16,r6l
-.Lroot:
+	bpl	.Lgain_of_magnitude
+	not	r1h
+	not	r1l
+	adds	#1,r1
+.Lgain_of_magnitude:
+	jsr	@_fix_mul_u16
+	add.b	#2,r1h
+	addx	#0,r0l
+	addx	#0,r0h
 	.rept	2
-	add.w	r1,r1
-	rotxl	r0l
-	rotxl	r0h
-	rotxl	r3l
-	rotxl	r3h
-	rotxl	r2l
+	shlr	r0h
+	rotxr	r0l
+	rotxr	r1h
 	.endr
-	add.w	r4,r4
-	sub.b	r2h,r2h
-	mov.w	r4,r5
-	add.w	r5,r5
-	rotxl	r2h
-	adds	#1,r5
-	cmp.b	r2h,r2l
-	bcs	.Lzero
-	bne	.Lone
-	cmp.w	r5,r3
-	bcs	.Lzero
-.Lone:
-	sub.w	r5,r3
-	subx	r2h,r2l
-	adds	#1,r4
-.Lzero:
-	add.b	#-1,r6l
-	bne	.Lroot
-	mov.w	r4,r0
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	mov.b	r1h,r1l
+	mov.b	r0l,r1h
+	mov.b	r0h,r0l
+	sub.b	r0h,r0h
+	bra	.Lby_sign
 
 ; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
 	.align 1
@@ -605,6 +704,7 @@ _fix_share_q16:
 	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	jsr	@_fix_mul_u32_q16
+.Lby_sign:
 	mov.w	@r7+,r2
 	bpl	.Lpositive_share
 	NEGATE	r0h,r0l,r1h,r1l

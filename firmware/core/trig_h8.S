@@ -1,4 +1,4 @@
-; trig_h8.s: trig.c's functions in the RCX's own instructions: see h8.inc. The tables are trig.c's.
+; trig_h8.S: trig.c's functions in the RCX's own instructions: see h8.inc. The tables are trig.c's.
 	.include "core/h8.inc"
 	.text
 

@@ -1,4 +1,4 @@
-; ends_h8.s: how functions end that the compiler made: hal/h8/shared_ends.awk has them jump here. Not C functions.
+; ends_h8.S: how functions end that the compiler made: hal/h8/shared_ends.awk has them jump here. Not C functions.
 	.text
 
 ; Registers, then r2l bytes of locals (2 to 254, even).
