@@ -21,6 +21,11 @@ static void look(los_state_t *los)
     los->to_mm.x = look_across(waypoint->x_mm, &los->signals->x_um, &los->to_x_um);
     los->to_mm.y = look_across(waypoint->y_mm, &los->signals->y_um, &los->to_y_um);
     los->distance_squared_mm2 = fix_dot(&los->to_mm, &los->to_mm);
+}
+
+/* Apart from look(): a step that finds the waypoint reached needs no direction to it. */
+static void sight(los_state_t *los)
+{
     los->sight_bam16 = trig_atan2_bam16(&los->to_y_um, &los->to_x_um);
 }
 
@@ -85,6 +90,7 @@ static void follow_line(los_state_t *los, uint16_t bearing_bam16)
 static void begin_leg(los_state_t *los)
 {
     look(los);
+    sight(los);
     los->leg_ms = 0;
     los->leg_overshoots = 0;
     los->passing = false;
@@ -154,6 +160,7 @@ static void brake(los_state_t *los)
 static void move(los_state_t *los)
 {
     const los_config_t *config = los->config;
+    sight(los);
     if (los->phase == LOS_BRAKE) {
         brake(los);
         return;
@@ -180,10 +187,11 @@ static uint16_t approach_speed_mm_s_q4(const los_state_t *los)
 {
     const uint16_t cruise = (uint16_t)los->config->cruise_mm_s_q4;
     const uint16_t cruise_squared_high = (uint16_t)(fix_mul_u16(cruise, cruise) >> 16);
-    uint16_t distance_mm = fix_abs_u16(los->to_mm.x), speed = fix_abs_u16(los->to_mm.y);
+    const uint16_t y_mm = fix_abs_u16(los->to_mm.y);
+    uint16_t distance_mm = fix_abs_u16(los->to_mm.x), speed;
 
-    if (distance_mm < speed)
-        distance_mm = speed;
+    if (distance_mm < y_mm)
+        distance_mm = y_mm;
     if (fix_mul_u16(twice_decel_mm_s2(los), distance_mm) >> 8 > cruise_squared_high)
         return cruise;
     distance_mm = fix_sqrt_u32((uint32_t)los->distance_squared_mm2);

@@ -54,7 +54,7 @@ typedef struct {
     int32_t to_y_um;
     fix_pair_t to_mm;
     int32_t distance_squared_mm2;
-    uint16_t sight_bam16; /* the direction of the waypoint */
+    uint16_t sight_bam16; /* the direction of the waypoint; not made new where a leg fails or after the end */
 
     los_phase_t phase;
     los_status_t status;

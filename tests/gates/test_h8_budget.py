@@ -18,11 +18,11 @@ ROOT = Path(__file__).resolve().parents[2]
 LIMITS = {
     ("h8", "coupled", "imu+encoders"): {"instructions": 7490, "states_external": 75200, "states_on_chip": 29400},
     ("h8", "paper", "imu+encoders"): {"instructions": 10070, "states_external": 99600, "states_on_chip": 38800},
-    ("h8:imu", "coupled", "imu"): {"instructions": 6890, "states_external": 68800, "states_on_chip": 27200},
+    ("h8:imu", "coupled", "imu"): {"instructions": 6890, "states_external": 68500, "states_on_chip": 26900},
     ("h8:rotation", "coupled", "imu+encoders"): {
         "instructions": 6960,
-        "states_external": 69800,
-        "states_on_chip": 27500,
+        "states_external": 69500,
+        "states_on_chip": 27300,
     },
 }
 STACK = 240
@@ -33,7 +33,7 @@ STAGES = {
     "heading": 6320,
     "speed": 8360,
     "pose": 3970,
-    "guidance": 19200,
+    "guidance": 17500,
     "control": 7830,
     "mixer": 5770,
     "telemetry": 3240,
