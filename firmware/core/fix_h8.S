@@ -258,16 +258,13 @@ _fix_dot:
 	mov.w	@r4+,r0
 	mov.w	@r5+,r1
 	jsr	@_fix_mul
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
+	PUSH32
 	mov.w	@r4,r0
 	mov.w	@r5,r1
 	jsr	@_fix_mul
 	mov.w	@r7+,r2
 	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
 	rts

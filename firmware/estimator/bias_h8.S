@@ -12,8 +12,7 @@ _bias_learn:
 	mov.w	r2,r1
 	mov.w	r4,r2
 	jsr	@_fix_less
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
+	PUSH32
 	mov.w	@(4,r4),r0
 	mov.w	@(8,r7),r1
 	jsr	@_fix_bits

@@ -72,17 +72,14 @@ _pose_step:
 	mov.w	@(SIGNALS_TRAVEL + 2,r5),r1
 	jsr	@_fix_share_q15
 #ifndef BODY_WITHOUT_PAPER
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
+	PUSH32
 	mov.w	@(SIGNALS_SWAY_TRAVEL,r5),r0
 	mov.w	@(SIGNALS_SWAY_TRAVEL + 2,r5),r1
 	mov.w	r6,r2
 	jsr	@_fix_share_q15
 	mov.w	@r7+,r2
 	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 #endif
 	mov.w	@r4,r2
 	mov.b	r2h,r3l

@@ -13,10 +13,6 @@
 	mov.w	r0,@(\place,\at)
 	mov.w	r1,@(\place + 2,\at)
 	.endm
-	.macro	PUSH32
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
-	.endm
 
 ; The travel at two speeds' mean, r0 and r1, to a place in the signals.
 	.macro	TRAVEL	place
@@ -122,22 +118,16 @@ _speed_step:
 	jsr	@_fix_share_q15
 	mov.w	@r7+,r2
 	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 	mov.w	#16384,r2	; MOST_TRAVEL_UM_Q_11
 	jsr	@_fix_clamp_q16
 .Lcounted:
 	mov.w	@(STATE_BEHIND,r5),r2
 	mov.w	@(STATE_BEHIND + 2,r5),r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 	mov.w	@(SIGNALS_TRAVEL,r6),r2
 	mov.w	@(SIGNALS_TRAVEL + 2,r6),r3
-	sub.w	r3,r1
-	subx	r2l,r0l
-	subx	r2h,r0h
+	SUB32
 	PUSH32			; how far behind
 	mov.w	@(CONFIG_BEHIND_TO_TRAVEL,r4),r2
 	jsr	@_fix_share_q15
@@ -167,9 +157,7 @@ _speed_step:
 	jsr	@_fix_share_q15
 	mov.w	@r7+,r2
 	mov.w	@r7+,r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 	PUSH32
 .Lnot_counted:
 #endif
@@ -206,9 +194,7 @@ _speed_step:
 	mov.w	@(2,r5),r3
 	mov.w	r0,@r5
 	mov.w	r1,@(2,r5)
-	sub.w	r3,r1
-	subx	r2l,r0l
-	subx	r2h,r0h
+	SUB32
 	PUSH32			; the jump
 	mov.w	@r5,r0
 	mov.w	@(2,r5),r1

@@ -50,12 +50,9 @@ _body_predict:
 	mov.w	r1,r3
 	sub.w	r0,r0
 	sub.w	r1,r1
-	sub.w	r3,r1
-	subx	r2l,r0l
-	subx	r2h,r0h
+	SUB32
 .Ldrag:
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
+	PUSH32
 	mov.w	r4,r0
 	adds	#2,r0		; COEFFICIENTS_MOTOR_0
 	mov.w	r5,r1
@@ -111,8 +108,7 @@ _body_correct_surge:
 	add.w	r1,r1
 	rotxl	r0l
 	rotxl	r0h
-	mov.w	r1,@-r7
-	mov.w	r0,@-r7
+	PUSH32
 	mov.w	r5,r2
 	adds	#2,r2
 	adds	#2,r2		; STATE_SPEED_0

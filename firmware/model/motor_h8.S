@@ -51,9 +51,7 @@ _motor_step:
 	mov.w	@r7+,r1
 	mov.w	@r4,r2
 	mov.w	@(2,r4),r3
-	add.w	r3,r1
-	addx	r2l,r0l
-	addx	r2h,r0h
+	ADD32
 	mov.w	#12000,r2	; MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536
 	jsr	@_fix_clamp_q16
 	mov.w	r0,@r4
