@@ -48,7 +48,7 @@ def bench(target: str, profile: str, sensors: str) -> dict[str, Any]:
 
 
 def step_ms(sensors: str) -> int:
-    flags = (ROOT / "hal/rcx/flags").read_text()
+    flags = (ROOT / "firmware/targets/rcx/flags").read_text()
     named = re.search(rf"^{sensors}\).*-DSTEP_MS=(\d+)", flags, re.MULTILINE)
     assert named is not None
     return int(named[1])

@@ -19,7 +19,7 @@ PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
 # Those that an RCX's program is built with. The host's build is for all sensors, and is fed these alone.
-PROGRAMS = re.findall(r"-D[^']+", (ROOT / "hal/rcx/flags").read_text())
+PROGRAMS = re.findall(r"-D[^']+", (ROOT / "firmware/targets/rcx/flags").read_text())
 OF_EACH_PROGRAM = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed", "model/body")
 
 # These call the HAL: the missions on the simulator do so too, tests/python/test_hil_h8sim.py.
@@ -95,7 +95,7 @@ def test_vectors_are_of_both_sets_of_sensors() -> None:
 
 
 def test_every_module_has_vectors() -> None:
-    sources = [*(ROOT / "firmware").rglob("*.c"), *(ROOT / "hal/wire").glob("*.c")]
+    sources = [*(ROOT / "firmware").glob("*/*.c"), *(ROOT / "hal/wire").glob("*.c")]
     named = {f"{path.parent.name}/{path.stem.removesuffix('_gen')}" for path in sources}
     assert named - WITHOUT_VECTORS - NOT_ON_THE_RCX <= set(MODULES) | {
         "model/body_pose",

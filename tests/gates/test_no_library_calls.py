@@ -11,7 +11,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BRICKOS = Path("/usr/lib/brickos/brickOS.lds")
+TARGET = ROOT / "firmware/targets/rcx"
 PORT = ["-isystem", "/usr/include/brickos", "-isystem", "/usr/include/brickos/lnp"]
+FIRMWARE = sorted(path for path in (ROOT / "firmware").rglob("*.[cS]") if "targets" not in path.parts)
 HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text()))
 
 
@@ -34,7 +36,7 @@ def _compiler() -> None:
 
 @pytest.mark.parametrize("defines", [(), ("-DBODY_WITHOUT_PAPER",), ("-DBODY_WITHOUT_COUPLED",)])
 def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, ...]) -> None:
-    sources = sorted((ROOT / "firmware").rglob("*.[cS]")) + sorted((ROOT / "hal/wire").glob("*.c"))
+    sources = FIRMWARE + sorted((ROOT / "hal/wire").glob("*.c"))
     sources += [ROOT / "hal/link/set.c"]
     assert len(sources) > 10
     missing = undefined_after_linking(sources, tmp_path, *defines)
@@ -50,13 +52,13 @@ def kernel_symbols() -> set[str]:
 
 @pytest.mark.parametrize("sensors", ["imu", "rotation"])
 def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str) -> None:
-    flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
+    flags = subprocess.run([TARGET / "flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
     defines = flags.split()
-    autopilot = [*sorted((ROOT / "firmware").rglob("*.[cS]")), *sorted((ROOT / "hal/rcx").glob("*.c"))]
+    autopilot = [*FIRMWARE, *sorted((ROOT / "hal/rcx").glob("*.c")), TARGET / "main.c", TARGET / "panel.c"]
     autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/message.c"]
-    record = [ROOT / f"hal/rcx/{name}.c" for name in ("record/record", "motors", "sensors")]
-    record.append(ROOT / "firmware/core/ends_h8.S")
-    for sources in (autopilot, record):
+    recorder = [TARGET / "recorder.c", ROOT / "hal/rcx/motors.c", ROOT / "hal/rcx/sensors.c"]
+    recorder.append(ROOT / "firmware/core/ends_h8.S")
+    for sources in (autopilot, recorder):
         missing = undefined_after_linking(sources, tmp_path, *PORT, *defines)
         assert "lnp_addressing_write" in missing
         assert missing <= kernel_symbols(), f"neither ours nor the kernel's: {sorted(missing - kernel_symbols())}"

@@ -1,4 +1,4 @@
-"""hal/rcx on the simulator of the RCX's processor, beside brickOS's own kernel; and the program that is built of it."""
+"""The RCX's port and programs on the simulator of its processor, beside brickOS's own kernel; and their builds."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from brickpilot.infrared import lnp
 
 ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"
+TARGET = ROOT / "firmware/targets/rcx"
 CONFIGURATIONS = ["imu", "rotation"]
 # What the simulator, or the brick, cannot show: hal/rcx/README.md says the same.
 CANNOT = {
@@ -32,9 +33,9 @@ BYTE_S = 0.0005  # a pseudo-terminal has no baud rate
 STACK = 400
 
 
-def run(name: str, sensors: str, *port: str) -> subprocess.CompletedProcess[str]:
+def run(name: str, sensors: str, *folders: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [ROOT / "tests/rcx/run", name, sensors, *port], capture_output=True, text=True, timeout=600, check=False
+        [ROOT / "tests/rcx/run", name, sensors, *folders], capture_output=True, text=True, timeout=600, check=False
     )
 
 
@@ -75,8 +76,8 @@ class Tower:
 
 
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_a_record_comes_back_as_a_data_set(tmp_path: Path, sensors: str) -> None:
-    done = run("record", sensors)
+def test_a_recording_comes_back_as_a_data_set(tmp_path: Path, sensors: str) -> None:
+    done = run("recorder", sensors)
     assert done.returncode == 0, done.stdout + done.stderr
     lines = [bytes.fromhex(line) for line in done.stdout.splitlines() if line.startswith("f1")]
     tower = Tower({line[4:6]: line for line in lines})
@@ -127,7 +128,7 @@ def test_the_drivers_do_what_they_promise(sensors: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count(": PASS\n") == 15
     room = re.search(r"^largest block (\d+)$", done.stdout, re.MULTILINE)
-    assumed = re.search(r"^HEAP=(\d+)$", (PORT / "build").read_text(), re.MULTILINE)
+    assumed = re.search(r"^HEAP=(\d+)$", (TARGET / "build").read_text(), re.MULTILINE)
     assert room is not None
     assert assumed is not None
     assert room[1] == assumed[1], "what the kernel leaves a program"
@@ -154,11 +155,14 @@ def test_the_program_does_what_the_recipe_says(sensors: str) -> None:
     ],
 )
 def test_a_wrong_driver_is_caught(tmp_path: Path, name: str, file: str, of: str, to: str) -> None:
-    shutil.copytree(PORT, tmp_path / "rcx")
-    text = (PORT / file).read_text()
+    port, target = tmp_path / "port", tmp_path / "target"
+    shutil.copytree(PORT, port)
+    shutil.copytree(TARGET, target)
+    path = next(folder / file for folder in (port, target) if (folder / file).exists())
+    text = path.read_text()
     assert of in text
-    (tmp_path / "rcx" / file).write_text(text.replace(of, to))
-    done = run(name, "imu", str(tmp_path / "rcx"))
+    path.write_text(text.replace(of, to))
+    done = run(name, "imu", port, target)
     assert done.returncode == 1, done.stdout + done.stderr
     assert ": FAIL: line " in done.stdout
 
@@ -176,7 +180,7 @@ def test_board_has_the_scales_of_the_model() -> None:
 
 def test_the_program_flies_the_scenario_mission() -> None:
     scenario = tomllib.loads((ROOT / "sim_host/run/scenarios/mission.toml").read_text())
-    table = re.search(r"MISSION\[\] = \{(.*?)\};", (PORT / "main.c").read_text(), re.DOTALL)
+    table = re.search(r"MISSION\[\] = \{(.*?)\};", (TARGET / "mission.h").read_text(), re.DOTALL)
     assert table is not None
     flown = [[int(x) / 1000, int(y) / 1000] for x, y in re.findall(r"\{(-?\d+), +(-?\d+)\}", table[1])]
     assert flown == scenario["waypoints_m"]
@@ -200,14 +204,14 @@ def is_whole(folder: Path, name: str, own_stack: int) -> None:
 
 
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_record_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
-    subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)
-    is_whole(tmp_path, "record", 256)
+def test_the_recorder_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
+    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
+    is_whole(tmp_path, "recorder", 256)
 
 
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
 def test_the_autopilot_asks_for_no_sensor_that_is_never_there(tmp_path: Path, sensors: str) -> None:
-    subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)
+    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
     loop = tmp_path / "brickpilot-objects/firmware_app_loop.o"
     asked = subprocess.run(["h8300-hms-nm", "-u", loop], capture_output=True, text=True, check=True).stdout
     wanted = {"imu", "battery"} | ({"rotation"} & {sensors})
@@ -218,7 +222,7 @@ def test_the_autopilot_asks_for_no_sensor_that_is_never_there(tmp_path: Path, se
 def test_the_autopilot_grows_no_larger(tmp_path: Path, sensors: str, most: int) -> None:
     """When it shrinks, its limit shrinks with it. 12 KB are the most."""
     assert most <= 12 * 1024
-    subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, check=False)
+    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
     linked = re.search(r"^linked +(\d+) ", (tmp_path / "brickpilot.txt").read_text(), re.MULTILINE)
     assert linked is not None
     assert 0.98 * most < int(linked[1]) <= most
@@ -226,12 +230,12 @@ def test_the_autopilot_grows_no_larger(tmp_path: Path, sensors: str, most: int) 
 
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
 def test_the_autopilot_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
-    built = subprocess.run([PORT / "build", tmp_path, sensors], capture_output=True, text=True, check=False)
+    built = subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stdout + built.stderr
     is_whole(tmp_path, "brickpilot", STACK)
 
 
 def test_sensors_of_another_kind_are_refused(tmp_path: Path) -> None:
-    built = subprocess.run([PORT / "build", tmp_path, "sonar"], capture_output=True, text=True, check=False)
+    built = subprocess.run([TARGET / "build", tmp_path, "sonar"], capture_output=True, text=True, check=False)
     assert built.returncode == 1
     assert built.stderr == 'rcx: sensors are imu or rotation, not "sonar"\n'

@@ -1,4 +1,4 @@
-"""The programs of hal/rcx in brickOS's kernel, alone on the simulated processor: sent by the tools, run, ended."""
+"""The RCX's programs in brickOS's kernel, alone on the simulated processor: sent by the tools, run, ended."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ flash = functools.partial(rcx.flash_program, progress=lambda *_: None, byte_s=BY
 
 
 def build(folder: Path, sensors: str) -> Path:
-    subprocess.run([ROOT / "hal/rcx/build", folder, sensors], capture_output=True, check=True)
+    subprocess.run([ROOT / "firmware/targets/rcx/build", folder, sensors], capture_output=True, check=True)
     return folder
 
 
@@ -150,12 +150,12 @@ def test_the_autopilot_arrives_by_brickos_own_tool(kernel: Kernel, imu: Path) ->
     assert kernel.shows("run 1")
 
 
-def test_record_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: Kernel, imu: Path) -> None:
+def test_the_recorder_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: Kernel, imu: Path) -> None:
     with RcxBrick(device=kernel, faults=Faults(corrupt=0.005, lose=0.005)) as line:
-        done = flash(lx.read(imu / "record.lx"), line.path)
+        done = flash(lx.read(imu / "recorder.lx"), line.path)
         assert line.hit > 10
     assert done.tally.sent_again > 3
-    assert is_in(kernel, imu, "record")
+    assert is_in(kernel, imu, "recorder")
     kernel.press(RUN_BUTTON)
     assert kernel.shows("rEc  ")
     kernel.run(1500)
@@ -164,33 +164,33 @@ def test_record_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: Kernel
 
 
 def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -> None:
-    record = lx.read(imu / "record.lx")
+    recorder = lx.read(imu / "recorder.lx")
     with RcxBrick(device=kernel) as line:
-        flash(record, line.path, execute=True)
+        flash(recorder, line.path, execute=True)
         assert kernel.user_tasks == 1
     with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="a program is running on the brick"):
-        flash(record, line.path)
+        flash(recorder, line.path)
     kernel.press(RUN_BUTTON)
     kernel.run(600)
     with RcxBrick(device=kernel) as line:
-        flash(record, line.path)
+        flash(recorder, line.path)
 
 
 def test_a_program_that_is_too_large_is_refused(kernel: Kernel, imu: Path) -> None:
-    record = lx.read(imu / "record.lx")
-    large = dataclasses.replace(record, bss_size=14626)
+    recorder = lx.read(imu / "recorder.lx")
+    large = dataclasses.replace(recorder, bss_size=14626)
     with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="no room for its"):
         flash(large, line.path)
 
 
 @pytest.mark.parametrize("wrong", ["missing", "beside"])
 def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> None:
-    record = lx.read(imu / "record.lx")
-    first, *others = record.relocations
+    recorder = lx.read(imu / "recorder.lx")
+    first, *others = recorder.relocations
     with RcxBrick(device=kernel) as line:
         table = others if wrong == "missing" else [first + 1, *others]
-        flash(dataclasses.replace(record, relocations=tuple(table)), line.path)
-    assert not is_in(kernel, imu, "record")
+        flash(dataclasses.replace(recorder, relocations=tuple(table)), line.path)
+    assert not is_in(kernel, imu, "recorder")
 
 
 def some_command(random: Random, brick: BrickOs) -> bytes:

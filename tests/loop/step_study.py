@@ -28,25 +28,27 @@ from brickpilot.model import rcx
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12
 STEPS_MS = (3, 6, 9, 12, 15)
-RESTS_S = (1.0, 2.0)  # before the start: as `brickpilot run` has it, and as hal/rcx/main.c
+RESTS_S = (1.0, 2.0)  # before the start: as `brickpilot run` has it, and as firmware/targets/rcx/main.c
 SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # of the brick, and what a scenario calls them
 
 
 def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
-    """The brick's program as `hal/rcx/flags` has it, for this machine, in `folder`.
+    """The brick's program as `firmware/targets/rcx/flags` has it, for this machine, in `folder`.
 
     At another step it gets constants made for that.
     """
-    flags = subprocess.run([ROOT / "hal/rcx/flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
+    command = [ROOT / "firmware/targets/rcx/flags", sensors]
+    flags = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
     if step_ms is not None:
         flags = re.sub(r"STEP_MS=\d+", f"STEP_MS={step_ms}", flags)
         vehicle = copy.deepcopy(tomllib.loads((ROOT / "sim_host/models/rcx.toml").read_text(encoding="utf-8")))
         vehicle["rates"]["rcx_step"]["value"] = step_ms / 1e3
         (folder / "app").mkdir(parents=True)
         (folder / "app/params_gen.h").write_text(params_header.render(vehicle), encoding="utf-8")
-    sources = ["hal/h8sim/main.c", "tests/python/h8sim_on_host.c"]
+    sources = ["firmware/targets/h8sim/main.c", "tests/python/h8sim_on_host.c"]
     sources += [f"hal/wire/{name}.c" for name in ("check", "codecs_gen", "frame", "message")]
-    sources += sorted(map(str, (ROOT / "hal/link").glob("*.c"))) + sorted(map(str, (ROOT / "firmware").rglob("*.c")))
+    sources += sorted(map(str, (ROOT / "hal/link").glob("*.c")))
+    sources += sorted(str(path) for path in (ROOT / "firmware").rglob("*.c") if "targets" not in path.parts)
     program = folder / "brick"
     includes = (f"-I{folder}", "-Ifirmware", "-Ihal", "-Ihal/include")
     subprocess.run(["cc", "-std=c99", "-O2", *flags.split(), *includes, *sources, "-o", program], check=True, cwd=ROOT)

@@ -1,4 +1,4 @@
-/* h8sim_on_host.c: what hal/h8sim/main.c needs from start.s, for this machine: the same program, by its own compiler. */
+/* h8sim_on_host.c: what firmware/targets/h8sim/main.c needs from start.s, for this machine: the same program, by its own compiler. */
 #include <stdint.h>
 #include <unistd.h>
 

@@ -9,7 +9,7 @@
 #include "port.h"
 #include "port_rcx.h"
 #include "rcx/infrared.h"
-#include "rcx/panel.h"
+#include "targets/rcx/panel.h"
 #include "unity.h"
 #include "wire/check.h"
 #include "wire/codecs_gen.h"

@@ -225,7 +225,7 @@ def mission(
 
 
 def sizes(folder: Path) -> dict[str, Size]:
-    """`Budget.sizes` of the objects that hal/h8sim/build left in `folder`: FOLDER_FOLDER_FILE.o."""
+    """`Budget.sizes` of the objects that firmware/targets/h8sim/build left in `folder`: FOLDER_FOLDER_FILE.o."""
     listed = subprocess.run(
         ["h8300-hms-size", *sorted(folder.glob("*.o"))], check=True, stdout=subprocess.PIPE, text=True
     ).stdout

@@ -35,7 +35,7 @@ H8SIM = "h8sim"
 """The firmware on the simulator of the RCX's processor, by a stream to its standard input and output."""
 
 H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Target -> sensors of the brick that it is built for (hal/rcx/flags); None: built as for this machine."""
+"""Target -> sensors of the brick that it is built for (firmware/targets/rcx/flags); None: built as for this machine."""
 
 H8SIM_ANSWER_S = 10.0
 """A simulated instruction takes microseconds, and the simulator seconds to start."""
@@ -161,7 +161,7 @@ def h8_simulator(target: str) -> tuple[str, str]:
     Raises:
         InputError: no checkout here or above, or one of them cannot be built.
     """
-    folder = next((folder for folder in _here_and_above() if (folder / "hal/h8sim/build").exists()), None)
+    folder = next((folder for folder in _here_and_above() if (folder / "firmware/targets/h8sim/build").exists()), None)
     if folder is None:
         raise InputError("needs a checkout of the project, here or above", field=f"--target {target}")
 
@@ -172,10 +172,10 @@ def h8_simulator(target: str) -> tuple[str, str]:
         return done.stdout.strip()
 
     sensors = H8SIM_TARGETS[target]
-    built = (
-        [] if sensors is None else [str(folder / f"build/h8sim-{sensors}"), *printed("hal/rcx/flags", sensors).split()]
-    )
-    return printed("hal/h8sim/simulator"), printed("hal/h8sim/build", *built)
+    built = []
+    if sensors is not None:
+        built = [str(folder / f"build/h8sim-{sensors}"), *printed("firmware/targets/rcx/flags", sensors).split()]
+    return printed("hal/h8sim/simulator"), printed("firmware/targets/h8sim/build", *built)
 
 
 def check_sensors(target: str, sensors: str) -> None:

@@ -1,4 +1,4 @@
-"""What hal/rcx/record kept on an RCX, fetched over the infrared tower and turned into a data set."""
+"""What firmware/targets/rcx/recorder.c kept on an RCX, fetched over the infrared tower and turned into a data set."""
 
 from __future__ import annotations
 

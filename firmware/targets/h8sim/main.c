@@ -1,44 +1,18 @@
 /* main.c: the firmware on the H8/300 instruction-set simulator: frames of wire/frame.h on its standard input and output, in
  * lockstep: a step as soon as a set of readings is whole, and STEP_MS is over. It ends with its input. */
 #include "app/serve.h"
+#include "h8sim/system.h"
 #include "hal.h"
 #include "link/link.h"
 #include "wire/frame.h"
 
 enum { STDIN = 0, STDOUT = 1, READ_MOST = 128, WRITE_MOST = 240 };
 
-/* System calls, in start.s: bytes done, 0 at the end, below 0 on error. */
-int16_t h8sim_read(int16_t descriptor, uint8_t *bytes, uint16_t size);
-int16_t h8sim_write(int16_t descriptor, const uint8_t *bytes, uint16_t size);
-
 static link_port_t port;
 static commands_t commands;
 static loop_state_t loop;
 static uint8_t output[WRITE_MOST];
 static uint8_t output_size;
-
-#ifdef __H8300__
-/* The compiler copies and clears structs of the link port with these: the simulator has no library. */
-void *memcpy(void *to, const void *from, uint16_t size);
-void *memset(void *what, int value, uint16_t size);
-
-void *memcpy(void *to, const void *from, uint16_t size)
-{
-    uint8_t *at = (uint8_t *)to;
-    const uint8_t *read = (const uint8_t *)from;
-    while (size-- > 0)
-        *at++ = *read++;
-    return to;
-}
-
-void *memset(void *what, int value, uint16_t size)
-{
-    uint8_t *at = (uint8_t *)what;
-    while (size-- > 0)
-        *at++ = (uint8_t)value;
-    return what;
-}
-#endif
 
 static void flush(void)
 {

@@ -1,8 +1,8 @@
 /* panel.h: buttons and display. Run and On-Off are the kernel's: they end the program. */
-#ifndef BRICKPILOT_RCX_PANEL_H
-#define BRICKPILOT_RCX_PANEL_H
+#ifndef BRICKPILOT_TARGETS_RCX_PANEL_H
+#define BRICKPILOT_TARGETS_RCX_PANEL_H
 
-#include "autopilot/mode.h"
+#include "app/step.h"
 
 enum { PANEL_VIEW = 0x04, PANEL_PRGM = 0x08 };
 

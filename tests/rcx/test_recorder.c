@@ -1,4 +1,4 @@
-/* test_record.c: hal/rcx/record on the real kernel. Prints every packet that it answers with, for the host's side to read. */
+/* test_recorder.c: the recorder on the real kernel. Prints every packet that it answers with, for the host's side to read. */
 #include <stddef.h>
 
 #include <unistd.h>
@@ -38,7 +38,7 @@ static void print(const uint8_t *bytes, uint8_t size)
 }
 
 /* The inputs show what the motors do, so that it can be told from the samples whether both belong together. */
-static void test_record_drives_and_keeps_what_the_sensors_say(void)
+static void test_recorder_drives_and_keeps_what_the_sensors_say(void)
 {
     uint8_t packet[PACKET_MOST];
     int16_t a = 0, c = 0;
@@ -60,7 +60,7 @@ static void test_record_drives_and_keeps_what_the_sensors_say(void)
     TEST_ASSERT_EQUAL_INT16(0, c);
 }
 
-static void test_record_answers_block_by_block(void)
+static void test_recorder_answers_block_by_block(void)
 {
     uint8_t packet[PACKET_MOST];
     uint8_t size;
@@ -78,7 +78,7 @@ static void test_record_answers_block_by_block(void)
 int world_main(void)
 {
     UNITY_BEGIN();
-    RUN_TEST(test_record_drives_and_keeps_what_the_sensors_say);
-    RUN_TEST(test_record_answers_block_by_block);
+    RUN_TEST(test_recorder_drives_and_keeps_what_the_sensors_say);
+    RUN_TEST(test_recorder_answers_block_by_block);
     return UNITY_END();
 }

@@ -1,4 +1,4 @@
-#include "rcx/panel.h"
+#include "targets/rcx/panel.h"
 
 #include <conio.h>
 

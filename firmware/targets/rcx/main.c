@@ -5,18 +5,15 @@
 #include "app/serve.h"
 #include "hal.h"
 #include "rcx/infrared.h"
-#include "rcx/panel.h"
 #include "rcx/sensors.h"
+#include "targets/rcx/mission.h"
+#include "targets/rcx/panel.h"
 
 enum {
     REST_MS = 2000,
     RECORD_MS = 2000,   /* from one record of telemetry to the next: seven messages are half a second of the link */
     HEARTBEAT_MS = 3000 /* the same for HEARTBEAT and FAULTS */
 };
-
-/* The paper's fig. 8, mm. */
-static const route_waypoint_t MISSION[] = {{1000, 1000}, {1000, -1000}, {0, -500},    {-1300, -700},
-                                           {0, 200},     {-100, 1100},  {-300, 1500}, {1500, -1000}};
 
 static commands_t commands;
 static loop_state_t state;

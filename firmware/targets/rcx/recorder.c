@@ -1,4 +1,4 @@
-/* record.c: a program of its own that drives the manoeuvres below and keeps what the sensors say, in the memory that the autopilot
+/* recorder.c: a program of its own that drives the manoeuvres below and keeps what the sensors say, in the memory that the autopilot
  * would need; `brickpilot import rcx` fetches it over the infrared link as a data set. 218 bytes a second are too few to send it while driving.
  *
  * The host asks with two bytes, the number of a block, low byte first; the answer is that number and the block. Block 0 is the
