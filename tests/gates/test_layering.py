@@ -26,6 +26,7 @@ ALLOWED = {
     "hal/sil": {"hal.h", "wire", "sil"},
     "hal/link": {"hal.h", "wire", "link"},
     "hal/rcx": {"hal.h", "wire", "rcx"},
+    "hal/template": {"hal.h", "wire", "template"},
     "hal/h8sim": {"hal.h", "wire", "h8sim"},
     "firmware/targets/rcx": {"app", "targets", "hal.h", "wire", "rcx"},
     "firmware/targets/h8sim": {"app", "targets", "hal.h", "wire", "link", "h8sim"},

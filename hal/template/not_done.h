@@ -1,0 +1,11 @@
+/* not_done.h: marks what a new port does not do yet. Delete this file when the port does everything. */
+#ifndef BRICKPILOT_TEMPLATE_NOT_DONE_H
+#define BRICKPILOT_TEMPLATE_NOT_DONE_H
+
+/* Reports that the function that contains it is not done yet; `what` says what it has to do. */
+#define NOT_DONE(what) not_done(__func__, what)
+
+/* The contract suite defines it (tests/contract/port_template.c): it prints a line, and the test that got here fails. */
+void not_done(const char *function, const char *what);
+
+#endif
