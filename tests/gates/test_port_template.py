@@ -43,7 +43,7 @@ def copy(tmp_path: Path) -> Path:
         ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()
     for name in listed:
-        if not name.startswith(("tools/", "tests/python/", "tests/fuzz/", ".ci")) and (ROOT / name).is_file():
+        if not name.startswith(("tools/brickpilot/", "tests/python/", "tests/fuzz/")) and (ROOT / name).is_file():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / name)
     shutil.copytree(BUILD / "unity", tmp_path / "build/release/tests/unity")

@@ -406,6 +406,8 @@ def test_the_c_files_build_into_the_simulator_and_give_the_same_numbers(tmp_path
     for folder in ("firmware", "hal", "sim_host"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.svg", "build"))
     shutil.copy(ROOT / "CMakeLists.txt", tmp_path)
+    (tmp_path / "tools").mkdir()
+    shutil.copy(ROOT / "tools/check_generated", tmp_path / "tools")
     effects = tmp_path / "sim_host/effects"
     header, table = (effects / "effect.h").read_text(), (effects / "effects.c").read_text()
     for name in COMPOSED:

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from brickpilot import model, plant
 from brickpilot.errors import InputError
-from brickpilot.gen import plant_presets
 from brickpilot.model import Model, load, output_names, rcx, save
 
 HEAD = 'name = "m"\nvehicle = "diff_drive"\nprofile = "coupled"\n'
@@ -21,10 +20,6 @@ def test_packaged_robot_is_the_plants_preset() -> None:
     for name, entry in written.items():
         assert (entry["value"], entry["unit"]) == presets[name]
     assert rcx().parameters == {name: value for name, (value, _) in presets.items()}
-
-
-def test_generated_presets_are_fresh() -> None:
-    assert plant_presets.render(MODELS / "rcx.toml") == (MODELS / "rcx_gen.h").read_text()
 
 
 def test_a_saved_model_is_read_back_exactly(tmp_path: Path) -> None:

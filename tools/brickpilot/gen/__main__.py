@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 from brickpilot.gen import codecs, controllers_header, model_sets_header, params_header, plant_presets
+from brickpilot.gen.banner import banner
 
 VEHICLE = Path("sim_host/models/rcx.toml")
 MESSAGES = Path("hal/wire/brickpilot.dbc")
@@ -18,14 +19,23 @@ def generate(root: Path) -> dict[Path, str]:
     nominal = {name: float(entry["value"]) for name, entry in vehicle["parameters"].items()}
     step = float(vehicle["rates"]["body_step"]["value"])
     codecs_header, of_brick, of_host = codecs.render(root / MESSAGES)
+    made = {
+        MESSAGES: {
+            "hal/wire/codecs_gen.h": codecs_header,
+            "hal/wire/codecs_gen.c": of_brick,
+            "tests/unit/link/host_codecs_gen.c": of_host,
+        },
+        VEHICLE: {
+            "sim_host/models/rcx_gen.h": plant_presets.render(vehicle),
+            "firmware/app/params_gen.h": params_header.render(vehicle),
+            "tests/numeric/controllers_gen.h": controllers_header.render(vehicle),
+            "tests/numeric/model_sets_gen.h": model_sets_header.render(nominal, step),
+        },
+    }
     return {
-        root / "hal/wire/codecs_gen.h": codecs_header,
-        root / "hal/wire/codecs_gen.c": of_brick,
-        root / "tests/unit/link/host_codecs_gen.c": of_host,
-        root / "sim_host/models/rcx_gen.h": plant_presets.render(root / VEHICLE),
-        root / "firmware/app/params_gen.h": params_header.render(vehicle),
-        root / "tests/numeric/controllers_gen.h": controllers_header.render(vehicle),
-        root / "tests/numeric/model_sets_gen.h": model_sets_header.render(nominal, step),
+        root / name: banner(Path(name), root, [source]) + text
+        for source, files in made.items()
+        for name, text in files.items()
     }
 
 

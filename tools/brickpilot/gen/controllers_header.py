@@ -31,7 +31,7 @@ def render(vehicle: Mapping[str, Any]) -> str:
         fields = [f"{INDENT}.{name} = {value!r},\n" for name, value in _constants(profile, vehicle).items()]
         blocks.append(f"static const double_constants_t CONTROLLER_{profile.upper()} = {{\n{''.join(fields)}}};\n")
     text = "\n".join(blocks)
-    return f"""/* controllers_gen.h: generated from rcx.toml by `python -m brickpilot.gen`. SI units. */
+    return f"""/* The controller's constants, in SI units. */
 #ifndef BRICKPILOT_TESTS_CONTROLLERS_GEN_H
 #define BRICKPILOT_TESTS_CONTROLLERS_GEN_H
 

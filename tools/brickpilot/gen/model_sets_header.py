@@ -47,8 +47,8 @@ def render(nominal: Mapping[str, float], step: float) -> str:
         blocks.append("    {.value = {" + numbers + "},\n     " + ",\n     ".join(bodies) + "},")
     quoted = ", ".join(f'"{name}"' for name in names)
     return (
-        f"""/* model_sets_gen.h: generated from rcx.toml by `python -m brickpilot.gen`.
- * Vehicles in SI units, and the firmware's coefficients: nominal, then {PERTURBED_SETS} up to {SPREAD:.0%} off. */
+        f"""/* Vehicles in SI units, and the firmware's coefficients:
+ * the nominal vehicle, then {PERTURBED_SETS} up to {SPREAD:.0%} off. */
 #ifndef BRICKPILOT_TESTS_MODEL_SETS_GEN_H
 #define BRICKPILOT_TESTS_MODEL_SETS_GEN_H
 

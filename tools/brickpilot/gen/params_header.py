@@ -167,8 +167,8 @@ def render(vehicle: Mapping[str, Any]) -> str:
     rates = _plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
     blocks = "\n".join(_block(profile, vehicle, steps[profile]) for profile in PROFILES)
-    return f"""/* params_gen.h: generated from sim_host/models/rcx.toml by `python -m brickpilot.gen`.
- * Formats: see the structs' headers. A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
+    return f"""/* The controller's constants. Formats: see the structs' headers.
+ * A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
 #ifndef BRICKPILOT_APP_PARAMS_GEN_H
 #define BRICKPILOT_APP_PARAMS_GEN_H
 
