@@ -8,12 +8,28 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"surge", "m/s^2", "of the forward accelerometer", -20, 20, 0.3, 0},
-    {"sway", "m/s^2", "of the accelerometer to the right", -20, 20, 0.2, 1},
+    {.name = "surge",
+     .role = BP_ROLE_SIZE,
+     .unit = "m/s^2",
+     .meaning = "offset of the forward accelerometer",
+     .minimum = -20,
+     .maximum = 20,
+     .preset = 0.3},
+    {.name = "sway",
+     .role = BP_ROLE_SIZE,
+     .unit = "m/s^2",
+     .meaning = "offset of the accelerometer to the right",
+     .minimum = -20,
+     .maximum = 20,
+     .preset = 0.2,
+     .odd = 1},
 };
 
 const effect_t effect_accel_bias = {
     .info = {.name = "accel_bias",
+             .words = "an offset of the accelerometers",
+             .summary = "The accelerometers read a constant too much or too little.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "accel_surge += surge, accel_sway += sway",
              .source = "fixed bias, Titterton & Weston 2004; on level ground a tilt of the mounting is g sin(tilt)",

@@ -12,12 +12,22 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"angle", "rad", "accelerometers turned clockwise about the vertical; a tilt on level ground is accel_bias", -0.8,
-     0.8, 0.15, 1},
+    {.name = "angle",
+     .role = BP_ROLE_SIZE,
+     .unit = "rad",
+     .meaning = "clockwise turn of the accelerometers about the vertical; a tilt on level ground is an accel_bias",
+     .minimum = -0.8,
+     .maximum = 0.8,
+     .preset = 0.15,
+     .odd = 1},
 };
 
 const effect_t effect_accel_misalignment = {
     .info = {.name = "accel_misalignment",
+             .words = "an accelerometer mounted askew",
+             .summary = "The accelerometers are turned about the vertical, so each also reads a part of the other's "
+                        "axis.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "accel_surge = cos(angle) a_u + sin(angle) a_v, accel_sway = cos(angle) a_v - sin(angle) a_u",
              .source = "mounting misalignment, Titterton & Weston 2004",

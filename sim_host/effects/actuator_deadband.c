@@ -16,15 +16,30 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"voltage", "V", "half width of the dead band, each motor", 0, 100, 0.5, 0},
+    {.name = "voltage",
+     .role = BP_ROLE_SIZE,
+     .unit = "V",
+     .meaning = "half the width of the dead band, the same for each motor",
+     .minimum = 0,
+     .maximum = 100,
+     .preset = 0.5},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->lost_voltage += value[0];
+}
 
 const effect_t effect_actuator_deadband = {
     .info = {.name = "actuator_deadband",
+             .words = "a dead band of the drive around zero volts",
+             .summary = "The drive does nothing for small commands and gives less than commanded for larger ones.",
+             .mechanism = "drive",
              .acts_on = "drive",
              .equation = "V_motor = 0 for |V| <= voltage, otherwise V - sign(V) voltage",
              .source = "Tao & Kokotovic 1994, Adaptive control of plants with unknown dead-zones",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},
+    .undo = undo,
 };

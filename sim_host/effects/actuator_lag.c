@@ -20,11 +20,20 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"time_constant", "s", "of the voltage that follows the command", 0, 10, 0.08, 0},
+    {.name = "time_constant",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "time constant of the voltage that follows the command",
+     .minimum = 0,
+     .maximum = 10,
+     .preset = 0.08},
 };
 
 const effect_t effect_actuator_lag = {
     .info = {.name = "actuator_lag",
+             .words = "a lag of the drive behind its command",
+             .summary = "The voltage at the motors follows the command gradually instead of at once.",
+             .mechanism = "drive",
              .acts_on = "drive",
              .equation = "time_constant dV_motor/dt = V - V_motor, from 0 V at the run's start; a motor that floats "
                          "floats at once",

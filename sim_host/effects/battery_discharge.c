@@ -13,17 +13,26 @@ static void supply(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"slope", "V/C", "voltage lost by charge drawn since power-on", 0, 1000, 0.2, 0},
+    {.name = "slope",
+     .role = BP_ROLE_SIZE,
+     .unit = "V/C",
+     .meaning = "voltage lost per charge drawn since power-on",
+     .minimum = 0,
+     .maximum = 1000,
+     .preset = 0.2},
 };
 
 const effect_t effect_battery_discharge = {
     .info = {.name = "battery_discharge",
+             .words = "a battery that loses voltage as it is drained",
+             .summary = "The battery's voltage falls with the charge that has been drawn since power-on.",
+             .mechanism = "supply",
              .acts_on = "supply",
-             .equation =
-                 "V_supply = V_0 - slope q, q = charge drawn since power-on, over all runs; at least 1 % of the "
-                 "nominal voltage",
+             .equation = "V_supply = V_0 - slope q, where q is the charge drawn since power-on, over all runs; at "
+                         "least 1 % of the nominal voltage",
              .source = "Shepherd 1965, Design of primary and secondary cells, linear for small q",
              .parameter_count = 1,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .carries_over = 1},
     .hook = {[SITE_SUPPLY] = supply},
 };

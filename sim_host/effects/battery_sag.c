@@ -72,18 +72,32 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"resistance", "ohm", "internal resistance of the battery, leads and drive", 0, 100, 4, 0},
+    {.name = "resistance",
+     .role = BP_ROLE_SIZE,
+     .unit = "ohm",
+     .meaning = "internal resistance of battery, leads and drive",
+     .minimum = 0,
+     .maximum = 100,
+     .preset = 4},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->supply_resistance += value[0];
+}
 
 const effect_t effect_battery_sag = {
     .info = {.name = "battery_sag",
+             .words = "a battery whose voltage sags under load",
+             .summary = "The battery's voltage falls while the motors draw current, because battery and leads resist.",
+             .mechanism = "supply",
              .acts_on = "supply",
-             .equation =
-                 "V_supply = V_0 - resistance i_supply, with i_supply V_supply = sum of V_motor i; at least 1 % "
-                 "of the nominal voltage",
+             .equation = "V_supply = V_0 - resistance i_supply, with i_supply V_supply = sum of V_motor i; at least 1 "
+                         "% of the nominal voltage",
              .source = "Shepherd 1965, Design of primary and secondary cells, the ohmic term",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(sag_t) / sizeof(double),
     .hook = {[SITE_START] = start, [SITE_SUPPLY] = supply, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
+    .undo = undo,
 };

@@ -20,15 +20,31 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"force_x", "N", "lean of the pile along the earth's x axis, where heading 0 points", -1e4, 1e4, 0.5, 0},
-    {"force_y", "N", "lean along the earth's y axis, to the right of that", -1e4, 1e4, 0.3, 1},
+    {.name = "force_x",
+     .role = BP_ROLE_SIZE,
+     .unit = "N",
+     .meaning = "lean of the pile along the earth's x axis, where heading 0 points",
+     .minimum = -1e4,
+     .maximum = 1e4,
+     .preset = 0.5},
+    {.name = "force_y",
+     .role = BP_ROLE_SIZE,
+     .unit = "N",
+     .meaning = "lean of the pile along the earth's y axis, to the right of that",
+     .minimum = -1e4,
+     .maximum = 1e4,
+     .preset = 0.3,
+     .odd = 1},
 };
 
 const effect_t effect_carpet_nap = {
     .info = {.name = "carpet_nap",
+             .words = "the lean of a carpet's pile",
+             .summary = "A carpet whose pile leans one way slows the vehicle against the pile and not along it.",
+             .mechanism = "floor",
              .acts_on = "body",
              .equation = "pile that leans towards d = (force_x, force_y) / F, F = |(force_x, force_y)|: force -F/2 "
-                         "(direction of motion - d), so that it costs nothing along d, F against it, and pulls towards "
+                         "(direction of motion - d). So it costs nothing along d and F against it, and pulls towards "
                          "d across it; at rest it holds. Not for a motor",
              .source = "a passive force with one easy direction; carpet drift of a robot along the pile: Gutmann, "
                        "Eade, Fong & Munich 2012, Vector field SLAM, IEEE T-RO 28(3)",

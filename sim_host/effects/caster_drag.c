@@ -15,14 +15,29 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"force", "N", "friction of the ball", 0, 1e4, 0.25, 0},
-    {"forward", "m", "where it touches the floor, from the axle; negative: behind", -10, 10, -0.08, 0},
+    {.name = "force",
+     .role = BP_ROLE_SIZE,
+     .unit = "N",
+     .meaning = "friction of the ball",
+     .minimum = 0,
+     .maximum = 1e4,
+     .preset = 0.25},
+    {.name = "forward",
+     .role = BP_ROLE_PLACE,
+     .unit = "m",
+     .meaning = "where the ball touches the floor, ahead of the axle; negative: behind",
+     .minimum = -10,
+     .maximum = 10,
+     .preset = -0.08},
 };
 
 const effect_t effect_caster_drag = {
     .info = {.name = "caster_drag",
+             .words = "the friction of a caster that is dragged along",
+             .summary = "A ball or skid under the vehicle slides over the floor with dry friction.",
+             .mechanism = "tyre",
              .acts_on = "body",
-             .equation = "dry friction of a sliding ball at (forward, 0) of the axle's middle, against its velocity "
+             .equation = "dry friction of a sliding ball at (forward, 0) from the axle's middle, against its velocity "
                          "(u, r forward): X = -force u / s, N = -force forward^2 r / s, s = |(u, r forward)|; at rest "
                          "it holds. The tyres take its side force. Not for a motor",
              .source = "Coulomb friction against the sliding velocity, Moreau 1988; castor ball of a differential "

@@ -8,15 +8,25 @@ static void build(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"forward", "m", "of the middle of the axle; negative: behind", -5, 5, 0.03, 0},
+    {.name = "forward",
+     .role = BP_ROLE_SIZE,
+     .unit = "m",
+     .meaning = "distance ahead of the middle of the axle; negative: behind",
+     .minimum = -5,
+     .maximum = 5,
+     .preset = 0.03},
 };
 
 const effect_t effect_com_forward_offset = {
     .info = {.name = "com_forward_offset",
+             .words = "a centre of mass ahead of or behind the axle",
+             .summary = "The centre of mass is not above the axle.",
+             .mechanism = "body",
              .acts_on = "body",
-             .equation = "centre of mass `forward` m ahead of the axle, J_z about it as before: m u' - m forward r^2 = "
-                         "X, (J_z + m forward^2) r' + m forward u r = N; the IMU stays at the middle of the axle, the "
-                         "wheels' rolling friction as it is. paper profile: the thrust's lever. Not for a motor",
+             .equation = "centre of mass `forward` m ahead of the axle, J_z about it as before: m u' - m forward r^2 "
+                         "= X, (J_z + m forward^2) r' + m forward u r = N. The IMU stays at the middle of the axle, "
+                         "and the wheels' rolling friction does not change. paper profile: the thrust's lever. Not "
+                         "for a motor",
              .source = "Fossen 2011, ch. 3, rigid body about a point other than the centre of mass",
              .parameter_count = 1,
              .parameters = PARAMETERS},

@@ -8,16 +8,26 @@ static void build(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"right", "m", "of the middle of the axle; negative: left", -5, 5, 0.02, 1},
+    {.name = "right",
+     .role = BP_ROLE_SIZE,
+     .unit = "m",
+     .meaning = "distance to the right of the middle of the axle; negative: to the left",
+     .minimum = -5,
+     .maximum = 5,
+     .preset = 0.02,
+     .odd = 1},
 };
 
 const effect_t effect_com_lateral_offset = {
     .info = {.name = "com_lateral_offset",
+             .words = "a centre of mass to the side of the middle",
+             .summary = "The centre of mass is to the left or right of the vehicle's centre line.",
+             .mechanism = "body",
              .acts_on = "body",
-             .equation =
-                 "centre of mass `right` m to the right of the axle's middle, J_z about it as before: m (u' - right "
-                 "r') = X, (J_z + m right^2) r' - m right u' = N; the IMU stays at the middle of the axle, the wheels' "
-                 "rolling friction as it is. paper profile: the thrust's lever. Not for a motor",
+             .equation = "centre of mass `right` m to the right of the axle's middle, J_z about it as before: m (u' - "
+                         "right r') = X, (J_z + m right^2) r' - m right u' = N. The IMU stays at the middle of the "
+                         "axle, and the wheels' rolling friction does not change. paper profile: the thrust's lever. "
+                         "Not for a motor",
              .source = "Fossen 2011, ch. 3, rigid body about a point other than the centre of mass",
              .parameter_count = 1,
              .parameters = PARAMETERS},

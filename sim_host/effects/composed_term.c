@@ -240,49 +240,58 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
     output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
 }
 
-/* The table. `meaning` is TARGET += FACTORS [expression] FACTORS: tools/brickpilot/discover/compose.py reads it. */
+/* The rows of the coefficients. A meaning reads TARGET += FACTORS [expression] FACTORS: the tools that compose terms parse
+ * it. */
+#define ROW(row_name, row_unit, law, lowest, highest, is_odd)                                                          \
+    {.name = row_name,                                                                                                 \
+     .role = BP_ROLE_SIZE,                                                                                             \
+     .unit = row_unit,                                                                                                 \
+     .meaning = law,                                                                                                   \
+     .minimum = lowest,                                                                                                \
+     .maximum = highest,                                                                                               \
+     .odd = is_odd},
 #define ROW_DRIVE_GAIN(name, unit, low, odd, expression)                                                               \
-    {"drive_gain_" #name, unit, "V += c * [" #expression "] * V", low * 100.0, 100, 0, odd},
+    ROW("drive_gain_" #name, unit, "V += c * [" #expression "] * V", low * 100.0, 100, odd)
 #define ROW_DRIVE_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
-    {"drive_gain_diff_" #name, unit, "V += side * c * [" #expression "] * V", low * 100.0, 100, 0, 1},
+    ROW("drive_gain_diff_" #name, unit, "V += side * c * [" #expression "] * V", low * 100.0, 100, 1)
 #define ROW_DRIVE_ADD(name, unit, low, odd, expression)                                                                \
-    {"drive_add_" #name, unit, "V += c * [" #expression "]", low * 100.0, 100, 0, odd},
+    ROW("drive_add_" #name, unit, "V += c * [" #expression "]", low * 100.0, 100, odd)
 #define ROW_DRIVE_ADD_DIFF(name, unit, low, odd, expression)                                                           \
-    {"drive_add_diff_" #name, unit, "V += side * c * [" #expression "]", low * 100.0, 100, 0, 1},
+    ROW("drive_add_diff_" #name, unit, "V += side * c * [" #expression "]", low * 100.0, 100, 1)
 #define ROW_WHEEL_LOSS(name, unit, low, odd, expression)                                                               \
-    {"wheel_loss_" #name, unit, "T += -c * [" #expression "] * w", low * 1000.0, 1000, 0, odd},
+    ROW("wheel_loss_" #name, unit, "T += -c * [" #expression "] * w", low * 1000.0, 1000, odd)
 #define ROW_WHEEL_LOSS_DIFF(name, unit, low, odd, expression)                                                          \
-    {"wheel_loss_diff_" #name, unit, "T += -side * c * [" #expression "] * w", low * 1000.0, 1000, 0, 1},
+    ROW("wheel_loss_diff_" #name, unit, "T += -side * c * [" #expression "] * w", low * 1000.0, 1000, 1)
 #define ROW_WHEEL_DRY(name, unit, low, odd, expression)                                                                \
-    {"wheel_dry_" #name, unit, "T += -c * [" #expression "] * sign(w)", low * 1000.0, 1000, 0, odd},
+    ROW("wheel_dry_" #name, unit, "T += -c * [" #expression "] * sign(w)", low * 1000.0, 1000, odd)
 #define ROW_WHEEL_DRY_DIFF(name, unit, low, odd, expression)                                                           \
-    {"wheel_dry_diff_" #name, unit, "T += -side * c * [" #expression "] * sign(w)", low * 1000.0, 1000, 0, 1},
+    ROW("wheel_dry_diff_" #name, unit, "T += -side * c * [" #expression "] * sign(w)", low * 1000.0, 1000, 1)
 #define ROW_WHEEL_GAIN(name, unit, low, odd, expression)                                                               \
-    {"wheel_gain_" #name, unit, "T += c * [" #expression "] * K_t * i", low * 100.0, 100, 0, odd},
+    ROW("wheel_gain_" #name, unit, "T += c * [" #expression "] * K_t * i", low * 100.0, 100, odd)
 #define ROW_WHEEL_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
-    {"wheel_gain_diff_" #name, unit, "T += side * c * [" #expression "] * K_t * i", low * 100.0, 100, 0, 1},
+    ROW("wheel_gain_diff_" #name, unit, "T += side * c * [" #expression "] * K_t * i", low * 100.0, 100, 1)
 #define ROW_WHEEL_PUSH(name, unit, low, odd, expression)                                                               \
-    {"wheel_push_" #name, unit, "T += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+    ROW("wheel_push_" #name, unit, "T += c * [" #expression "]", low * 1000.0, 1000, odd)
 #define ROW_WHEEL_PUSH_DIFF(name, unit, low, odd, expression)                                                          \
-    {"wheel_push_diff_" #name, unit, "T += side * c * [" #expression "]", -1000, 1000, 0, 1},
+    ROW("wheel_push_diff_" #name, unit, "T += side * c * [" #expression "]", -1000, 1000, 1)
 #define ROW_SURGE_DRY(name, unit, low, odd, expression)                                                                \
-    {"surge_dry_" #name, unit, "X += -c * [" #expression "] * sign(u)", low * 1e5, 1e5, 0, odd},
+    ROW("surge_dry_" #name, unit, "X += -c * [" #expression "] * sign(u)", low * 1e5, 1e5, odd)
 #define ROW_SURGE_LOSS(name, unit, low, odd, expression)                                                               \
-    {"surge_loss_" #name, unit, "X += -c * [" #expression "] * u", low * 1e5, 1e5, 0, odd},
+    ROW("surge_loss_" #name, unit, "X += -c * [" #expression "] * u", low * 1e5, 1e5, odd)
 #define ROW_SURGE_PUSH(name, unit, low, odd, expression)                                                               \
-    {"surge_push_" #name, unit, "X += c * [" #expression "]", low * 1e5, 1e5, 0, odd},
+    ROW("surge_push_" #name, unit, "X += c * [" #expression "]", low * 1e5, 1e5, odd)
 #define ROW_YAW_DRY(name, unit, low, odd, expression)                                                                  \
-    {"yaw_dry_" #name, unit, "N += -c * [" #expression "] * sign(r)", low * 1e4, 1e4, 0, odd},
+    ROW("yaw_dry_" #name, unit, "N += -c * [" #expression "] * sign(r)", low * 1e4, 1e4, odd)
 #define ROW_YAW_LOSS(name, unit, low, odd, expression)                                                                 \
-    {"yaw_loss_" #name, unit, "N += -c * [" #expression "] * r", low * 1e4, 1e4, 0, odd},
+    ROW("yaw_loss_" #name, unit, "N += -c * [" #expression "] * r", low * 1e4, 1e4, odd)
 #define ROW_YAW_PUSH(name, unit, low, odd, expression)                                                                 \
-    {"yaw_push_" #name, unit, "N += c * [" #expression "]", low * 1e4, 1e4, 0, odd},
+    ROW("yaw_push_" #name, unit, "N += c * [" #expression "]", low * 1e4, 1e4, odd)
 #define ROW_GYRO_ADD(name, unit, low, odd, expression)                                                                 \
-    {"gyro_add_" #name, unit, "yaw_rate += c * [" #expression "]", low * 100.0, 100, 0, odd},
+    ROW("gyro_add_" #name, unit, "yaw_rate += c * [" #expression "]", low * 100.0, 100, odd)
 #define ROW_ACCEL_SURGE_ADD(name, unit, low, odd, expression)                                                          \
-    {"accel_surge_add_" #name, unit, "accel_surge += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+    ROW("accel_surge_add_" #name, unit, "accel_surge += c * [" #expression "]", low * 1000.0, 1000, odd)
 #define ROW_ACCEL_SWAY_ADD(name, unit, low, odd, expression)                                                           \
-    {"accel_sway_add_" #name, unit, "accel_sway += c * [" #expression "]", low * 1000.0, 1000, 0, odd},
+    ROW("accel_sway_add_" #name, unit, "accel_sway += c * [" #expression "]", low * 1000.0, 1000, odd)
 
 /* clang-format off */
 static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
@@ -296,29 +305,39 @@ static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
     COMPOSED_YAW_DRY(ROW_YAW_DRY) COMPOSED_YAW_LOSS(ROW_YAW_LOSS) COMPOSED_YAW_PUSH(ROW_YAW_PUSH)
     COMPOSED_GYRO_ADD(ROW_GYRO_ADD)
     COMPOSED_ACCEL_SURGE_ADD(ROW_ACCEL_SURGE_ADD) COMPOSED_ACCEL_SWAY_ADD(ROW_ACCEL_SWAY_ADD)
-    {"frequency", "Hz", "of what is periodic in time; of the sprung mass", 1e-3, 1000, 1, 0},
-    {"order", "1", "periods per turn of the wheel; rad/m where the motor's input commands force", 0, 10000, 1, 0},
-    {"wavelength", "m", "of what is periodic in x", 1e-3, 1000, 0.5, 0},
-    {"patch_x", "m", "where the middle of the patch is", -1000, 1000, 0.5, 0},
-    {"patch_half_width", "m", "from there to where half of it is left", 1e-3, 1000, 0.2, 0},
-    {"damping", "1", "damping ratio of the sprung mass", 0, 10, 0.1, 0},
-    {"clock", "1", "0: t counts from each run's start; 1: from power-on", 0, 1, 0, 0},
+    {.name = "frequency", .role = BP_ROLE_SHAPE, .unit = "Hz", .minimum = 1e-3, .maximum = 1000, .preset = 1,
+     .meaning = "frequency of what is periodic in time, and of the sprung mass"},
+    {.name = "order", .role = BP_ROLE_SHAPE, .unit = "1", .linear_unit = "rad/m", .minimum = 0, .maximum = 10000,
+     .preset = 1, .meaning = "periods per turn of the wheel"},
+    {.name = "wavelength", .role = BP_ROLE_SHAPE, .unit = "m", .minimum = 1e-3, .maximum = 1000, .preset = 0.5,
+     .meaning = "wavelength of what is periodic in x"},
+    {.name = "patch_x", .role = BP_ROLE_PLACE, .unit = "m", .minimum = -1000, .maximum = 1000, .preset = 0.5,
+     .meaning = "x of the middle of the patch"},
+    {.name = "patch_half_width", .role = BP_ROLE_SHAPE, .unit = "m", .minimum = 1e-3, .maximum = 1000, .preset = 0.2,
+     .meaning = "distance from the middle of the patch to where half of it is left"},
+    {.name = "damping", .role = BP_ROLE_SHAPE, .unit = "1", .minimum = 0, .maximum = 10, .preset = 0.1,
+     .meaning = "damping ratio of the sprung mass"},
+    {.name = "clock", .role = BP_ROLE_SWITCH, .unit = "1", .minimum = 0, .maximum = 1, .preset = 0,
+     .meaning = "0: t counts from each run's start; 1: from power-on"},
 };
 /* clang-format on */
 
 const effect_t effect_composed_term = {
     .info = {.name = "composed_term",
+             .words = "a composed term",
+             .summary = "A sum of a few simple terms stands for what has no name.",
+             .mechanism = "body",
              .acts_on = "body",
-             .equation =
-                 "the sum of the terms below whose coefficient c is not 0: to the voltage V of each motor, the "
-                 "torque T of each wheel, the force X ahead, the moment N, or to what a sensor says; side: 1 left, -1 "
-                 "right. What multiplies V, or K_t i, is at most 1 in size; what opposes sign(w), sign(u) or sign(r) "
-                 "is dry friction, which holds at rest and never pushes; what multiplies w, u or r takes away at most "
-                 "the linear losses",
+             .equation = "the sum of the terms below whose coefficient c is not 0. They act on the voltage V of each "
+                         "motor, the torque T of each wheel, the force X ahead, the moment N, or a sensor's reading; "
+                         "side is 1 left and -1 right. A factor of V, or of K_t i, is at most 1 in size. A term "
+                         "against sign(w), sign(u) or sign(r) is dry friction, which holds at rest and never pushes. "
+                         "A factor of w, u or r takes away at most the linear losses",
              .source = "sparse regression of dynamics: Brunton, Proctor & Kutz 2016, PNAS 113(15); of a discrepancy: "
                        "Kaheman, Kaiser, Strom, Kutz & Brunton 2019",
              .parameter_count = COMPOSED_COUNT,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .composed = 1},
     .memory_count = sizeof(memory_t) / sizeof(double),
     .hook = {[SITE_START] = start,
              [SITE_DRIVE] = drive,

@@ -9,20 +9,44 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"torque", "N m", "constant load against forward motion, each wheel; N where the motor's input commands force",
-     -1000, 1000, 0.006, 0},
-    {"difference", "N m", "more of it at the left wheel, less at the right one; not for a motor", -1000, 1000, 0, 1},
+    {.name = "torque",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .linear_unit = "N",
+     .meaning = "constant load against forward motion, at each wheel",
+     .minimum = -1000,
+     .maximum = 1000,
+     .preset = 0.006},
+    {.name = "difference",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .meaning = "load added at the left wheel and taken away at the right one; not for a motor",
+     .minimum = -1000,
+     .maximum = 1000,
+     .preset = 0,
+     .odd = 1,
+     .optional = 1,
+     .trial = 0.006},
 };
 
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->load[0] += value[0] + value[1];
+    undoable->load[1] += value[0] - value[1];
+}
+
 const effect_t effect_constant_offset = {
-    .info =
-        {.name = "constant_offset",
-         .acts_on = "wheel",
-         .equation = "T = -(torque + difference) at the left wheel, -(torque - difference) at the right one; -torque "
-                     "of a motor; also at rest",
-         .source =
-             "load offset of the EMPS benchmark: Janot, Gautier & Brunot 2019, Data set and reference models of EMPS",
-         .parameter_count = 2,
-         .parameters = PARAMETERS},
+    .info = {.name = "constant_offset",
+             .words = "a constant load or offset",
+             .summary = "A constant torque acts on the wheels, at rest as well as in motion.",
+             .mechanism = "bearing",
+             .acts_on = "wheel",
+             .equation = "T = -(torque + difference) at the left wheel, -(torque - difference) at the right one; "
+                         "-torque of a motor; also at rest",
+             .source = "load offset of the EMPS benchmark: Janot, Gautier & Brunot 2019, Data set and reference "
+                       "models of EMPS",
+             .parameter_count = 2,
+             .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},
+    .undo = undo,
 };

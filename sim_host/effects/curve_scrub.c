@@ -10,14 +10,23 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"coefficient", "1", "force against the motion over side force", 0, 100, 0.4, 0},
+    {.name = "coefficient",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "force against the motion over side force",
+     .minimum = 0,
+     .maximum = 100,
+     .preset = 0.4},
 };
 
 const effect_t effect_curve_scrub = {
     .info = {.name = "curve_scrub",
+             .words = "tyres that scrub in curves",
+             .summary = "In a curve the tyres' side force has a part that slows the vehicle.",
+             .mechanism = "tyre",
              .acts_on = "body",
-             .equation =
-                 "X = -coefficient m |u r| sign(u): a share of the tyres' side force m u r in a curve. Not for a motor",
+             .equation = "X = -coefficient m |u r| sign(u): a share of the tyres' side force m u r in a curve. Not "
+                         "for a motor",
              .source = "cornering resistance as the side force's component against the motion, Gillespie 1992, "
                        "Fundamentals of Vehicle Dynamics, with a constant angle",
              .parameter_count = 1,

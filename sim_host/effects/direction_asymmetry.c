@@ -41,23 +41,57 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"torque", "N m", "dry friction forward less backward, each wheel; N where the motor's input commands force", -1000,
-     1000, 0.006, 0},
-    {"drag", "N m s/rad", "linear losses forward less backward; N s/m where the motor's input commands force", -1e5,
-     1e5, 0, 0},
-    {"gain", "1", "voltage that arrives forward less backward, over what is commanded", -2, 2, 0, 0},
+    {.name = "torque",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .linear_unit = "N",
+     .meaning = "dry friction forward less backward, at each wheel",
+     .minimum = -1000,
+     .maximum = 1000,
+     .preset = 0.006},
+    {.name = "drag",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m s/rad",
+     .linear_unit = "N s/m",
+     .meaning = "linear losses forward less backward",
+     .minimum = -1e5,
+     .maximum = 1e5,
+     .preset = 0,
+     .optional = 1,
+     .trial = 5e-4},
+    {.name = "gain",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "share of the voltage that arrives, forward less backward",
+     .minimum = -2,
+     .maximum = 2,
+     .preset = 0,
+     .optional = 1,
+     .trial = 0.1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    for (int k = 0; k < 2; k++) {
+        undoable->dry_torque[k] += 0.5 * fabs(value[0]);
+        undoable->load[k] += 0.5 * value[0];
+    }
+}
 
 const effect_t effect_direction_asymmetry = {
     .info = {.name = "direction_asymmetry",
+             .words = "a difference between forward and backward",
+             .summary = "Friction, losses or the drive's gain differ between forward and backward.",
+             .mechanism = "bearing",
              .acts_on = "motor",
-             .equation = "forward less backward, each wheel: dry friction T_f = -torque while w > 0 and none backward "
-                         "(negative: the reverse); losses (b + drag / 2) w forward, (b - drag / 2) w backward; voltage "
-                         "V (1 + gain / 2) forward, V (1 - gain / 2) backward",
+             .equation = "forward less backward, at each wheel: dry friction T_f = -torque while w > 0 and none "
+                         "backward (a negative torque: the reverse); losses (b + drag / 2) w forward, (b - drag / 2) "
+                         "w backward; voltage V (1 + gain / 2) forward, V (1 - gain / 2) backward",
              .source = "friction of its own in each direction: Armstrong-Helouvry et al. 1994, Automatica 30(7); "
                        "Janot, Gautier & Brunot 2019, EMPS benchmark. Beside Coulomb friction `torque` is a constant "
                        "offset; drag and gain are not",
              .parameter_count = 3,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive, [SITE_MOTOR] = motor, [SITE_WHEEL] = wheel},
+    .undo = undo,
 };

@@ -1,21 +1,25 @@
-/* effect.h: a named effect the nominal model lacks: a row of constants and the hooks of the sites where it acts.
+/* effect.h: what one effect consists of: its row of the table, and the functions that make it act.
  *
- * To add one: a file beside this one that defines `const effect_t effect_NAME`, a line below, a row in effects.c, and a
- * unit test. Hooks are called in the order of the table, only those that are not NULL, only of effects that are
- * switched on.
+ * An effect is something that the nominal model lacks. To add one:
+ *   1. write NAME.c in this folder. It defines `const effect_t effect_NAME`: the row, and a hook for each site where the
+ *      effect acts. brickpilot_sim.h explains every field of the row.
+ *   2. add EFFECT(NAME) to the table in effects.c, at the place in the order where it acts.
+ *   3. test it in tests/unit/effects/test_NAME.c, and give it a law of another engine in tests/hidden.
+ * Nothing else lists effects: the command line, the fits, discovery and the reports read the table.
  */
 #ifndef BRICKPILOT_EFFECTS_EFFECT_H
 #define BRICKPILOT_EFFECTS_EFFECT_H
 
 #include "effects/vehicle.h"
 
-/* value: the effect's parameters, in the order of its table. memory: its own state in this run, `memory_count` doubles.
- */
+/* Makes the effect act at one site. `value` holds the parameters in the order of the row. `memory` is the effect's own
+ * state in this run, `memory_count` doubles that are 0 at its start. Hooks are called in the order of the table. An effect
+ * that is off costs nothing. */
 typedef void effect_hook_t(const double *value, double *memory, vehicle_t *vehicle);
 
 typedef enum {
     SITE_BUILD,  /* once, before the vehicle is put into its initial state. Changes build */
-    SITE_START,  /* once, before the first step; memory is all 0 */
+    SITE_START,  /* once, before the first step */
     SITE_TIMING, /* each motor step: when a command arrives. Changes command */
     SITE_SUPPLY, /* at the start and each body step. Changes supply */
     SITE_DRIVE,  /* each motor step: command to voltage. Changes voltage; a load on the supply changes supply too */
@@ -26,62 +30,22 @@ typedef enum {
     SITE_COUNT
 } site_t;
 
-enum { EFFECT_MEMORY = 4096 }; /* doubles of memory, all active effects of a run together */
+/* Adds to `undoable` what the firmware can undo of the effect with these parameters. */
+typedef void effect_undo_t(const double *value, bp_undoable *undoable);
+
+enum { EFFECT_MEMORY = 4096 }; /* doubles of memory that all active effects of a run share */
 
 typedef struct {
     bp_effect_info info;
     int memory_count;
-    effect_hook_t *hook[SITE_COUNT];
+    effect_hook_t *hook[SITE_COUNT]; /* NULL: it does not act there */
+    effect_undo_t *undo;             /* NULL: the firmware can undo nothing of it */
 } effect_t;
 
-/* Row of the table, or NULL beyond the last. */
+/* The row of the table at `index`, or NULL beyond the last. */
 const effect_t *effect_at(int index);
 
-/* Index of the effect of that name, or -1. */
+/* The index of the effect of that name, or -1. */
 int effect_index(const char *name);
-
-extern const effect_t effect_accel_bias;
-extern const effect_t effect_accel_misalignment;
-extern const effect_t effect_actuator_deadband;
-extern const effect_t effect_actuator_lag;
-extern const effect_t effect_battery_discharge;
-extern const effect_t effect_battery_sag;
-extern const effect_t effect_carpet_nap;
-extern const effect_t effect_caster_drag;
-extern const effect_t effect_cogging;
-extern const effect_t effect_com_forward_offset;
-extern const effect_t effect_com_lateral_offset;
-extern const effect_t effect_composed_term;
-extern const effect_t effect_constant_offset;
-extern const effect_t effect_coulomb_friction;
-extern const effect_t effect_curve_scrub;
-extern const effect_t effect_direction_asymmetry;
-extern const effect_t effect_encoder_scale;
-extern const effect_t effect_floor_slope;
-extern const effect_t effect_gear_backlash;
-extern const effect_t effect_gyro_bias;
-extern const effect_t effect_gyro_drift;
-extern const effect_t effect_gyro_saturation;
-extern const effect_t effect_gyro_scale;
-extern const effect_t effect_imu_lag;
-extern const effect_t effect_imu_lever_arm;
-extern const effect_t effect_input_delay;
-extern const effect_t effect_motor_asymmetry;
-extern const effect_t effect_motor_heating;
-extern const effect_t effect_payload_mass;
-extern const effect_t effect_pwm_coast;
-extern const effect_t effect_pwm_quantisation;
-extern const effect_t effect_quadratic_drag;
-extern const effect_t effect_rolling_sqrt;
-extern const effect_t effect_sensor_delay;
-extern const effect_t effect_side_slip;
-extern const effect_t effect_start_delay;
-extern const effect_t effect_stiction_stribeck;
-extern const effect_t effect_supply_saturation;
-extern const effect_t effect_torque_constant_asymmetry;
-extern const effect_t effect_torque_ripple;
-extern const effect_t effect_wheel_radius_mismatch;
-extern const effect_t effect_wheel_slip;
-extern const effect_t effect_yaw_scrub;
 
 #endif

@@ -2,55 +2,65 @@
 
 #include <string.h>
 
-static const effect_t *const TABLE[] = {
-    /* Input and motor, in the order in which a command passes them: pulses are made of the whole, and the back EMF of
-     * a rotor in its play comes after all that the drive does. */
-    &effect_start_delay,
-    &effect_input_delay,
-    &effect_battery_discharge,
-    &effect_battery_sag,
-    &effect_pwm_quantisation,
-    &effect_actuator_lag,
-    &effect_actuator_deadband,
-    &effect_motor_asymmetry,
-    &effect_direction_asymmetry,
-    &effect_composed_term,
-    &effect_supply_saturation,
-    &effect_pwm_coast,
-    &effect_torque_constant_asymmetry,
-    &effect_motor_heating,
-    &effect_torque_ripple,
-    &effect_cogging,
-    &effect_gear_backlash,
-    &effect_coulomb_friction,
-    &effect_stiction_stribeck,
-    &effect_rolling_sqrt,
-    &effect_constant_offset,
-    &effect_carpet_nap,
-    &effect_caster_drag,
-    &effect_yaw_scrub,
-    &effect_curve_scrub,
-    &effect_quadratic_drag,
-    &effect_floor_slope,
-    /* What the vehicle is made of. */
-    &effect_com_forward_offset,
-    &effect_com_lateral_offset,
-    &effect_payload_mass,
-    &effect_wheel_radius_mismatch,
-    &effect_wheel_slip,
-    &effect_side_slip,
-    /* Sensors, in the order in which a signal passes them. */
-    &effect_imu_lever_arm,
-    &effect_accel_misalignment,
-    &effect_imu_lag,
-    &effect_accel_bias,
-    &effect_gyro_scale,
-    &effect_gyro_bias,
-    &effect_gyro_drift,
-    &effect_gyro_saturation,
-    &effect_encoder_scale,
-    &effect_sensor_delay,
-};
+/* The table, one line an effect. Hooks run in this order.
+ *
+ * First come drive and motor, in the order in which a command passes them: pulses are made of the whole command, and a
+ * rotor in its play changes the back EMF after the drive has done its part. Then wheels, body and floor, then what the
+ * vehicle is made of, then the sensors, in the order in which a signal passes them. */
+/* clang-format off */
+#define EFFECTS \
+    EFFECT(start_delay) \
+    EFFECT(input_delay) \
+    EFFECT(battery_discharge) \
+    EFFECT(battery_sag) \
+    EFFECT(pwm_quantisation) \
+    EFFECT(actuator_lag) \
+    EFFECT(actuator_deadband) \
+    EFFECT(motor_asymmetry) \
+    EFFECT(direction_asymmetry) \
+    EFFECT(composed_term) \
+    EFFECT(supply_saturation) \
+    EFFECT(pwm_coast) \
+    EFFECT(torque_constant_asymmetry) \
+    EFFECT(motor_heating) \
+    EFFECT(torque_ripple) \
+    EFFECT(cogging) \
+    EFFECT(gear_backlash) \
+    EFFECT(coulomb_friction) \
+    EFFECT(stiction_stribeck) \
+    EFFECT(rolling_sqrt) \
+    EFFECT(constant_offset) \
+    EFFECT(carpet_nap) \
+    EFFECT(caster_drag) \
+    EFFECT(yaw_scrub) \
+    EFFECT(curve_scrub) \
+    EFFECT(quadratic_drag) \
+    EFFECT(floor_slope) \
+    EFFECT(com_forward_offset) \
+    EFFECT(com_lateral_offset) \
+    EFFECT(payload_mass) \
+    EFFECT(wheel_radius_mismatch) \
+    EFFECT(wheel_slip) \
+    EFFECT(side_slip) \
+    EFFECT(imu_lever_arm) \
+    EFFECT(accel_misalignment) \
+    EFFECT(imu_lag) \
+    EFFECT(accel_bias) \
+    EFFECT(gyro_scale) \
+    EFFECT(gyro_bias) \
+    EFFECT(gyro_drift) \
+    EFFECT(gyro_saturation) \
+    EFFECT(encoder_scale) \
+    EFFECT(sensor_delay)
+/* clang-format on */
+
+#define EFFECT(name) extern const effect_t effect_##name;
+EFFECTS
+#undef EFFECT
+
+#define EFFECT(name) &effect_##name,
+static const effect_t *const TABLE[] = {EFFECTS};
+#undef EFFECT
 
 enum { TABLE_COUNT = sizeof TABLE / sizeof TABLE[0] };
 

@@ -10,15 +10,30 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"error", "1", "relative; above 0 the rotation sensors of both wheels say too much", -0.5, 0.5, 0.1, 0},
+    {.name = "error",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "relative error; above 0 the rotation sensors of both wheels read too much",
+     .minimum = -0.5,
+     .maximum = 0.5,
+     .preset = 0.1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->travel_gain *= 1 + value[0];
+}
 
 const effect_t effect_encoder_scale = {
     .info = {.name = "encoder_scale",
+             .words = "rotation sensors that read too much or too little",
+             .summary = "The rotation sensors' readings are a constant factor off.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "reading = (1 + error) truth: angle, speed, travel and velocity of both wheels or of a motor",
              .source = "scaling error of odometry, Borenstein & Feng 1996; counts per turn taken wrongly",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},
+    .undo = undo,
 };

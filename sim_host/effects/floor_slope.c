@@ -36,15 +36,33 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"slope_x", "1", "sine of the floor's fall along the earth's x axis, where heading 0 points", -0.7, 0.7, 0.03, 0},
-    {"slope_y", "1", "sine of its fall along the earth's y axis, to the right of that", -0.7, 0.7, 0.02, 1},
+    {.name = "slope_x",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "sine of the angle by which the floor falls along the earth's x axis, where heading 0 points",
+     .minimum = -0.7,
+     .maximum = 0.7,
+     .preset = 0.03},
+    {.name = "slope_y",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "sine of the angle by which the floor falls along the earth's y axis, to the right of that",
+     .minimum = -0.7,
+     .maximum = 0.7,
+     .preset = 0.02,
+     .odd = 1},
 };
 
 const effect_t effect_floor_slope = {
     .info = {.name = "floor_slope",
+             .words = "a slope of the floor",
+             .summary = "The floor is not level, so gravity pulls the vehicle downhill and shows in the "
+                        "accelerometers.",
+             .mechanism = "floor",
              .acts_on = "body",
              .equation = "X + i Y = m g (slope_x + i slope_y) exp(-i psi) at the centre of mass; accelerometers show "
-                         "u' - v r and v' + u r less gravity's share. Not for a motor: there it is a constant_offset",
+                         "u' - v r and v' + u r less gravity's share. Not for a motor, where it is the same as a "
+                         "constant_offset",
              .source = "gravity in body axes and specific force: Fossen 2011, ch. 3 and 14; Titterton & Weston 2004, "
                        "Strapdown Inertial Navigation",
              .parameter_count = 2,

@@ -76,22 +76,40 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"gap", "rad", "play between motor and wheel, at the wheel; m where the motor's input commands force", 0, 3, 0.2,
-     0},
-    {"rotor_share", "1", "of wheel_inertia before the play; of mass where the motor's input commands force", 0.01, 0.9,
-     0.6, 0},
+    {.name = "gap",
+     .role = BP_ROLE_SIZE,
+     .unit = "rad",
+     .linear_unit = "m",
+     .meaning = "play between motor and wheel, at the wheel",
+     .minimum = 0,
+     .maximum = 3,
+     .preset = 0.2,
+     .scan_from = 0.01,
+     .scan_to = 0.5,
+     .scan_count = 16},
+    {.name = "rotor_share",
+     .role = BP_ROLE_SHAPE,
+     .unit = "1",
+     .meaning = "share of wheel_inertia that turns before the play; where the input commands force, share of the mass",
+     .minimum = 0.01,
+     .maximum = 0.9,
+     .preset = 0.6},
 };
 
 const effect_t effect_gear_backlash = {
     .info = {.name = "gear_backlash",
+             .words = "play in the gears",
+             .summary = "The motor turns freely through a small angle before it moves the wheel the other way.",
+             .mechanism = "gear",
              .acts_on = "gear",
-             .equation =
-                 "within |p| < gap / 2 the rotor turns alone: J_m w_m' = K_t i, p' = w_m - w, J_m = rotor_share "
-                 "J; at its ends it meets the wheel without rebound, and leaves when the torque changes sign",
+             .equation = "within |p| < gap / 2 the rotor turns alone: J_m w_m' = K_t i, p' = w_m - w, J_m = "
+                         "rotor_share J; at either end it meets the wheel without rebound, and leaves when the torque "
+                         "changes sign",
              .source = "Nordin & Gutman 2002, Controlling mechanical systems with backlash, a survey; two inertias, "
                        "inelastic impact",
              .parameter_count = 2,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .motor_step = 0.001},
     .memory_count = 2 * sizeof(mesh_t) / sizeof(double),
     .hook = {[SITE_START] = start, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
 };

@@ -9,11 +9,26 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"bias", "rad/s", "what the gyro says at rest", -10, 10, 0.1, 1},
+    {.name = "bias",
+     .role = BP_ROLE_SIZE,
+     .unit = "rad/s",
+     .meaning = "what the gyro reads at rest",
+     .minimum = -10,
+     .maximum = 10,
+     .preset = 0.1,
+     .odd = 1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->gyro_bias += value[0];
+}
 
 const effect_t effect_gyro_bias = {
     .info = {.name = "gyro_bias",
+             .words = "an offset of the gyro",
+             .summary = "The gyro reads a constant turn while the vehicle stands still.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "yaw_rate = r + bias; yaw_angle is its integral from the run's start",
              .source = "fixed bias, IEEE Std 1431-2004; Titterton & Weston 2004",
@@ -21,4 +36,5 @@ const effect_t effect_gyro_bias = {
              .parameters = PARAMETERS},
     .memory_count = 1,
     .hook = {[SITE_SENSOR] = sensor},
+    .undo = undo,
 };

@@ -10,11 +10,21 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"rate", "rad/s^2", "growth of the bias, which is 0 at power-on", -1, 1, 0.02, 1},
+    {.name = "rate",
+     .role = BP_ROLE_SIZE,
+     .unit = "rad/s^2",
+     .meaning = "growth of the offset, which is 0 at power-on",
+     .minimum = -1,
+     .maximum = 1,
+     .preset = 0.02,
+     .odd = 1},
 };
 
 const effect_t effect_gyro_drift = {
     .info = {.name = "gyro_drift",
+             .words = "an offset of the gyro that drifts",
+             .summary = "The gyro's offset grows with the time since power-on.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "yaw_rate = r + rate t, t since power-on; yaw_angle is its integral from the run's start",
              .source = "rate ramp, IEEE Std 952-1997, annex C",

@@ -17,11 +17,21 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"limit", "rad/s", "end of the gyro's range, both directions", 0.01, 1000, 3, 0},
+    {.name = "limit",
+     .role = BP_ROLE_LIMIT,
+     .unit = "rad/s",
+     .meaning = "end of the gyro's range, in both directions",
+     .minimum = 0.01,
+     .maximum = 1000,
+     .preset = 3,
+     .limits = "yaw_rate"},
 };
 
 const effect_t effect_gyro_saturation = {
     .info = {.name = "gyro_saturation",
+             .words = "a gyro that meets the end of its range",
+             .summary = "The gyro does not read turns that are faster than its range.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "yaw_rate = r within -limit to limit, else the nearer end; yaw_angle is its integral",
              .source = "input range, IEEE Std 1431-2004; Titterton & Weston 2004",

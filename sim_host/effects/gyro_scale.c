@@ -15,11 +15,25 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"error", "1", "relative; above 0 the gyro says too much", -0.5, 0.5, 0.1, 0},
+    {.name = "error",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "relative error; above 0 the gyro reads too much",
+     .minimum = -0.5,
+     .maximum = 0.5,
+     .preset = 0.1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->gyro_gain *= 1 + value[0];
+}
 
 const effect_t effect_gyro_scale = {
     .info = {.name = "gyro_scale",
+             .words = "a gyro that reads too much or too little",
+             .summary = "The gyro's reading is a constant factor off.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "yaw_rate = (1 + error) r; yaw_angle is its integral",
              .source = "scale-factor error, IEEE Std 1431-2004; Titterton & Weston 2004",
@@ -27,4 +41,5 @@ const effect_t effect_gyro_scale = {
              .parameters = PARAMETERS},
     .memory_count = sizeof(origin_t) / sizeof(double),
     .hook = {[SITE_SENSOR] = sensor},
+    .undo = undo,
 };

@@ -40,11 +40,20 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"time_constant", "s", "of accelerometers and gyro alike", 0, 10, 0.05, 0},
+    {.name = "time_constant",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "time constant of accelerometers and gyro alike",
+     .minimum = 0,
+     .maximum = 10,
+     .preset = 0.05},
 };
 
 const effect_t effect_imu_lag = {
     .info = {.name = "imu_lag",
+             .words = "a lag of the inertial sensors",
+             .summary = "The readings of accelerometers and gyro follow the truth gradually, as behind a filter.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "time_constant y' + y = x for accel_surge, accel_sway and yaw_rate, settled at the start; "
                          "yaw_angle is the integral of y",

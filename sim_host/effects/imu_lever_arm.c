@@ -11,12 +11,28 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"x", "m", "accelerometers ahead of the middle of the axle", -5, 5, 0.03, 0},
-    {"y", "m", "accelerometers to the right of it", -5, 5, 0.02, 1},
+    {.name = "x",
+     .role = BP_ROLE_SIZE,
+     .unit = "m",
+     .meaning = "distance of the accelerometers ahead of the middle of the axle",
+     .minimum = -5,
+     .maximum = 5,
+     .preset = 0.03},
+    {.name = "y",
+     .role = BP_ROLE_SIZE,
+     .unit = "m",
+     .meaning = "distance of the accelerometers to the right of it",
+     .minimum = -5,
+     .maximum = 5,
+     .preset = 0.02,
+     .odd = 1},
 };
 
 const effect_t effect_imu_lever_arm = {
     .info = {.name = "imu_lever_arm",
+             .words = "an accelerometer away from the middle of the axle",
+             .summary = "The accelerometers are not at the middle of the axle, so they feel the turning.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "accel_surge += -r^2 x - r' y, accel_sway += -r^2 y + r' x",
              .source = "rigid-body kinematics; size effect, Titterton & Weston 2004",

@@ -75,14 +75,23 @@ static void timing(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"delay", "s", "from a command to its effect; 0 V until the run's first has arrived", 0, 0.5, 0.06, 0},
+    {.name = "delay",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "time from a command to its effect; until the run's first command arrives the motors get 0 V",
+     .minimum = 0,
+     .maximum = 0.5,
+     .preset = 0.06},
 };
 
 const effect_t effect_input_delay = {
     .info = {.name = "input_delay",
+             .words = "a delay from command to motor",
+             .summary = "Every command reaches the motors some time after it is given.",
+             .mechanism = "timing",
              .acts_on = "timing",
-             .equation = "V(t) = V_command(t - delay), 0 V before the run; the mean over each motor step, so any delay "
-                         "counts; up to 192 changes are under way at a time",
+             .equation = "V(t) = V_command(t - delay), and 0 V before the run. A motor step takes the mean over its "
+                         "length, so any delay counts. Up to 192 changes of the command may be on their way",
              .source = "dead time, Ljung 1999, System Identification",
              .parameter_count = 1,
              .parameters = PARAMETERS},

@@ -14,15 +14,33 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"difference", "1", "voltage gain of the left drive less that of the right; their mean is 1", -1, 1, 0.1, 1},
+    {.name = "difference",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "voltage gain of the left drive less that of the right; their mean is 1",
+     .minimum = -1,
+     .maximum = 1,
+     .preset = 0.1,
+     .odd = 1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->drive_gain[0] *= 1 + 0.5 * value[0];
+    undoable->drive_gain[1] *= 1 - 0.5 * value[0];
+}
 
 const effect_t effect_motor_asymmetry = {
     .info = {.name = "motor_asymmetry",
+             .words = "a difference between the left and the right drive",
+             .summary = "One drive gives its motor a larger share of the commanded voltage than the other.",
+             .mechanism = "drive",
              .acts_on = "drive",
-             .equation = "V_left = (1 + difference / 2) V, V_right = (1 - difference / 2) V; nothing on a single motor",
+             .equation = "V_left = (1 + difference / 2) V, V_right = (1 - difference / 2) V. It does nothing on a "
+                         "single motor",
              .source = "eq. 12 with a gain for each drive",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},
+    .undo = undo,
 };

@@ -32,17 +32,33 @@ static void warm(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"thermal_resistance", "K/W", "winding to surroundings", 0, 10000, 300, 0},
-    {"time_constant", "s", "of the winding's temperature", 1, 100000, 20, 0},
+    {.name = "thermal_resistance",
+     .role = BP_ROLE_SIZE,
+     .unit = "K/W",
+     .meaning = "thermal resistance from winding to surroundings",
+     .minimum = 0,
+     .maximum = 10000,
+     .preset = 300},
+    {.name = "time_constant",
+     .role = BP_ROLE_SHAPE,
+     .unit = "s",
+     .meaning = "time constant of the winding's temperature",
+     .minimum = 1,
+     .maximum = 100000,
+     .preset = 20},
 };
 
 const effect_t effect_motor_heating = {
     .info = {.name = "motor_heating",
+             .words = "windings that grow warm, and so resist more",
+             .summary = "The motors' current heats their windings, whose resistance grows with temperature.",
+             .mechanism = "motor",
              .acts_on = "motor",
              .equation = "R' = R (1 + 0.00393 T), time_constant dT/dt = thermal_resistance R' i^2 - T; T in K above "
                          "the surroundings, carried from run to run",
              .source = "one-body thermal model, Hughes & Drury 2019, Electric Motors and Drives; copper: IEC 60028",
              .parameter_count = 2,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .carries_over = 1},
     .hook = {[SITE_START] = start, [SITE_MOTOR] = motor, [SITE_WHEEL] = warm},
 };

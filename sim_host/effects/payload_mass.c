@@ -14,16 +14,43 @@ static void build(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"mass", "kg", "of what is loaded", 0, 1e5, 0.3, 0},
-    {"forward", "m", "where it sits; not for a motor", -10, 10, 0.06, 0},
-    {"right", "m", "where it sits; not for a motor", -10, 10, 0, 1},
+    {.name = "mass",
+     .role = BP_ROLE_SIZE,
+     .unit = "kg",
+     .meaning = "mass of the load",
+     .minimum = 0,
+     .maximum = 1e5,
+     .preset = 0.3},
+    {.name = "forward",
+     .role = BP_ROLE_PLACE,
+     .unit = "m",
+     .meaning = "where the load is, ahead of the axle; not for a motor",
+     .minimum = -10,
+     .maximum = 10,
+     .preset = 0.06,
+     .arm_of = "mass"},
+    {.name = "right",
+     .role = BP_ROLE_PLACE,
+     .unit = "m",
+     .meaning = "where the load is, to the right of the centre line; not for a motor",
+     .minimum = -10,
+     .maximum = 10,
+     .preset = 0,
+     .odd = 1,
+     .optional = 1,
+     .trial = 0.03,
+     .arm_of = "mass"},
 };
 
 const effect_t effect_payload_mass = {
     .info = {.name = "payload_mass",
+             .words = "a load that it carries",
+             .summary = "The vehicle carries a load that the nominal mass does not contain.",
+             .mechanism = "body",
              .acts_on = "body",
-             .equation = "a point mass at (forward, right) of the axle's middle: m, J_z and the centre of mass are "
-                         "those of both together; m adds to the rolling friction of eq. 13; of a motor: to its load",
+             .equation = "a point mass at (forward, right) from the axle's middle: m, J_z and the centre of mass are "
+                         "those of vehicle and load together, and the rolling friction of eq. 13 grows with m. Of a "
+                         "motor: it adds to the mass",
              .source = "composition of rigid bodies, parallel axis theorem: Goldstein 2002, Classical Mechanics",
              .parameter_count = 3,
              .parameters = PARAMETERS},

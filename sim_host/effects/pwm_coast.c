@@ -67,20 +67,38 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"period", "s", "of a tick, which is all pulse or all pause", 1e-4, 0.1, 0.001, 0},
-    {"brakes", "1", "in a pause the motor is shorted (1) or floats (0)", 0, 1, 0, 0},
+    {.name = "period",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "length of a tick, which is all pulse or all pause",
+     .minimum = 1e-4,
+     .maximum = 0.1,
+     .preset = 0.001,
+     .scan_from = 5e-4,
+     .scan_to = 0.05,
+     .scan_count = 24},
+    {.name = "brakes",
+     .role = BP_ROLE_SWITCH,
+     .unit = "1",
+     .meaning = "0: the motor floats in a pause; 1: it is shorted",
+     .minimum = 0,
+     .maximum = 1,
+     .preset = 0},
 };
 
 const effect_t effect_pwm_coast = {
     .info = {.name = "pwm_coast",
+             .words = "motors that float or brake between the drive's pulses",
+             .summary = "The drive gives full voltage in pulses, and between them the motor floats or is shorted.",
+             .mechanism = "drive",
              .acts_on = "drive",
-             .equation =
-                 "each tick: sum += |V| / V_supply; where sum >= 1, sum -= 1 and V_motor = sign(V) V_supply for "
-                 "the tick, otherwise the motor floats (i = 0) or is shorted; V = 0 is shorted",
+             .equation = "each tick: sum += |V| / V_supply; where sum >= 1, sum -= 1 and V_motor = sign(V) V_supply "
+                         "for the tick, otherwise the motor floats (i = 0) or is shorted; V = 0 is shorted",
              .source = "brickOS, kernel/dmotor.c, on its 1 ms system tick (CONF_DMOTOR_HOLD: shorted); first-order "
                        "sigma-delta modulation, Norsworthy, Schreier & Temes 1997",
              .parameter_count = 2,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .motor_step = 0.001},
     .memory_count = sizeof(pulses_t) / sizeof(double),
     .hook = {[SITE_DRIVE] = drive},
 };

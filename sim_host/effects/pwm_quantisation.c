@@ -15,11 +15,23 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"step", "1", "duty from one step to the next; 0: none", 0, 1, 0.125, 0},
+    {.name = "step",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "duty from one level to the next; 0: the drive does not round",
+     .minimum = 0,
+     .maximum = 1,
+     .preset = 0.125,
+     .scan_from = 0.003,
+     .scan_to = 0.3,
+     .scan_count = 120},
 };
 
 const effect_t effect_pwm_quantisation = {
     .info = {.name = "pwm_quantisation",
+             .words = "the coarse steps of the drive's power levels",
+             .summary = "The drive knows a few power levels only and rounds each command to the nearest.",
+             .mechanism = "drive",
              .acts_on = "drive",
              .equation = "V_motor = V_supply step round(V / (V_supply step)), at most V_supply",
              .source = "uniform quantiser, Widrow & Kollar 2008, Quantization Noise; the RCX's firmware has 8 power "

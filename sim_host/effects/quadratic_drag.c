@@ -10,15 +10,25 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"drag", "N s^2/m^2", "force at 1 m/s", 0, 1e5, 0.5, 0},
+    {.name = "drag",
+     .role = BP_ROLE_SIZE,
+     .unit = "N s^2/m^2",
+     .meaning = "force at 1 m/s",
+     .minimum = 0,
+     .maximum = 1e5,
+     .preset = 0.5},
 };
 
 const effect_t effect_quadratic_drag = {
     .info = {.name = "quadratic_drag",
+             .words = "a drag that grows with the square of the speed",
+             .summary = "A force against the motion grows with the square of the speed.",
+             .mechanism = "body",
              .acts_on = "body",
-             .equation = "X = -drag u |u|, Y = -drag v |v|, beside the air drag of eq. 5; of a motor: on its load",
-             .source = "Fossen 2011, Handbook of Marine Craft Hydrodynamics and Motion Control, quadratic damping; eq. "
-                       "5 (Worrall & McGookin 2006)",
+             .equation = "X = -drag u |u|, Y = -drag v |v|, in addition to the air drag of eq. 5; of a motor: on its "
+                         "load",
+             .source = "Fossen 2011, Handbook of Marine Craft Hydrodynamics and Motion Control, quadratic damping; "
+                       "eq. 5 (Worrall & McGookin 2006)",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

@@ -11,12 +11,27 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"torque", "N m", "loss of each wheel at 1 rad/s; N at 1 m/s where the motor's input commands force", 0, 1000,
-     0.002, 0},
+    {.name = "torque",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .linear_unit = "N",
+     .meaning = "loss of each wheel at 1 rad/s, or at 1 m/s where the input commands force",
+     .minimum = 0,
+     .maximum = 1000,
+     .preset = 0.002},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->root_torque[0] += value[0];
+    undoable->root_torque[1] += value[0];
+}
 
 const effect_t effect_rolling_sqrt = {
     .info = {.name = "rolling_sqrt",
+             .words = "a rolling loss that grows with the root of the speed",
+             .summary = "Each wheel loses a torque that grows with the root of its speed.",
+             .mechanism = "bearing",
              .acts_on = "wheel",
              .equation = "T_f = -torque sqrt(|w| / 1 rad/s) sign(w)",
              .source = "power law of speed with exponent 1/2, between Coulomb (0) and viscous (1): mixed lubrication, "
@@ -24,4 +39,5 @@ const effect_t effect_rolling_sqrt = {
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},
+    .undo = undo,
 };

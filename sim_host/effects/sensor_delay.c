@@ -62,11 +62,20 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"delay", "s", "of every measured signal; the run's first values hold until then", 0, 0.3, 0.05, 0},
+    {.name = "delay",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "delay of every measured signal; until it is over the run's first values hold",
+     .minimum = 0,
+     .maximum = 0.3,
+     .preset = 0.05},
 };
 
 const effect_t effect_sensor_delay = {
     .info = {.name = "sensor_delay",
+             .words = "a delay of the sensors",
+             .summary = "Every sensor shows what was true some time ago.",
+             .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "y(t) = x(t - delay), linear between body steps",
              .source = "dead time, Ljung 1999, System identification",

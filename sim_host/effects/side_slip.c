@@ -7,18 +7,33 @@ static void build(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"creep", "m/(N s)", "slip speed over force while that is small", 1e-4, 100, 0.3, 0},
-    {"friction", "1", "largest force over load", 1e-3, 100, 0.8, 0},
+    {.name = "creep",
+     .role = BP_ROLE_SIZE,
+     .unit = "m/(N s)",
+     .meaning = "slip speed over force while the force is small",
+     .minimum = 1e-4,
+     .maximum = 100,
+     .preset = 0.3},
+    {.name = "friction",
+     .role = BP_ROLE_SHAPE,
+     .unit = "1",
+     .meaning = "largest force over load",
+     .minimum = 1e-3,
+     .maximum = 100,
+     .preset = 0.8},
 };
 
 const effect_t effect_side_slip = {
     .info = {.name = "side_slip",
+             .words = "wheels that slip sideways",
+             .summary = "The vehicle slides sideways in curves.",
+             .mechanism = "tyre",
              .acts_on = "wheel",
              .equation = "side force of both tyres Y = -v / sqrt(creep^2 + (v / (friction m g))^2), instead of v = 0. "
                          "coupled profile only; not for a motor",
-             .source =
-                 "linear creep, Johnson 1985, Contact Mechanics, ch. 8, up to Coulomb's limit; slip of wheeled robots: "
-                 "Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth passage is ours",
+             .source = "linear creep, Johnson 1985, Contact Mechanics, ch. 8, up to Coulomb's limit; slip of wheeled "
+                       "robots: Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth "
+                       "passage is ours",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

@@ -19,14 +19,22 @@ static void timing(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"delay", "s", "from the run's start to its first input, with 0 V until then; later inputs are in time", 0, 10, 0.2,
-     0},
+    {.name = "delay",
+     .role = BP_ROLE_SIZE,
+     .unit = "s",
+     .meaning = "time from the run's start to its first input; later inputs act in time",
+     .minimum = 0,
+     .maximum = 10,
+     .preset = 0.2},
 };
 
 const effect_t effect_start_delay = {
     .info = {.name = "start_delay",
+             .words = "a delay between the start of a recording and that of the drive",
+             .summary = "The recording starts before the drive does, so the first inputs of a run act late.",
+             .mechanism = "timing",
              .acts_on = "timing",
-             .equation = "V(t) = 0 for t < delay, otherwise the command of t; t from the run's start",
+             .equation = "V(t) = 0 for t < delay, otherwise the command of t; t counts from the run's start",
              .source = "elementary: recorder and drive that are not started by the same signal",
              .parameter_count = 1,
              .parameters = PARAMETERS},

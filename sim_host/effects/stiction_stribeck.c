@@ -12,16 +12,44 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"coulomb", "N m", "dry friction of a wheel that turns fast; N where the motor's input commands force", 0, 1000,
-     0.003, 0},
-    {"breakaway", "N m", "what holds a wheel at rest beyond that; N where the motor's input commands force", 0, 1000,
-     0.004, 0},
-    {"stribeck_speed", "rad/s", "wheel speed at which 1/e of it is left; m/s where the motor's input commands force",
-     1e-4, 1000, 1, 0},
+    {.name = "coulomb",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .linear_unit = "N",
+     .meaning = "dry friction of a wheel that turns fast",
+     .minimum = 0,
+     .maximum = 1000,
+     .preset = 0.003},
+    {.name = "breakaway",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .linear_unit = "N",
+     .meaning = "friction at rest beyond that",
+     .minimum = 0,
+     .maximum = 1000,
+     .preset = 0.004,
+     .only_with = "coulomb"},
+    {.name = "stribeck_speed",
+     .role = BP_ROLE_SHAPE,
+     .unit = "rad/s",
+     .linear_unit = "m/s",
+     .meaning = "wheel speed at which 1/e of the breakaway is left",
+     .minimum = 1e-4,
+     .maximum = 1000,
+     .preset = 1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->dry_torque[0] += value[0];
+    undoable->dry_torque[1] += value[0];
+}
 
 const effect_t effect_stiction_stribeck = {
     .info = {.name = "stiction_stribeck",
+             .words = "dry friction at the wheels that is larger near standstill",
+             .summary = "Each wheel needs more torque to start than to keep turning.",
+             .mechanism = "bearing",
              .acts_on = "wheel",
              .equation = "T_f = -(coulomb + breakaway exp(-(w / stribeck_speed)^2)) sign(w) while the wheel turns; at "
                          "rest it holds any torque up to coulomb + breakaway",
@@ -30,4 +58,5 @@ const effect_t effect_stiction_stribeck = {
              .parameter_count = 3,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},
+    .undo = undo,
 };

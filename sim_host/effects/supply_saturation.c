@@ -12,11 +12,21 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"voltage", "V", "most that reaches a motor, forward and backward", 0, 1000, 6, 0},
+    {.name = "voltage",
+     .role = BP_ROLE_LIMIT,
+     .unit = "V",
+     .meaning = "largest voltage that reaches a motor, forward and backward",
+     .minimum = 0,
+     .maximum = 1000,
+     .preset = 6,
+     .limits = "voltage"},
 };
 
 const effect_t effect_supply_saturation = {
     .info = {.name = "supply_saturation",
+             .words = "a drive that cannot reach the voltage commanded",
+             .summary = "The drive cannot give the motors more than some voltage, whatever is commanded.",
+             .mechanism = "drive",
              .acts_on = "drive",
              .equation = "V_motor = V for |V| <= voltage, otherwise sign(V) voltage",
              .source = "saturation, Khalil 2002, Nonlinear Systems, sec. 1.2.7",

@@ -15,16 +15,34 @@ static void motor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"difference", "1", "K_t and K_e of the left motor less those of the right, over their mean", -1, 1, 0.1, 1},
+    {.name = "difference",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "K_t and K_e of the left motor less those of the right, over their mean",
+     .minimum = -1,
+     .maximum = 1,
+     .preset = 0.1,
+     .odd = 1},
 };
+
+static void undo(const double *value, bp_undoable *undoable)
+{
+    undoable->flux[0] *= 1 + 0.5 * value[0];
+    undoable->flux[1] *= 1 - 0.5 * value[0];
+}
 
 const effect_t effect_torque_constant_asymmetry = {
     .info = {.name = "torque_constant_asymmetry",
+             .words = "a difference between the left and the right motor's torque constant",
+             .summary = "One motor has a stronger magnet: it gives more torque per ampere and reaches less speed per "
+                        "volt.",
+             .mechanism = "motor",
              .acts_on = "motor",
-             .equation = "K_t and K_e of the left motor times 1 + difference / 2, of the right times 1 - difference / "
-                         "2; nothing on a single motor",
+             .equation = "K_t and K_e of the left motor times 1 + difference / 2, of the right motor times 1 - "
+                         "difference / 2. It does nothing on a single motor",
              .source = "K_t and K_e are one flux: Hughes & Drury 2019, Electric Motors and Drives, ch. 3; eq. 12",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_MOTOR] = motor},
+    .undo = undo,
 };

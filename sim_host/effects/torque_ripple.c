@@ -18,20 +18,51 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"amplitude", "1", "over the motor's torque", 0, 1, 0.3, 0},
-    {"order", "1", "periods per turn of the wheel; rad/m where the motor's input commands force", 0, 10000, 6, 0},
-    {"phase", "rad", "at wheel angle 0, mean of left and right", -6.3, 6.3, 0, 0},
-    {"phase_difference", "rad", "left less right; nothing on a single motor", -6.3, 6.3, 0, 1},
+    {.name = "amplitude",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "largest change of the torque, as a share of it",
+     .minimum = 0,
+     .maximum = 1,
+     .preset = 0.3},
+    {.name = "order",
+     .role = BP_ROLE_SHAPE,
+     .unit = "1",
+     .linear_unit = "rad/m",
+     .meaning = "periods per turn of the wheel",
+     .minimum = 0,
+     .maximum = 10000,
+     .preset = 6},
+    {.name = "phase",
+     .role = BP_ROLE_SHAPE,
+     .unit = "rad",
+     .meaning = "phase at wheel angle 0, mean of left and right",
+     .minimum = -6.3,
+     .maximum = 6.3,
+     .preset = 0},
+    {.name = "phase_difference",
+     .role = BP_ROLE_SHAPE,
+     .unit = "rad",
+     .meaning = "phase of the left wheel less that of the right; it does nothing on a single motor",
+     .minimum = -6.3,
+     .maximum = 6.3,
+     .preset = 0,
+     .odd = 1,
+     .optional = 1},
 };
 
 const effect_t effect_torque_ripple = {
     .info = {.name = "torque_ripple",
+             .words = "a torque that ripples with the wheel's angle",
+             .summary = "The torque of a motor rises and falls with the wheel's angle, in proportion to its current.",
+             .mechanism = "motor",
              .acts_on = "gear",
-             .equation = "T = K_t i (1 + amplitude sin(order angle + phase)), left phase + phase_difference / 2, right "
-                         "phase - phase_difference / 2",
+             .equation = "T = K_t i (1 + amplitude sin(order angle + phase)), left phase + phase_difference / 2, "
+                         "right phase - phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",
              .parameter_count = 4,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .motor_step = 0.003},
     .hook = {[SITE_WHEEL] = wheel},
 };

@@ -8,11 +8,20 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 static const bp_parameter_info PARAMETERS[] = {
-    {"moment", "N m", "dry moment of the tyres' patches and of what else slides sideways", 0, 1e4, 0.012, 0},
+    {.name = "moment",
+     .role = BP_ROLE_SIZE,
+     .unit = "N m",
+     .meaning = "dry moment of the tyres' contact patches and of all else that slides sideways in a turn",
+     .minimum = 0,
+     .maximum = 1e4,
+     .preset = 0.012},
 };
 
 const effect_t effect_yaw_scrub = {
     .info = {.name = "yaw_scrub",
+             .words = "tyres that scrub when the vehicle turns",
+             .summary = "The tyres' contact patches resist turning with a dry moment.",
+             .mechanism = "tyre",
              .acts_on = "body",
              .equation = "N = -moment sign(r) while the vehicle turns; at rest it holds any moment up to that size. "
                          "Not for a motor",

@@ -1,9 +1,9 @@
-/* brickpilot_sim.h: the plant's C interface. Python (cffi) and others call this and nothing else.
+/* brickpilot_sim.h: the C interface of the plant. Python calls it through cffi, and so may any other program.
  *
- * A model is one vehicle: nominal parameters and the effects switched on. It is not written while runs use it, so
- * many runs, on many threads, may share one. SI units throughout; frame of the paper (x forward, y right, clockwise
- * positive). Functions that return int give 0 or a BP_E_ code. This header is read by cffi as it stands: plain
- * declarations only.
+ * A model is one vehicle: its nominal parameters and the effects that are switched on. Runs read a model and never write
+ * it, so many runs, on many threads, may share one. All values are in SI units. The frame is the paper's: x forward,
+ * y right, yaw clockwise positive. A function that returns int returns 0, or a BP_E_ code when it fails. cffi reads this
+ * header as it stands, so it holds plain declarations only.
  */
 #ifndef BRICKPILOT_SIM_H
 #define BRICKPILOT_SIM_H
@@ -15,59 +15,115 @@ enum { BP_MAX_PARAMETERS = 160 }; /* of one effect */
 
 typedef struct bp_model bp_model;
 
+/* What a parameter is for. 0 is no role: it stands for a row that does not say. */
+enum {
+    BP_ROLE_SIZE = 1, /* how large the effect is, or a physical value of the nominal model */
+    BP_ROLE_SHAPE,    /* how the effect acts, not how strongly: a phase, a speed, a share */
+    BP_ROLE_PLACE,    /* where the effect acts, on either side of 0 */
+    BP_ROLE_SWITCH,   /* a choice between 0 and 1, which is never fitted */
+    BP_ROLE_LIMIT,    /* the end of a range; `limits` names the signal that does not go beyond it */
+    BP_ROLE_FIXED     /* a nominal parameter that is never fitted */
+};
+
+/* One parameter of the nominal model or of an effect. The fields up to `odd` are set in every row; the others are 0 or
+ * NULL where they do not apply.
+ *
+ * Three names of parameters mean the same in every effect: `order` (periods per turn of the wheel), `phase` (at wheel
+ * angle 0) and `phase_difference` (left less right). An effect with an `order` is searched for at the orders read off
+ * the data. */
 typedef struct {
     const char *name;
-    const char *unit; /* SI, "1" where there is none */
+    int role;                /* BP_ROLE_ */
+    const char *unit;        /* SI, "1" where there is none */
+    const char *linear_unit; /* the unit where the input of a motor commands a force; NULL: the same */
     const char *meaning;
     double minimum; /* allowed range, ends included */
     double maximum;
-    double preset; /* value when nobody says otherwise; for an effect: a clearly visible size */
-    int odd;       /* effects: 1 where the sign turns over when left and right are swapped */
+    double preset; /* value when nobody gives one; of an effect: a size that shows clearly */
+    int odd;       /* 1 where the sign turns over when left and right are swapped */
+
+    int optional; /* 1: the effect is complete without it; a fit tries it beside the others and alone */
+    double trial; /* size that a search tries instead of the preset, where that is 0 */
+    double
+        scan_from;  /* sizes that a search tries one by one, because what an effect changes comes and goes with them: */
+    double scan_to; /* `scan_count` sizes from scan_from to scan_to, each the same factor above the last */
+    int scan_count; /* 0: no such list */
+    const char *limits;    /* BP_ROLE_LIMIT: an output, or "voltage" for the command */
+    const char *arm_of;    /* name of the load of which this is the lever arm; a fit moves the load and their product */
+    const char *only_with; /* name of the parameter that this one adds to: it means nothing without it */
+    int in_volts; /* 1: a torque at the wheel that reports also give as a voltage at the motor, torque R / K_t */
+    int zero_if_unstated; /* 1: a nominal parameter taken to be 0 where a data set does not give it */
 } bp_parameter_info;
 
+/* One effect of the library. Every field is set in every row, but for the last three. */
 typedef struct {
     const char *name;
-    const char *acts_on; /* supply, drive, motor, gear, wheel, body, sensor or timing */
+    const char *words;   /* a noun phrase: "The simulator lacks ..." */
+    const char *summary; /* one sentence for a reader who does not know the name */
+    const char
+        *mechanism;      /* supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor: what to look at */
+    const char *acts_on; /* supply, drive, motor, gear, wheel, body, sensor or timing: where in the equations */
     const char *equation;
     const char *source;
     int parameter_count;
     const bp_parameter_info *parameters;
+
+    double motor_step; /* s: the longest motor step that still resolves it; 0: as long as without it */
+    int carries_over;  /* 1: charge or heat that one run leaves changes the next */
+    int composed;      /* 1: a sum of terms that discovery composes, never a candidate of its own */
 } bp_effect_info;
 
-/* The tables: nominal parameters, effects, and output columns. NULL beyond the last. */
+/* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */
 const bp_parameter_info *bp_parameter(int index);
 const bp_effect_info *bp_effect(int index);
-const char *
-bp_output_name(int index); /* as in data sets: "yaw_rate", "wheel_speed_left", ...; then "x", "y", "surge", "sway" */
+const char *bp_output_name(int index); /* as in data sets: "yaw_rate", ...; at the end "x", "y", "surge", "sway" */
 const char *bp_output_unit(int index);
 
-bp_model *bp_model_new(int vehicle, int profile); /* presets, no effect on; a BP_MOTOR has no mass, wheel,
-                                        rolling friction or air drag (0) until they are set. NULL: out of memory */
+/* A model at its presets, without effects. The mass, wheel radius, rolling friction and air drag of a BP_MOTOR are 0 until
+ * they are set. NULL: out of memory. */
+bp_model *bp_model_new(int vehicle, int profile);
 bp_model *bp_model_copy(const bp_model *model);
 void bp_model_free(bp_model *model);
 
-/* Set or get one nominal parameter. BP_E_NAME unknown, BP_E_RANGE outside what is physical. */
+/* Set or get one nominal parameter. BP_E_NAME: no such parameter. BP_E_RANGE: the value is outside its range. */
 int bp_model_set(bp_model *model, const char *parameter, double value);
 int bp_model_get(const bp_model *model, const char *parameter, double *value);
 
-/* Switch one effect on with parameter_count values in the order of its table; again: replaces them. */
+/* Switches one effect on with parameter_count values in the order of its table. A second call replaces the values. */
 int bp_model_add_effect(bp_model *model, const char *effect, const double *values);
 int bp_model_remove_effect(bp_model *model, const char *effect);
 
-/* The state a run starts from and ends in. */
+/* What of a model's effects the firmware's compensation can undo, as physical quantities. [0] is left, [1] right. A model
+ * without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
+typedef struct {
+    double flux[2];           /* factor of the torque constant and the back-EMF constant */
+    double rim[2];            /* factor of the wheel radius */
+    double drive_gain[2];     /* factor of the voltage that arrives */
+    double dry_torque[2];     /* N m: dry friction of a turning wheel */
+    double root_torque[2];    /* N m at 1 rad/s: a loss that grows with the root of the wheel speed */
+    double load[2];           /* N m: constant, against forward motion */
+    double lost_voltage;      /* V that each drive loses, whichever way it drives */
+    double supply_resistance; /* ohm */
+    double gyro_bias;         /* rad/s */
+    double gyro_gain;         /* factor of the gyro's reading */
+    double travel_gain;       /* factor of the rotation sensors' reading */
+} bp_undoable;
+void bp_model_undoable(const bp_model *model, bp_undoable *undoable);
+
+/* The state that a run starts from and ends in. */
 typedef struct {
     double x, y, heading;         /* m, m, rad */
     double surge, sway, yaw_rate; /* m/s, m/s, rad/s */
     double current[2];            /* A; left, right. A motor uses [0] alone, here and below */
     double wheel_speed[2];        /* rad/s; m/s for a linear motor */
     double wheel_angle[2];        /* rad; m for a linear motor */
-    double age;                   /* s since power-on: for what heats and discharges */
+    double age;                   /* s since power-on */
     double charge;                /* C drawn from the battery since power-on */
     double heat[2];               /* K of the windings above their surroundings; 0 where nothing heats */
-    double rest;                  /* s at rest before the run, in which they cool; 0 once it runs */
+    double rest;                  /* s at rest before the run, in which the windings cool; 0 once the run has begun */
 } bp_state;
 
-/* One open-loop run: inputs in, outputs out. Sample k holds at time[k], before input k, which acts until time[k + 1].
+/* One free run: inputs in, outputs out. Sample k is the vehicle at time[k]; from then on input k acts, until time[k + 1].
  */
 typedef struct {
     const bp_model *model;
@@ -75,23 +131,25 @@ typedef struct {
     const double *time;  /* s, strictly increasing, samples long */
     const double *input; /* samples x 2 (left, right) V, or samples x 1 for a motor; NaN: the motor floats */
     bp_state initial;
-    double motor_step; /* s, upper limit; 0: 0.0003 */
-    double body_step;  /* s, upper limit; 0: 0.003 */
-    double *output;    /* samples x (number of output names), filled, noise-free; NaN: this vehicle has no such thing */
-    bp_state final;    /* filled */
-    int status;        /* filled: 0 or BP_E_ */
+    double motor_step; /* s, upper limit; 0: [rates] motor_step of models/rcx.toml */
+    double body_step;  /* s, upper limit; 0: [rates] body_step */
+    double
+        *output; /* filled: samples x (number of output names), without noise; NaN: this vehicle has no such signal */
+    bp_state final; /* filled */
+    int status;     /* filled: 0 or BP_E_ */
 } bp_run;
 
-/* Simulates count runs on up to `threads` threads. Returns 0, or the first failing run's status. The same bytes
- * whatever `threads`. */
+/* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs do
+ * not depend on the number of threads, not even in their last bit. */
 int bp_simulate(bp_run *runs, int count, int threads);
 
-/* One closed loop: plant, sensors and the firmware, at its 3 ms step, in process. */
+/* One closed loop in this process: plant, sensors and the firmware. A control step lasts [rates] body_step of
+ * models/rcx.toml. */
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
 enum { BP_MAX_WAYPOINTS = 32 };
 
-/* What the firmware is told of this robot beyond its model: its own raw integers, formats in the names and in
- * firmware/app/compensation.h. All zero tells nothing. */
+/* The firmware's compensation of one robot, as the raw integers that the firmware holds. The names give the formats,
+ * firmware/app/compensation.h the meanings. All zero: no compensation. */
 typedef struct {
     short left_gain_q15, left_emf_mv_q15, left_friction_mv, left_offset_mv; /* mV up to 20000; friction from 0 */
     short right_gain_q15, right_emf_mv_q15, right_friction_mv, right_offset_mv;
@@ -108,13 +166,13 @@ typedef struct {
     int sensors;             /* BP_SENSORS_ */
     unsigned long long seed; /* of the sensors' noise */
     bp_state initial;
-    double motor_step;       /* s; 0: 0.0003 */
-    int steps;               /* control steps of 3 ms */
+    double motor_step;       /* s, upper limit; 0: [rates] motor_step of models/rcx.toml */
+    int steps;               /* control steps */
     int start_step;          /* the step at which the mission is commanded to start */
-    int waypoint_count;      /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is given */
+    int waypoint_count;      /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is not NULL */
     const double *waypoints; /* waypoint_count x 2, m, -30..30 */
     double cruise;           /* m/s, up to 2; 0: the firmware's preset */
-    const double *drive;     /* steps x 2 V (NaN: floats): a manoeuvre, the controller left out; else NULL */
+    const double *drive;     /* a manoeuvre, without the controller: steps x 2 V (NaN: floats); else NULL */
     double stop_path;        /* m of path after which a manoeuvre shorts both motors; 0: never */
     double *log;             /* steps x (number of log names), filled; or NULL */
     short *motors;           /* steps x 2 duty_q15, filled; or NULL */
@@ -125,16 +183,16 @@ typedef struct {
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */
 
-/* Flies. Returns flight->status: BP_E_RANGE for a value outside what its field says, another vehicle, or a route that the
- * firmware refuses. The same seed gives the same bytes. */
+/* Flies and returns flight->status. BP_E_RANGE: a value outside the range of its field, a vehicle of another kind, or a
+ * route that the firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
-/* The same loop, its controller elsewhere: the caller carries readings to it and its motor commands back. The request is as
- * for bp_fly(), a mission, and its arrays are filled alike, but for the controller's columns of the log, which are 0;
- * controller, start_step, cruise and compensation are the caller's affair. */
+/* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
+ * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's columns of
+ * the log are 0. The loop ignores controller, start_step, cruise and compensation. */
 typedef struct bp_loop bp_loop;
 
-/* Readings as the firmware's HAL has them: hal/include/hal.h. A status is 0 ok, 1 absent, 2 stale. */
+/* The readings of one step in the formats of hal/include/hal.h. A status is 0 (ok), 1 (absent) or 2 (stale). */
 typedef struct {
     unsigned int time_ms;
     int imu_status, rotation_status, battery_status, reference_status;
@@ -145,14 +203,14 @@ typedef struct {
     short speed_mm_s_q4, true_yaw_rate_mrad_s;
 } bp_sensed;
 
-/* NULL: `status` is the BP_E_ code. The request's model and arrays must outlive the loop. */
+/* Opens a loop. NULL: `status` holds the BP_E_ code. The request's model and arrays must outlive the loop. */
 bp_loop *bp_loop_open(const bp_flight *request, int *status);
 void bp_loop_close(bp_loop *loop);
 
-/* Once per step: the sensors are read, with their noise. */
+/* Reads the sensors, with their noise. Call it once per step. */
 void bp_loop_sense(bp_loop *loop, bp_sensed *sensed);
 
-/* The motors get this duty (32767 = 1) for one step of 3 ms. BP_E_RANGE beyond the last step. */
+/* Applies this duty (32767 = 1) to the motors for one control step. BP_E_RANGE: the last step is over. */
 int bp_loop_act(bp_loop *loop, short left_q15, short right_q15);
 
 #endif

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args
 
 import numpy as np
 from cffi import FFI
@@ -30,9 +30,19 @@ _TROUBLE = {
 }
 
 
+Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
+
+
 @dataclass(frozen=True)
 class ParameterInfo:
-    """One parameter of the plant or of an effect, SI; ``odd``: its sign turns over when left and right swap."""
+    """One parameter of the nominal model or of an effect, SI: a row of the C table, whose header explains every field.
+
+    Attributes:
+        linear_unit: the unit where the input of a motor commands a force.
+        odd: its sign turns over when left and right are swapped.
+        scan: sizes that a search tries one by one; empty: none.
+        limits, arm_of, only_with: a signal, and two parameters of the same effect; empty: none.
+    """
 
     name: str
     unit: str
@@ -41,17 +51,43 @@ class ParameterInfo:
     maximum: float
     preset: float
     odd: bool
+    role: Role
+    linear_unit: str
+    optional: bool
+    trial: float
+    scan: tuple[float, ...]
+    limits: str
+    arm_of: str
+    only_with: str
+    in_volts: bool
+    zero_if_unstated: bool
 
 
 @dataclass(frozen=True)
 class EffectInfo:
-    """One row of the effect library. ``acts_on``: supply, drive, motor, gear, wheel, body, sensor or timing."""
+    """One effect of the library: a row of the C table, whose header explains every field.
+
+    Attributes:
+        acts_on: supply, drive, motor, gear, wheel, body, sensor or timing.
+        words: a noun phrase, as in "The simulator lacks ...".
+        summary: one sentence for a reader who does not know the name.
+        mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
+        motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
+        carries_over: charge or heat that one run leaves changes the next.
+        composed: a sum of terms that discovery composes, never a candidate of its own.
+    """
 
     name: str
     acts_on: str
     equation: str
     source: str
     parameters: tuple[ParameterInfo, ...]
+    words: str
+    summary: str
+    mechanism: str
+    motor_step: float
+    carries_over: bool
+    composed: bool
 
 
 @dataclass(frozen=True)
@@ -115,8 +151,17 @@ def interface() -> tuple[FFI, Any]:
 
 
 def _text(value: Any) -> str:
+    if not value:
+        return ""
     raw = interface()[0].string(value)
     return raw.decode() if isinstance(raw, bytes) else str(raw)
+
+
+@cache
+def _roles() -> dict[int, Role]:
+    """The names of BP_ROLE_SIZE and its like, by their numbers in C."""
+    library = interface()[1]
+    return {getattr(library, f"BP_ROLE_{role.upper()}"): role for role in get_args(Role)}
 
 
 def _parameter(info: Any) -> ParameterInfo:
@@ -128,6 +173,16 @@ def _parameter(info: Any) -> ParameterInfo:
         maximum=info.maximum,
         preset=info.preset,
         odd=bool(info.odd),
+        role=_roles()[info.role],
+        linear_unit=_text(info.linear_unit) or _text(info.unit),
+        optional=bool(info.optional),
+        trial=info.trial,
+        scan=tuple(np.geomspace(info.scan_from, info.scan_to, info.scan_count).tolist()) if info.scan_count else (),
+        limits=_text(info.limits),
+        arm_of=_text(info.arm_of),
+        only_with=_text(info.only_with),
+        in_volts=bool(info.in_volts),
+        zero_if_unstated=bool(info.zero_if_unstated),
     )
 
 
@@ -154,6 +209,12 @@ def effects() -> tuple[EffectInfo, ...]:
                 equation=_text(info.equation),
                 source=_text(info.source),
                 parameters=tuple(_parameter(info.parameters[k]) for k in range(info.parameter_count)),
+                words=_text(info.words),
+                summary=_text(info.summary),
+                mechanism=_text(info.mechanism),
+                motor_step=info.motor_step,
+                carries_over=bool(info.carries_over),
+                composed=bool(info.composed),
             )
         )
     return tuple(found)

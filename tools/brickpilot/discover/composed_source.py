@@ -9,7 +9,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from brickpilot.discover.composed_terms import Term, parameters
+from brickpilot.discover.composed_terms import EFFECT, Term, parameters
 from brickpilot.plant import ParameterInfo
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -60,6 +60,7 @@ _HOOKS = {
     "sensor": (("gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
 }
 _ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body"}
+_MECHANISM = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
 _OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
 
 
@@ -110,7 +111,9 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         "motor_hook": hooks.pop("motor"),
         "sites": sites,
         "parameters": _rows(terms, settings),
+        "general": EFFECT,
         "acts_on": _ACTS_ON.get(terms[0].basis.place, "sensor"),
+        "mechanism": _MECHANISM.get(terms[0].basis.place, "sensor"),
     }
     return _environment().get_template("composed_effect.c.j2").render(content | hooks)
 
@@ -209,4 +212,5 @@ def _row(info: ParameterInfo, value: float, meaning: str) -> dict[str, Any]:
         "maximum": repr(info.maximum),
         "value": repr(float(value)),
         "odd": int(info.odd),
+        "role": info.role.upper(),
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,8 +20,6 @@ _DASH = "\N{EN DASH}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 _TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
-
-_LINEAR = re.compile(r"; ((?:N|m|rad)\S*(?: s/m)?)(?: at 1 m/s)? where the (?:motor's )?input commands force")
 
 _LACKS = {
     "start_delay": "a delay between the start of a recording and that of the drive",
@@ -109,9 +106,8 @@ def unit_text(unit: str) -> str:
 
 
 def unit_on(model: Model, info: ParameterInfo) -> str:
-    """A parameter's unit on this vehicle; its meaning says which it is where the input commands a force."""
-    linear = _LINEAR.search(info.meaning) if model.parameters.get("force_per_volt", 0.0) > 0 else None
-    return linear[1] if linear else info.unit
+    """A parameter's unit on this vehicle: another one where the input of a motor commands a force."""
+    return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
 
 
 def scaled(size: float, unit: str) -> tuple[float, str]:

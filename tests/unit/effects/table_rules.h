@@ -1,0 +1,127 @@
+/* table_rules.h: what every row of the table of effects must hold. The first fault is returned as one line. */
+#ifndef BRICKPILOT_TEST_TABLE_RULES_H
+#define BRICKPILOT_TEST_TABLE_RULES_H
+
+#include <ctype.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "effects/effect.h"
+
+static const char *const MECHANISMS[] = {"supply", "drive", "timing", "motor",  "gear", "bearing",
+                                         "tyre",   "body",  "floor",  "sensor", NULL};
+static const char *const SITES[] = {"supply", "drive", "motor", "gear", "wheel", "body", "sensor", "timing", NULL};
+static const char *const SHAPES[] = {"order", "phase", "phase_difference", NULL};
+
+static inline bool is_one_of(const char *text, const char *const *list)
+{
+    for (; text != NULL && *list != NULL; list++)
+        if (strcmp(text, *list) == 0)
+            return true;
+    return false;
+}
+
+static inline bool is_empty(const char *text)
+{
+    return text == NULL || text[0] == 0;
+}
+
+static inline bool is_parameter(const bp_effect_info *effect, const char *name)
+{
+    for (int k = 0; k < effect->parameter_count; k++)
+        if (effect->parameters[k].name != NULL && strcmp(effect->parameters[k].name, name) == 0)
+            return true;
+    return false;
+}
+
+static inline bool is_signal(const char *name)
+{
+    for (int i = 0; bp_output_name(i) != NULL; i++)
+        if (strcmp(bp_output_name(i), name) == 0)
+            return true;
+    return strcmp(name, "voltage") == 0;
+}
+
+/* What a parameter lacks, or NULL. */
+static inline const char *parameter_fault(const bp_effect_info *effect, const bp_parameter_info *one)
+{
+    if (is_empty(one->unit))
+        return "has no unit; write \"1\" where there is none";
+    if (is_empty(one->meaning))
+        return "has no meaning";
+    if (one->role < BP_ROLE_SIZE || one->role > BP_ROLE_LIMIT)
+        return "has no role: BP_ROLE_SIZE, _SHAPE, _PLACE, _SWITCH or _LIMIT";
+    if (!(one->minimum < one->maximum && one->minimum <= one->preset && one->preset <= one->maximum))
+        return "has a preset outside minimum..maximum";
+    if ((one->role == BP_ROLE_SWITCH) != (one->minimum == 0 && one->maximum == 1 && one->preset == 0 && !one->optional))
+        return "is a switch or looks like one: role BP_ROLE_SWITCH goes with the range 0..1 and the preset 0";
+    if ((one->role == BP_ROLE_LIMIT) != (one->limits != NULL) || (one->limits != NULL && !is_signal(one->limits)))
+        return "needs `limits`, an output or \"voltage\", just where its role is BP_ROLE_LIMIT";
+    if (is_one_of(one->name, SHAPES) && one->role != BP_ROLE_SHAPE)
+        return "has a name that stands for a shape, and another role";
+    if (one->odd && one->minimum != -one->maximum)
+        return "is odd, and its range is not the same on both sides of 0";
+    if ((one->optional || one->trial != 0) && one->preset != 0)
+        return "is optional or has a `trial`, which asks for a preset of 0";
+    if (one->scan_count != 0 &&
+        !(one->scan_count > 1 && one->scan_from > 0 && one->scan_from < one->scan_to && one->scan_to <= one->maximum))
+        return "has a scan that is no list of two sizes or more within its range";
+    if ((one->arm_of != NULL && !is_parameter(effect, one->arm_of)) ||
+        (one->only_with != NULL && !is_parameter(effect, one->only_with)))
+        return "has an `arm_of` or `only_with` that names no parameter of this effect";
+    return NULL;
+}
+
+static inline const char *sentence_fault(const bp_effect_info *info)
+{
+    if (is_empty(info->words) || isupper((unsigned char)info->words[0]) || strchr(info->words, '.') != NULL)
+        return "has no `words`: a noun phrase, as in \"The simulator lacks ...\", without a full stop";
+    if (is_empty(info->summary) || !isupper((unsigned char)info->summary[0]) ||
+        info->summary[strlen(info->summary) - 1] != '.')
+        return "has no `summary`: one sentence, from a capital letter to a full stop";
+    return NULL;
+}
+
+static inline const char *row_fault(const effect_t *effect)
+{
+    const bp_effect_info *info = &effect->info;
+    bool acts = false;
+
+    for (int site = 0; site < SITE_COUNT; site++)
+        acts = acts || effect->hook[site] != NULL;
+    if (!acts)
+        return "has no hook";
+    if (!is_one_of(info->mechanism, MECHANISMS))
+        return "has no `mechanism` of the list in brickpilot_sim.h";
+    if (!is_one_of(info->acts_on, SITES))
+        return "has no `acts_on` of the list in brickpilot_sim.h";
+    if (is_empty(info->equation) || is_empty(info->source))
+        return "has no `equation` or no `source`";
+    if (info->parameter_count < 1 || info->parameter_count > BP_MAX_PARAMETERS)
+        return "has no parameters, or more than BP_MAX_PARAMETERS";
+    return sentence_fault(info);
+}
+
+/* Fills `line` with the first fault of the effect. Returns false where there is none. */
+static inline bool effect_fault(const effect_t *effect, char *line, size_t room)
+{
+    const char *fault = is_empty(effect->info.name) ? "has no name" : row_fault(effect);
+
+    if (fault != NULL) {
+        snprintf(line, room, "effect %s %s", is_empty(effect->info.name) ? "?" : effect->info.name, fault);
+        return true;
+    }
+    for (int k = 0; k < effect->info.parameter_count; k++) {
+        const bp_parameter_info *one = &effect->info.parameters[k];
+        fault = is_empty(one->name) ? "has no name" : parameter_fault(&effect->info, one);
+        if (fault != NULL) {
+            snprintf(line, room, "effect %s, parameter %s %s", effect->info.name, is_empty(one->name) ? "?" : one->name,
+                     fault);
+            return true;
+        }
+    }
+    return false;
+}
+
+#endif
