@@ -9,11 +9,11 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from brickpilot import flight, scenario
 from brickpilot.hil import ends, fly
-from brickpilot.hil.links import Frame, Link, encode_frame
-from brickpilot.hil.messages import book
-from brickpilot.model import rcx
+from brickpilot.link.links import Frame, Link, encode_frame
+from brickpilot.link.messages import book
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 
 CORPUS = Path(__file__).with_name("corpus")
 STEPS = 12

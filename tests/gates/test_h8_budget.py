@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.h8 import states
+from brickpilot.benchmark import h8_states
 from command import brickpilot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,4 +67,4 @@ def test_a_step_takes_no_longer_on_the_rcx_than_it_did(target: str, profile: str
             assert 0.95 * limit < stage <= limit, f"{name}: {stage}, limit {limit}"
     _, _, built_for = target.partition(":")
     if built_for:  # a third of its time is the drivers', the interrupts' and the kernel's
-        assert most["states_external"] <= 2 / 3 * step_ms(built_for) * 1e-3 * states.CLOCK_HZ
+        assert most["states_external"] <= 2 / 3 * step_ms(built_for) * 1e-3 * h8_states.CLOCK_HZ

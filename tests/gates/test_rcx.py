@@ -13,10 +13,10 @@ import tty
 from pathlib import Path
 
 import pytest
-from brickpilot import dataset
+from brickpilot.data import dataset
 from brickpilot.errors import InputError
 from brickpilot.importers import rcx
-from brickpilot.infrared import lnp
+from brickpilot.link import lnp
 
 ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"

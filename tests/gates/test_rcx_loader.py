@@ -15,10 +15,10 @@ import pytest
 from brickpilot.errors import InputError
 from brickpilot.flash import lx, rcx
 from brickpilot.flash.program import CREATE, DATA, DELETE, RUN, SET_HOST
-from brickpilot.hil.session import REALTIME, Session
-from brickpilot.infrared import lnp
-from brickpilot.infrared.link import InfraredLink
-from brickpilot.infrared.tower import Tower
+from brickpilot.link import lnp
+from brickpilot.link.infrared import InfraredLink
+from brickpilot.link.session import REALTIME, Session
+from brickpilot.link.tower import Tower
 from rcx_brick import Faults, RcxBrick
 from rcx_brickos import BrickOs
 from rcx_kernel import PROGRAMS, RUN_BUTTON, Kernel

@@ -9,12 +9,13 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from brickpilot import compensation, flight, plant, scenario
-from brickpilot.model import Model, rcx
+from brickpilot import catalogue
+from brickpilot.vehicle import compensation, flight, scenario
+from brickpilot.vehicle.model import Model, rcx
 
 SEEDS = 12
 CROSS, BELIEF = "cross_track_rms_m", "position_estimate_error_m"
-PRESETS = {effect.name: {info.name: info.preset for info in effect.parameters} for effect in plant.effects()}
+PRESETS = {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
 
 
 def robot(effects: dict[str, dict[str, float]], **parameters: float) -> Model:
@@ -57,7 +58,7 @@ class Mission:
 
 def _of(name: str, parameter: str, size: float, beside: dict[str, dict[str, float]] | None = None) -> tuple[Model, ...]:
     """Both signs where the effect has two: the mission turns more to one side, which by itself favours one sign."""
-    info = next(i for e in plant.effects() if e.name == name for i in e.parameters if i.name == parameter)
+    info = next(i for e in catalogue.effects() if e.name == name for i in e.parameters if i.name == parameter)
     signs = (1, -1) if info.minimum < 0 else (1,)
     return tuple(robot({name: {parameter: sign * size}, **(beside or {})}) for sign in signs)
 

@@ -15,10 +15,10 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from brickpilot import flight, scenario
 from brickpilot.hil import ends, fly
-from brickpilot.hil.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
-from brickpilot.model import rcx
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
+from brickpilot.vehicle.model import rcx
 from numpy.typing import NDArray
 
 CARRIERS = ("serial:pty", "tcp", "can:slcan", "can:virtual")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from brickpilot import flight, scenario
-from brickpilot.model import rcx
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 
 GOLDEN = Path(__file__).with_name("golden") / "motor_streams.txt"
 FLIGHTS = (("coupled", "ideal"), ("coupled", "imu+encoders"), ("coupled", "imu"), ("paper", "ideal"))

@@ -9,9 +9,9 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from brickpilot import flight, scenario
-from brickpilot.model import rcx
-from brickpilot.plot import BLUE, GREEN, ORANGE, figure, to_svg
+from brickpilot.report.plot import BLUE, GREEN, ORANGE, figure, to_svg
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 
 SEEDS = 50
 PLANTS: dict[str, dict[str, dict[str, object]]] = {

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from brickpilot import flight, scenario
 from brickpilot.gen import params_header
 from brickpilot.hil import ends, fly
-from brickpilot.hil.links import StreamLink
-from brickpilot.hil.session import LOCKSTEP
-from brickpilot.model import rcx
+from brickpilot.link.links import StreamLink
+from brickpilot.link.session import LOCKSTEP
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12

@@ -6,9 +6,10 @@ import dataclasses
 from html.parser import HTMLParser
 from pathlib import Path
 
-from brickpilot import dataset, plant
-from brickpilot.audit import Fault
-from brickpilot.dataset import Dataset
+from brickpilot import catalogue
+from brickpilot.data import dataset
+from brickpilot.data.audit.audit import Fault
+from brickpilot.data.dataset import Dataset
 from brickpilot.discover import locate
 from brickpilot.discover.finding import (
     Effect,
@@ -24,7 +25,7 @@ from brickpilot.discover.finding import (
     Visible,
     Whiteness,
 )
-from brickpilot.replay import Replay
+from brickpilot.fit.replay import Replay
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
@@ -57,7 +58,7 @@ TERM = Term(
 RANKING = (
     Rank(("coulomb_friction",), {"coulomb_friction.torque": 0.0061}, 1.02, 0.998, "Taken: it explains the runs best."),
     Rank(("actuator_deadband",), {"actuator_deadband.voltage": 0.43}, 2.9, 0.75, "Fits worse by 812 units."),
-    *(Rank((name,), {}, 9.0, 0.1, f"Not {name}.") for name in [one.name for one in plant.effects()][:12]),
+    *(Rank((name,), {}, 9.0, 0.1, f"Not {name}.") for name in [one.name for one in catalogue.effects()][:12]),
 )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from brickpilot.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset, read
 from numpy.typing import NDArray
 
 Column = NDArray[np.float64]

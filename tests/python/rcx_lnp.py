@@ -1,6 +1,6 @@
 """LNP as brickOS's kernel receives it, byte by byte, from its disassembly.
 
-It shares nothing with `brickpilot.infrared.lnp`, which it tests.
+It shares nothing with `brickpilot.link.lnp`, which it tests.
 """
 
 from __future__ import annotations

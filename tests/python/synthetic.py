@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from brickpilot import model as model_file
-from brickpilot import plant
-from brickpilot.model import Model
-from brickpilot.plant import OpenLoopRun, State
+from brickpilot import catalogue
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.plant import OpenLoopRun, State
 
 TURNS = {"accel_sway", "yaw_rate", "yaw_angle"}
 
@@ -29,7 +30,7 @@ def robot(**changes: float) -> Model:
 
 def motor(**values: float) -> Model:
     """A bare motor, with some values set; no inductance."""
-    return Model("truth", "motor", "coupled", {**plant.presets("motor"), "inductance": 0.0, **values})
+    return Model("truth", "motor", "coupled", {**catalogue.presets("motor"), "inductance": 0.0, **values})
 
 
 def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
@@ -76,7 +77,9 @@ def write(
     inputs = ["voltage"] if truth.vehicle == "motor" else ["voltage_left", "voltage_right"]
     lines += [f'{name} = {{ column = "{name}", unit = "V" }}' for name in inputs]
     for name in signals:
-        lines.append(f'{name} = {{ column = "{name}", unit = "{units.get(name, (plant.outputs()[name], 1.0))[0]}" }}')
+        lines.append(
+            f'{name} = {{ column = "{name}", unit = "{units.get(name, (catalogue.outputs()[name], 1.0))[0]}" }}'
+        )
     lines += ["[nominal]", nominal]
     for number, (name, (left, right)) in enumerate(manoeuvres.items()):
         time, voltages = steps(left, right, jitter_seed=seed + number if jitter else None)

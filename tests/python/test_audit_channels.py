@@ -9,8 +9,8 @@ import numpy as np
 import planted
 import pytest
 import synthetic
-from brickpilot import plant
-from brickpilot.dataset import Dataset, read
+from brickpilot import catalogue
+from brickpilot.data.dataset import Dataset, read
 from test_audit import measured as measured  # the fixture: copies of the measured sets
 from test_audit import needs_data
 
@@ -139,11 +139,11 @@ def test_a_set_that_loses_all_its_channels_says_so(tmp_path: Path) -> None:
     assert "nothing is left of what was measured" in dataset.notes[-1]
 
 
-@pytest.mark.parametrize("effect", [effect.name for effect in plant.effects()])
+@pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects()])
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_no_effect_is_taken_for_a_fault(effect: str, size: float, tmp_path: Path) -> None:
     """Clearly visible effects, and larger ones, with coarse geometry and with none."""
-    info = next(one for one in plant.effects() if one.name == effect)
+    info = next(one for one in catalogue.effects() if one.name == effect)
     sizes = [size if number == 0 else 1.0 for number in range(len(info.parameters))]
     values = {
         one.name: float(np.clip(one.preset * by, one.minimum, one.maximum))

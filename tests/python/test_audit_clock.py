@@ -9,7 +9,7 @@ import numpy as np
 import planted
 import pytest
 import synthetic
-from brickpilot import dataset
+from brickpilot.data import dataset
 from brickpilot.importers.wpilib import import_wpilib
 from test_audit import DATA, needs_data
 from test_dataset import measured

@@ -11,11 +11,13 @@ import numpy as np
 import planted
 import pytest
 import synthetic
-from brickpilot import audit_model, parameters, plant
-from brickpilot.audit_fault import Fault
-from brickpilot.audit_relations import usual_factors
-from brickpilot.dataset import Dataset, read
-from brickpilot.replay import Replay
+from brickpilot import catalogue
+from brickpilot.data.audit import against_model
+from brickpilot.data.audit.fault import Fault
+from brickpilot.data.audit.relations import usual_factors
+from brickpilot.data.dataset import Dataset, read
+from brickpilot.fit import parameters
+from brickpilot.fit.replay import Replay
 from test_dataset import measured
 
 DEGREES, RPM = 180 / pi, 30 / pi
@@ -33,7 +35,7 @@ EVERY = "every run"
 
 def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
     plan = parameters.plan(dataset)
-    return audit_model.contradictions(dataset, Replay(dataset).simulate([plan.at(plan.start())])[0])
+    return against_model.contradictions(dataset, Replay(dataset).simulate([plan.at(plan.start())])[0])
 
 
 def lone(source: Path, folder: Path, signal: str, nominal: str) -> Path:
@@ -112,9 +114,9 @@ def test_a_unit_is_not_judged_by_what_is_only_preset(tmp_path: Path) -> None:
     assert contradictions(lone_gyro(tmp_path / "s", DEGREES, "mass = 0.6")) == ()
 
 
-@pytest.mark.parametrize("effect", [effect.name for effect in plant.effects()])
+@pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects()])
 def test_no_effect_contradicts_the_nominal_model(effect: str, tmp_path: Path) -> None:
-    info = next(one for one in plant.effects() if one.name == effect)
+    info = next(one for one in catalogue.effects() if one.name == effect)
     truth = synthetic.robot()
     values = {one.name: float(np.clip(2 * one.preset, one.minimum, one.maximum)) for one in info.parameters}
     truth = type(truth)(truth.name, truth.vehicle, truth.profile, truth.parameters, {effect: values})
@@ -124,7 +126,7 @@ def test_no_effect_contradicts_the_nominal_model(effect: str, tmp_path: Path) ->
 def test_what_contradicts_is_left_out_and_said(tmp_path: Path) -> None:
     dataset = lone_gyro(tmp_path / "s", DEGREES)
     found = contradictions(dataset)
-    left = audit_model.leave_out(dataset, found)
+    left = against_model.leave_out(dataset, found)
     assert left.faults == (*dataset.faults, *found)
     for run, before in zip(left.runs, dataset.runs, strict=True):
         wrong = (run.name, "yaw_rate") in {(fault.run, fault.signal) for fault in found}
@@ -139,6 +141,6 @@ def test_what_contradicts_is_left_out_and_said(tmp_path: Path) -> None:
 
 def test_nothing_found_leaves_the_data_set_as_it_is(tmp_path: Path) -> None:
     dataset = lone_gyro(tmp_path / "s", 1.0)
-    left = audit_model.leave_out(dataset, ())
+    left = against_model.leave_out(dataset, ())
     assert (left.faults, left.notes) == (dataset.faults, dataset.notes)
     np.testing.assert_array_equal(left.runs[0].outputs["yaw_rate"], dataset.runs[0].outputs["yaw_rate"])

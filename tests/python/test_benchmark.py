@@ -9,16 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot import dataset, plant
-from brickpilot.discover import (
-    benchmark,
-    benchmark_sets,
-    benchmark_sindy,
-    benchmark_table,
-    benchmark_text,
-    benchmark_tune,
-)
-from brickpilot.discover.benchmark_score import (
+from brickpilot import catalogue
+from brickpilot.benchmark import blind_test, sets, sindy, sindy_tune, table, table_text
+from brickpilot.benchmark.score import (
     Share,
     composed,
     credit,
@@ -31,8 +24,9 @@ from brickpilot.discover.benchmark_score import (
     visible,
     wrong,
 )
+from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.replay import Replay
+from brickpilot.fit.replay import Replay
 from command import brickpilot
 from synthetic import robot, write
 
@@ -79,7 +73,7 @@ def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
 
 
 def claim(results, what):
-    return next(one for one in benchmark_table.claims(results) if one.what.startswith(what))
+    return next(one for one in table.claims(results) if one.what.startswith(what))
 
 
 def test_interval_of_a_share_is_wilsons() -> None:
@@ -201,10 +195,10 @@ def test_power_by_effect_and_by_visibility() -> None:
     small = result(["a"], "none", size=0.25, moved=1.5)
     large = result(["a"], "named", effect("a"), size=1.0, moved=6.0)
     other = result(["a"], "named", effect("b"), size=1.0, moved=7.0)
-    cells = {(row["effect"], row["size"]): row for row in benchmark_table.power([small, large, other])}
+    cells = {(row["effect"], row["size"]): row for row in table.power([small, large, other])}
     assert cells["a", 0.25]["detected"] == 0.0
     assert (cells["a", 1.0]["detected"], cells["a", 1.0]["right"], cells["a", 1.0]["sets"]) == (1.0, 0.5, 2)
-    curve = benchmark_table.curve([small, large, other])
+    curve = table.curve([small, large, other])
     assert [(row["from"], row["to"], row["detected"], row["right"]) for row in curve] == [
         (1.0, 2.0, 0.0, 0.0),
         (5.0, 10.0, 1.0, 0.5),
@@ -213,19 +207,19 @@ def test_power_by_effect_and_by_visibility() -> None:
 
 def test_the_table_says_what_holds() -> None:
     results = [result(["a"], "named", effect("a"), elapsed_s=20.0)]
-    table = benchmark_table.table(results)
-    holds = {one["what"]: one["holds"] for one in table["claims"]["all"]}
+    made = table.table(results)
+    holds = {one["what"]: one["holds"] for one in made["claims"]["all"]}
     assert holds["single, clearly visible, wheel speeds measured: right name"] is True
     assert holds["time to answer, worst"] is False
-    text = "\n".join(benchmark_text.lines(table))
+    text = "\n".join(table_text.lines(made))
     assert "[+] single, clearly visible, wheel speeds measured: right name" in text
     assert "[-] time to answer, worst" in text
-    assert json.loads(json.dumps(table)) == json.loads(json.dumps(table, allow_nan=False))
+    assert json.loads(json.dumps(made)) == json.loads(json.dumps(made, allow_nan=False))
 
 
 def peer(name, gain, method="FROLS"):
     path = {"names": [name], "gains": [gain]}
-    return {f"{w:g}": {"STLSQ": path, "FROLS": path} for w in benchmark_sindy.WINDOWS_S}
+    return {f"{w:g}": {"STLSQ": path, "FROLS": path} for w in sindy.WINDOWS_S}
 
 
 def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> None:
@@ -234,50 +228,50 @@ def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> Non
     misnamed = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("yaw_scrub", high))
     beyond = result(["gear_backlash"], "named", effect("gear_backlash"), peer=peer("yaw_scrub", high))
     clean = result([], "none", peer=peer("yaw_scrub", 1e-6))
-    rows = {row["what"]: row for row in benchmark_table.side_by_side([seen, misnamed, beyond, clean])}
+    rows = {row["what"]: row for row in table.side_by_side([seen, misnamed, beyond, clean])}
     single = rows["single, clearly visible, wheel speeds measured: right name"]
     assert single["of"] == 2
     assert (single["by"]["brickpilot"]["value"], single["by"]["PySINDy FROLS"]["value"]) == (1.0, 0.5)
     false = rows["nothing hidden: an effect all the same"]["by"]
     assert false["PySINDy STLSQ"]["value"] == 0.0
-    assert false[f"PySINDy {benchmark_sindy.BIC_ALONE}"]["value"] == 1.0
+    assert false[f"PySINDy {sindy.BIC_ALONE}"]["value"] == 1.0
 
 
 def test_a_terms_gate_ends_the_peers_path() -> None:
-    setting = benchmark_sindy.Setting(0.24, 0.0, {ENCODERS: 10.0})
+    setting = sindy.Setting(0.24, 0.0, {ENCODERS: 10.0})
     path = {"names": ["a", "b", "a", "c"], "gains": [50.0, 20.0, 12.0, 9.9]}
     given = result(["a"], "none", peer={"0.24": {"FROLS": path}})
-    assert [one["name"] for one in benchmark_sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a", "b"]
-    setting = benchmark_sindy.Setting(0.24, 0.5, {ENCODERS: 10.0})
-    assert [one["name"] for one in benchmark_sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a"]
+    assert [one["name"] for one in sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a", "b"]
+    setting = sindy.Setting(0.24, 0.5, {ENCODERS: 10.0})
+    assert [one["name"] for one in sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a"]
 
 
 def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:
     clean = [result([], "none", peer=peer("yaw_scrub", 10.0 + i)) for i in range(100)]
     single = [result(["yaw_scrub"], "none", peer=peer("yaw_scrub", gain)) for gain in (50.0, 107.5, 300.0, 400.0)]
-    for one in benchmark_tune.tune([*clean, *single]):
+    for one in sindy_tune.tune([*clean, *single]):
         assert one.setting.gate[ENCODERS] == pytest.approx(107.0, rel=2e-3)
         assert one.false.value == 0.02
         assert one.right.value == 0.75
     with pytest.raises(InputError, match="clean sets"):
-        benchmark_tune.tune(single)
+        sindy_tune.tune(single)
 
 
 def test_results_are_appended_whole_and_a_torn_line_is_dropped(tmp_path) -> None:
-    path = tmp_path / "out" / benchmark.RESULTS
-    benchmark.append(path, result(["a"], "none", name="one"))
+    path = tmp_path / "out" / blind_test.RESULTS
+    blind_test.append(path, result(["a"], "none", name="one"))
     with path.open("a") as file:
         file.write('{"name": "two", "eng')
-    assert [one["name"] for one in benchmark.load(path)] == ["one"]
-    benchmark.append(path, result(["a"], "none", name="three"))
-    benchmark.append(path, result(["a"], "named", name="one"))
-    assert [(one["name"], one["verdict"]) for one in benchmark.load(path)] == [("one", "named"), ("three", "none")]
+    assert [one["name"] for one in blind_test.load(path)] == ["one"]
+    blind_test.append(path, result(["a"], "none", name="three"))
+    blind_test.append(path, result(["a"], "named", name="one"))
+    assert [(one["name"], one["verdict"]) for one in blind_test.load(path)] == [("one", "named"), ("three", "none")]
     path.write_text("[]\n" + path.read_text())
-    with pytest.raises(InputError, match=rf"{benchmark.RESULTS}:1: is not a line"):
-        benchmark.load(path)
+    with pytest.raises(InputError, match=rf"{blind_test.RESULTS}:1: is not a line"):
+        blind_test.load(path)
 
 
-class Recorded(benchmark_sets.Maker):
+class Recorded(sets.Maker):
     """Makes empty folders and remembers which."""
 
     def __init__(self, broken=()) -> None:
@@ -292,8 +286,8 @@ class Recorded(benchmark_sets.Maker):
 
 
 def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkeypatch) -> None:
-    tasks = [benchmark_sets.Task(f"s{i}", "mujoco", i, "single", 0) for i in range(10)]
-    tasks += [benchmark_sets.Task("s0", "planar", 0, "single", 0)]
+    tasks = [sets.Task(f"s{i}", "mujoco", i, "single", 0) for i in range(10)]
+    tasks += [sets.Task("s0", "planar", 0, "single", 0)]
     judged = []
 
     def judge(task, folder, *_):
@@ -304,33 +298,33 @@ def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkey
         error = "ValueError: no" if task.name == "s1" else None
         return result([], "none", name=task.name, engine=task.engine, seed=task.seed, error=error)
 
-    monkeypatch.setattr(benchmark, "judge", judge)
+    monkeypatch.setattr(blind_test, "judge", judge)
     told = []
     options = {"jobs": 1, "peer": None, "progress": lambda *one: told.append(one)}
     with pytest.raises(KeyboardInterrupt):
-        benchmark.run(tasks, tmp_path, maker=Recorded(), **options)
+        blind_test.run(tasks, tmp_path, maker=Recorded(), **options)
     assert [task.name for task in judged] == ["s0", "s1", "s2"]
     judged.clear()
     judged.extend([None] * 4)
     maker = Recorded()
-    results = benchmark.run(tasks, tmp_path, maker=maker, **options)
+    results = blind_test.run(tasks, tmp_path, maker=maker, **options)
     assert [(task.name, task.engine) for task in judged[4:]] == [
         ("s1", "mujoco"), *((f"s{i}", "mujoco") for i in range(3, 10)), ("s0", "planar"),
     ]  # fmt: skip
     assert maker.made == [["s1", *(f"s{i}" for i in range(3, 10))], ["s0"]]
     assert len(results) == 11
     assert told[-1] == (10, 11, "s0")
-    assert benchmark.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == benchmark.load(
-        tmp_path / benchmark.RESULTS
+    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == blind_test.load(
+        tmp_path / blind_test.RESULTS
     )
 
 
 def test_a_batch_of_which_nothing_is_made_ends_the_campaign_and_a_single_set_does_not(tmp_path) -> None:
-    tasks = [benchmark_sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
+    tasks = [sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
     options = {"jobs": 1, "peer": None, "progress": lambda *_: None}
     with pytest.raises(SimulationError, match="diverged"):
-        benchmark.run(tasks[1:], tmp_path, maker=Recorded(broken=["broken"]), **options)
-    results = benchmark.run(tasks, tmp_path, maker=Recorded(broken=["broken"]), **options)
+        blind_test.run(tasks[1:], tmp_path, maker=Recorded(broken=["broken"]), **options)
+    results = blind_test.run(tasks, tmp_path, maker=Recorded(broken=["broken"]), **options)
     assert [(one["name"], one["verdict"]) for one in results] == [("whole", "error"), ("broken", "error")]
     assert "is missing: the set was not made" in results[1]["error"]
 
@@ -353,12 +347,12 @@ def test_bad_use_is_told_in_one_line(tmp_path) -> None:
 
 
 def test_what_is_not_installed_is_told(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(benchmark_sets, "find_spec", lambda name: None)
+    monkeypatch.setattr(sets, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="needs the package mujoco"):
-        benchmark_sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
-    monkeypatch.setattr(benchmark_sindy, "find_spec", lambda name: None)
+        sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
+    monkeypatch.setattr(sindy, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="PySINDy is not installed"):
-        benchmark.run([], tmp_path, maker=None, jobs=1, peer="sindy", progress=lambda *_: None)
+        blind_test.run([], tmp_path, maker=None, jobs=1, peer="sindy", progress=lambda *_: None)
 
 
 def hidden_robot(folder, effects):
@@ -392,7 +386,7 @@ def test_the_peer_names_what_its_library_holds(tmp_path, name, parameters) -> No
     data, nominal, noise = hidden_robot(tmp_path / "data", {name: parameters})
     simulated = Replay(data).simulate([nominal])[0]
     roles = {run.name: str(run.role) for run in data.runs}
-    found_ = benchmark_sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
+    found_ = sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
     assert found_["FROLS"]["names"][0] == name
     assert found_["FROLS"]["gains"][0] > 50
     assert name in found_["STLSQ"]["names"]
@@ -403,15 +397,15 @@ def test_the_peer_finds_nothing_where_nothing_is_hidden(tmp_path) -> None:
     data, nominal, noise = hidden_robot(tmp_path / "data", {})
     simulated = Replay(data).simulate([nominal])[0]
     roles = {run.name: str(run.role) for run in data.runs}
-    found_ = benchmark_sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
+    found_ = sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
     assert found_["FROLS"]["gains"][0] < 5
 
 
 def test_the_library_names_effects_that_there_are() -> None:
-    known = {one.name for one in plant.effects()}
-    assert known >= benchmark_sindy.NOT_IN_LIBRARY
-    assert not benchmark_sindy.nameable(["coulomb_friction", "cogging"])
-    assert benchmark_sindy.nameable(["coulomb_friction"])
+    known = {one.name for one in catalogue.effects()}
+    assert known >= sindy.NOT_IN_LIBRARY
+    assert not sindy.nameable(["coulomb_friction", "cogging"])
+    assert sindy.nameable(["coulomb_friction"])
 
 
 @pytest.fixture(scope="module")
@@ -419,14 +413,14 @@ def small(tmp_path_factory) -> Path:
     """One set of suite ci, made by the checkout's maker."""
     pytest.importorskip("mujoco")
     parent = tmp_path_factory.mktemp("small")
-    maker = benchmark_sets.Maker.find(CHECKOUT)
-    tasks = benchmark_sets.planned(maker, "ci", "mujoco", 0, ["ci-coulomb_friction-enc", "ci-gyro_bias-*"], None)
+    maker = sets.Maker.find(CHECKOUT)
+    tasks = sets.planned(maker, "ci", "mujoco", 0, ["ci-coulomb_friction-enc", "ci-gyro_bias-*"], None)
     maker.make(tasks, parent, 1)
     return parent
 
 
 def test_the_suggested_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
-    maker = benchmark_sets.Maker.find(CHECKOUT)
+    maker = sets.Maker.find(CHECKOUT)
     steps = [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [2.0, 3.0]]
     asked = {"name": "a turn, then on", "duration_s": 3.0, "voltage_left": steps, "voltage_right": [[0.0, 0.0]]}
     made = maker.follow(small / "ci-coulomb_friction-enc", asked, tmp_path)
@@ -443,7 +437,7 @@ def test_the_suggested_experiment_is_added_to_the_same_set(small, tmp_path) -> N
 
 
 def test_wheel_speeds_are_measured_where_the_verdict_asks_for_them(small, tmp_path) -> None:
-    maker = benchmark_sets.Maker.find(CHECKOUT)
+    maker = sets.Maker.find(CHECKOUT)
     asked = {"name": None, "signal": "wheel_speed_left"}
     made = maker.follow(small / "ci-gyro_bias-imu", asked, tmp_path)
     before, after = dataset.read(small / "ci-gyro_bias-imu"), dataset.read(made)
@@ -461,7 +455,7 @@ def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert (table["sets"], table["engines"], table["errors"]) == (1, ["mujoco"], {})
-    kept = benchmark.load(tmp_path / "out" / benchmark.RESULTS)[0]
+    kept = blind_test.load(tmp_path / "out" / blind_test.RESULTS)[0]
     assert kept["hidden"] == {"coulomb_friction": {"torque": 0.005}}
     assert credit(kept) == 1.0
     assert parameter_errors([kept], main=True)[0] < 0.1
@@ -469,7 +463,7 @@ def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     assert kept["held_out"]["before"] > 3.0
     again = brickpilot(*arguments, cwd=tmp_path)
     assert "right name" in again.stdout
-    assert len((tmp_path / "out" / benchmark.RESULTS).read_text().splitlines()) == 1
+    assert len((tmp_path / "out" / blind_test.RESULTS).read_text().splitlines()) == 1
     shown = brickpilot("benchmark", "discover", "--out", str(tmp_path / "out"), "--table", cwd=tmp_path)
     assert shown.stdout == again.stdout
 
@@ -480,6 +474,6 @@ def test_sets_are_made_and_thrown_away(tmp_path) -> None:
     options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
     done = brickpilot("benchmark", "discover", *options, cwd=CHECKOUT)
     assert done.returncode == 0, done.stderr
-    assert [path.name for path in folder.iterdir()] == [benchmark.RESULTS]
-    kept = benchmark.load(folder / benchmark.RESULTS)[0]
+    assert [path.name for path in folder.iterdir()] == [blind_test.RESULTS]
+    kept = blind_test.load(folder / blind_test.RESULTS)[0]
     assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)

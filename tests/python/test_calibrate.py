@@ -8,12 +8,13 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot import dataset, model
-from brickpilot.calibrate import calibrate
+from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.output_error import correlation_time, noise_sd
-from brickpilot.plot_compare import calibrate_page
-from brickpilot.replay import Replay
+from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.output_error import correlation_time, noise_sd
+from brickpilot.fit.replay import Replay
+from brickpilot.report.compare_page import calibrate_page
+from brickpilot.vehicle import model
 from synthetic import motor, robot, write
 
 WHEELS = {"wheel_speed_left": 0.1, "wheel_speed_right": 0.1, "yaw_rate": 0.02}

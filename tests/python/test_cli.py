@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_datasets import BAD
-from brickpilot import cli, plant, run_folder
+from brickpilot import catalogue
+from brickpilot.cli import main
 from brickpilot.errors import SimulationError
+from brickpilot.report import run_folder
 from command import brickpilot
 from test_dataset import measured
 
@@ -57,7 +59,7 @@ def test_the_same_command_gives_the_same_bytes_and_replaces_its_own_folder(tmp_p
 @pytest.mark.parametrize("name", ["mission", "fig4", "fig5", "forward_1m", "spin_one_motor"])
 @pytest.mark.parametrize("profile", ["coupled", "paper"])
 def test_every_packaged_scenario_runs_in_both_profiles(name: str, profile: str, tmp_path: Path) -> None:
-    assert cli.main(["run", name, "--profile", profile, "--out", str(tmp_path / "out")]) is None
+    assert main.main(["run", name, "--profile", profile, "--out", str(tmp_path / "out")]) is None
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
 
 
@@ -81,7 +83,7 @@ def test_what_fails_underway_is_told_in_one_line_with_status_1(
 
     monkeypatch.setattr(run_folder, "write_log", fail)
     with pytest.raises(SystemExit) as ended:
-        cli.main(["run", "fig4", "--out", str(tmp_path / "out")])
+        main.main(["run", "fig4", "--out", str(tmp_path / "out")])
     said = capsys.readouterr()
     assert (ended.value.code, said.out, said.err.count("\n")) == (1, "", 1)
     assert list(tmp_path.iterdir()) == []
@@ -122,15 +124,15 @@ def test_a_scenario_file_may_change_plant_and_effects(tmp_path: Path) -> None:
 
 
 def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]) -> None:
-    cli.main(["effects"])
+    main.main(["effects"])
     listed = capsys.readouterr().out
-    assert all(effect.name in listed and effect.equation in listed for effect in plant.effects())
-    cli.main(["effects", "actuator_deadband", "--json"])
+    assert all(effect.name in listed and effect.equation in listed for effect in catalogue.effects())
+    main.main(["effects", "actuator_deadband", "--json"])
     assert list(json.loads(capsys.readouterr().out)) == ["actuator_deadband"]
 
 
 def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
-    cli.main(["bench", "--json"])
+    main.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
     assert figures.keys() == {"full_loop", "plant", "lockstep_pty"}
     assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the design's promise
@@ -186,7 +188,7 @@ def test_a_bad_data_set_is_refused_in_one_line_that_names_the_place(
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(SystemExit) as ended:
-        cli.main(["compare", str(tmp_path / "set")])
+        main.main(["compare", str(tmp_path / "set")])
     said = capsys.readouterr()
     assert ended.value.code == 2
     assert said.out == ""

@@ -7,13 +7,14 @@ import json
 
 import numpy as np
 import pytest
-from brickpilot import dataset, plant
-from brickpilot.compare import compare
+from brickpilot.data import dataset
+from brickpilot.data.ils import pooled, signal_error
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.ils import pooled, signal_error
-from brickpilot.plant import State
-from brickpilot.plot_compare import compare_page
-from brickpilot.replay import Replay, zero_phase_rate
+from brickpilot.fit.compare import compare
+from brickpilot.fit.replay import Replay, zero_phase_rate
+from brickpilot.report.compare_page import compare_page
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.plant import State
 from synthetic import motor, robot, write
 
 SIGNALS = {"wheel_speed_left": 0.0, "wheel_travel_right": 0.0, "yaw_rate": 0.0}

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from brickpilot import compensation, compensation_values, flight, plant, scenario
+from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.model import Model, rcx, save
+from brickpilot.vehicle import compensation, compensation_values, flight, scenario
+from brickpilot.vehicle.model import Model, rcx, save
 from command import brickpilot
 from compensation_study import ANOTHER, BELIEF, CROSS, MISSIONS, PRESETS, Mission, mean, robot, told
 
@@ -109,7 +110,7 @@ def test_nothing_to_undo_is_none() -> None:
     friction = {"coulomb_friction": {"torque": 0.005}}
     assert compensation.from_model(robot(friction, torque_constant=0.0)) is None
     assert compensation.from_model(dataclasses.replace(robot(friction), profile="paper")) is None
-    assert compensation.from_model(Model("m", "motor", "coupled", plant.presets("motor"), friction)) is None
+    assert compensation.from_model(Model("m", "motor", "coupled", catalogue.presets("motor"), friction)) is None
 
 
 def test_what_is_not_undone_is_named() -> None:
@@ -151,11 +152,13 @@ EVERYTHING = robot(
 def test_whatever_the_plant_takes_fits_the_formats(seed: int) -> None:
     draw = random.Random(seed)
 
-    def extreme(info: plant.ParameterInfo) -> float:
+    def extreme(info: catalogue.ParameterInfo) -> float:
         return draw.choice([info.minimum, info.maximum, info.preset])
 
-    nominal = {i.name: extreme(i) if draw.random() < 0.4 else i.preset for i in plant.parameters()}
-    chosen = [effect for effect in plant.effects() if effect.name in compensation_values.USED and draw.random() < 0.4]
+    nominal = {i.name: extreme(i) if draw.random() < 0.4 else i.preset for i in catalogue.parameters()}
+    chosen = [
+        effect for effect in catalogue.effects() if effect.name in compensation_values.USED and draw.random() < 0.4
+    ]
     effects = {effect.name: {info.name: extreme(info) for info in effect.parameters} for effect in chosen}
     found = compensation.from_model(dataclasses.replace(rcx(), parameters=nominal, effects=effects))
     if found is not None:

@@ -14,18 +14,19 @@ import brickpilot
 import numpy as np
 import pytest
 import reference_ode
-from brickpilot import model as model_file
-from brickpilot import plant
-from brickpilot.dataset import Nominal
+from brickpilot import catalogue
+from brickpilot.data.dataset import Nominal
 from brickpilot.discover import composed_source
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.composed_fit import FINE, fit
 from brickpilot.discover.composed_periods import Segment
 from brickpilot.discover.composed_screen import with_terms
 from brickpilot.discover.composed_terms import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
-from brickpilot.model import Model
-from brickpilot.parameters import Free, value_of, with_values
-from brickpilot.plant import OpenLoopRun, State
+from brickpilot.fit.parameters import Free, value_of, with_values
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.plant import OpenLoopRun, State
 from scipy.optimize import least_squares
 from synthetic import motor, robot
 
@@ -64,7 +65,7 @@ class Data:
 
     def __init__(self, measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> None:
         noise = np.random.default_rng(5)
-        infos = {info.name: info for info in plant.parameters()}
+        infos = {info.name: info for info in catalogue.parameters()}
         motor = nominal.vehicle == "motor"
         self.base = nominal
         self._signals = MOTOR_SIGNALS if motor else SIGNALS
@@ -374,9 +375,9 @@ def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
 COMPARE = """
 import sys, json, dataclasses
 import numpy as np
-from brickpilot import plant
-from brickpilot.model import rcx
-from brickpilot.plant import OpenLoopRun, State
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.plant import OpenLoopRun, State
 
 def run(model, vehicle):
     time = np.arange(0.0, 3.0, 0.01)

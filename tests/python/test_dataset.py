@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_datasets import write_good
-from brickpilot import plant
-from brickpilot.dataset import PRESET_BATTERY_VOLTAGE, motor_inputs, read
-from brickpilot.parameters import plan
-from brickpilot.signals import SIGNALS, to_frd
-from brickpilot.units import si_factor
+from brickpilot import catalogue
+from brickpilot.data.dataset import PRESET_BATTERY_VOLTAGE, motor_inputs, read
+from brickpilot.data.signals import SIGNALS, to_frd
+from brickpilot.data.units import si_factor
+from brickpilot.fit.parameters import plan
 
 EXAMPLE = """\
 name     = "bench-7"
@@ -309,14 +309,14 @@ def test_a_current_loop_takes_its_voltage_as_it_is(tmp_path: Path) -> None:
 
 
 def test_the_preset_battery_is_the_plants() -> None:
-    assert {info.name: info.preset for info in plant.parameters()}["battery_voltage"] == PRESET_BATTERY_VOLTAGE
+    assert {info.name: info.preset for info in catalogue.parameters()}["battery_voltage"] == PRESET_BATTERY_VOLTAGE
 
 
 def test_units_of_outputs_are_those_of_the_plant() -> None:
-    shared = plant.outputs().keys() & SIGNALS.keys()
+    shared = catalogue.outputs().keys() & SIGNALS.keys()
     assert len(shared) >= 10
     for name in shared:
-        assert si_factor(plant.outputs()[name], SIGNALS[name].unit) == 1.0, name
+        assert si_factor(catalogue.outputs()[name], SIGNALS[name].unit) == 1.0, name
 
 
 def measured(name: str) -> Path:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 from bad_datasets import write_good
-from brickpilot.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
-from brickpilot.signals import SIGNALS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

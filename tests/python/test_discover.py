@@ -8,13 +8,15 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot import dataset, holdout, parameters, plant
-from brickpilot.discover import harmonics, workflow
+from brickpilot import catalogue
+from brickpilot.data import dataset, holdout
+from brickpilot.discover import harmonics, pipeline
 from brickpilot.discover.band import Band, loosened, settled, windowed, with_rates
 from brickpilot.discover.candidates import candidates, effect_info, sizes_of
-from brickpilot.discover.experiment import catalogue, next_experiment
+from brickpilot.discover.experiment import manoeuvres, next_experiment
 from brickpilot.discover.select import enough, needed
-from brickpilot.replay import Replay
+from brickpilot.fit import parameters
+from brickpilot.fit.replay import Replay
 from synthetic import motor, robot, write
 
 SIGNALS = {
@@ -69,7 +71,7 @@ def bands(folder):
 
 @pytest.fixture(scope="module")
 def friction(tmp_path_factory):
-    return workflow.discover(
+    return pipeline.discover(
         dataset.read(hidden(tmp_path_factory.mktemp("friction") / "set", {"coulomb_friction": {"torque": 0.005}}))
     )
 
@@ -86,7 +88,7 @@ def test_a_band_holds_the_mean_of_each_bin(tmp_path):
 def test_the_coarse_band_simulates_what_the_full_one_does(tmp_path):
     """With any effect too, within a 20th of what it does; but what makes a motion chaotic parts any two simulations."""
     full, coarse, plan = bands(hidden(tmp_path / "set", {}))
-    effects = {one.name: {p.name: p.preset for p in one.parameters} for one in plant.effects()}
+    effects = {one.name: {p.name: p.preset for p in one.parameters} for one in catalogue.effects()}
     chaotic = {"torque_ripple", "cogging", "gear_backlash"}
     nominal = full.predict([plan.model])[0]
     for name in ["none", *(effects.keys() - chaotic)]:
@@ -170,7 +172,7 @@ def test_the_order_of_a_ripple_is_moved_by_what_turns_its_phase_a_little(tmp_pat
 @pytest.mark.parametrize("effect", [{"cogging": {"torque": 0.02}}, {"torque_ripple": {"amplitude": 0.4}}])
 def test_what_repeats_with_each_wheel_in_a_phase_of_its_own_is_named(tmp_path, effect):
     (name, size), shape = *effect.items(), {"order": 6.3, "phase": 1.0, "phase_difference": 2.0}
-    found = workflow.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
+    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
     assert (found.verdict, [one.name for one in found.effects]) == ("named", [name])
     values = {key: one.value for key, one in found.effects[0].parameters.items()}
     assert values["order"] == pytest.approx(6.3, rel=2e-3)
@@ -194,7 +196,7 @@ def test_the_runs_that_are_wanted_are_simulated_as_they_are_among_all(tmp_path):
 def test_candidates_are_all_effects_that_the_model_lacks():
     base = dataclasses.replace(robot(), effects={"gyro_bias": {"bias": 0.1}})
     names = {one.effect for one in candidates(base)}
-    assert names == {one.name for one in plant.effects()} - {"gyro_bias", "composed_term"}
+    assert names == {one.name for one in catalogue.effects()} - {"gyro_bias", "composed_term"}
 
 
 def test_optional_parameters_are_freed_one_at_a_time():
@@ -222,7 +224,7 @@ def test_more_has_to_go_where_more_is_left_unexplained():
 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     for seed in (1, 2, 3):
-        found = workflow.discover(dataset.read(hidden(tmp_path / f"set{seed}", {}, seed=seed)))
+        found = pipeline.discover(dataset.read(hidden(tmp_path / f"set{seed}", {}, seed=seed)))
         assert found.verdict == "none"
         assert found.effects == ()
         assert found.gap["held_out"].after == pytest.approx(1.0, abs=0.1)
@@ -269,20 +271,20 @@ def test_the_verdict_is_plain_json_with_the_promised_keys(friction):
 
 def test_the_same_data_give_the_same_verdict(tmp_path):
     folder = hidden(tmp_path / "set", {"gyro_bias": {"bias": 0.08}})
-    first, second = (workflow.discover(dataset.read(folder), jobs=jobs).to_json() for jobs in (1, 2))
+    first, second = (pipeline.discover(dataset.read(folder), jobs=jobs).to_json() for jobs in (1, 2))
     assert first | {"elapsed_s": 0} == second | {"elapsed_s": 0}
 
 
 def test_the_imu_alone_shows_what_only_the_gyro_has(tmp_path):
     inertial = {name: SIGNALS[name] for name in ("accel_surge", "accel_sway", "yaw_rate")}
-    found = workflow.discover(dataset.read(hidden(tmp_path / "set", {"gyro_bias": {"bias": -0.1}}, signals=inertial)))
+    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"gyro_bias": {"bias": -0.1}}, signals=inertial)))
     assert found.verdict == "named"
     assert [effect.name for effect in found.effects] == ["gyro_bias"]
     assert found.effects[0].parameters["bias"].value == pytest.approx(-0.1, abs=0.005)
 
 
 def test_the_place_of_a_gap_is_where_the_effect_acts(tmp_path):
-    found = workflow.discover(dataset.read(hidden(tmp_path / "set", {"gyro_saturation": {"limit": 3.5}})))
+    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"gyro_saturation": {"limit": 3.5}})))
     assert [effect.name for effect in found.effects] == ["gyro_saturation"]
     first = found.where[0]
     assert first.signal == "yaw_rate"
@@ -290,7 +292,7 @@ def test_the_place_of_a_gap_is_where_the_effect_acts(tmp_path):
 
 
 def test_what_the_data_cannot_tell_apart_is_ambiguous(tmp_path):
-    found = workflow.discover(dataset.read(hidden(tmp_path / "set", {"input_delay": {"delay": 0.05}})))
+    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"input_delay": {"delay": 0.05}})))
     assert found.verdict == "ambiguous"
     names = {effect.name for effect in found.effects} | {e.name for effect in found.effects for e in effect.equivalents}
     assert {"input_delay", "sensor_delay"} <= names
@@ -300,13 +302,13 @@ def test_what_the_data_cannot_tell_apart_is_ambiguous(tmp_path):
 
 def test_a_model_that_holds_the_effect_lacks_nothing(tmp_path, friction):
     folder = hidden(tmp_path / "set", {"coulomb_friction": {"torque": 0.005}}, seed=5)
-    assert workflow.discover(dataset.read(folder), friction.augmented).verdict == "none"
+    assert pipeline.discover(dataset.read(folder), friction.augmented).verdict == "none"
 
 
 def test_data_of_low_noise_would_have_shown_smaller_effects(tmp_path):
     quiet = {name: sd / 4 for name, sd in SIGNALS.items()}
-    loud = workflow.discover(dataset.read(hidden(tmp_path / "loud", {}))).power
-    still = workflow.discover(dataset.read(hidden(tmp_path / "quiet", {}, signals=quiet))).power
+    loud = pipeline.discover(dataset.read(hidden(tmp_path / "loud", {}))).power
+    still = pipeline.discover(dataset.read(hidden(tmp_path / "quiet", {}, signals=quiet))).power
     assert 0 < still["coulomb_friction"].size < loud["coulomb_friction"].size < 0.005
     assert 0 < still["gyro_bias"].size < loud["gyro_bias"].size
 
@@ -318,7 +320,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_tells_most():
     }
     noise = {"wheel_speed_left": 0.05, "yaw_rate": 0.014}
     found = next_experiment(near, list(noise), noise, 9.0)
-    assert found.manoeuvre in catalogue("diff_drive", 9.0)
+    assert found.manoeuvre in manoeuvres("diff_drive", 9.0)
     assert found.separation > 1
     assert found.signal in noise
     for points in (found.manoeuvre.voltage_left, found.manoeuvre.voltage_right):
@@ -338,7 +340,7 @@ def test_where_driving_does_not_help_another_signal_is_asked_for():
 
 def test_manoeuvres_end_at_rest_and_stay_within_the_supply():
     for vehicle in ("diff_drive", "motor"):
-        for manoeuvre in catalogue(vehicle, 7.2):
+        for manoeuvre in manoeuvres(vehicle, 7.2):
             assert manoeuvre.voltage_left[-1][1] == 0
             assert max(abs(volts) for _, volts in manoeuvre.voltage_left + manoeuvre.voltage_right) <= 7.2 + 1e-12
             assert math.isfinite(manoeuvre.duration_s)
@@ -347,4 +349,4 @@ def test_manoeuvres_end_at_rest_and_stay_within_the_supply():
 def test_a_set_of_which_all_runs_are_held_out_is_refused(tmp_path):
     folder = hidden(tmp_path / "set", {}, roles=["held_out"] * len(MANOEUVRES))
     with pytest.raises(Exception, match="every run is held out"):
-        workflow.discover(dataset.read(folder))
+        pipeline.discover(dataset.read(folder))

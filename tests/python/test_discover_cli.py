@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 from bad_datasets import BAD
-from brickpilot import compensation, model, plant
+from brickpilot import catalogue
+from brickpilot.vehicle import compensation, model
 from command import PROGRAM, brickpilot
 from synthetic import motor, write
 
@@ -101,7 +102,7 @@ def test_the_object_has_every_key_with_its_type(done: Done) -> None:
         assert isinstance(found[key], kind), key
     assert (found["verdict"], found["seed"]) == ("named", 3)
     assert found["elapsed_s"] > 0
-    known = {effect.name: effect for effect in plant.effects()}
+    known = {effect.name: effect for effect in catalogue.effects()}
     for effect in found["effects"]:
         assert effect["acts_on"] == known[effect["name"]].acts_on
         assert 0 <= effect["confidence"] <= 1

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
-from brickpilot import dataset, plant
-from brickpilot.discover import workflow
+from brickpilot import catalogue
+from brickpilot.data import dataset
+from brickpilot.data.signals import TURNS_WITH_FRAME
+from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
-from brickpilot.signals import TURNS_WITH_FRAME
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -91,7 +92,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
 
 
 def found_in(log: Log, folder: Path, *, seed: int = 0, jobs: int = 2) -> Finding:
-    return workflow.discover(dataset.read(log.write(folder)), seed=seed, jobs=jobs)
+    return pipeline.discover(dataset.read(log.write(folder)), seed=seed, jobs=jobs)
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +224,7 @@ def test_the_same_data_written_otherwise_say_the_same(
 
 def test_mirrored_data_give_the_mirrored_effect(log: Log, found: Finding, tmp_path: Path) -> None:
     again = found_in(mirrored(log), tmp_path / "data")
-    odd = {f"{e.name}.{one.name}" for e in plant.effects() for one in e.parameters if one.odd}
+    odd = {f"{e.name}.{one.name}" for e in catalogue.effects() for one in e.parameters if one.odd}
     expected = {name: -value if name in odd else value for name, value in values_of(found).items()}
     assert expected != values_of(found)
     assert again.verdict == found.verdict

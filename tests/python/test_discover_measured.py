@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot import dataset, plant
-from brickpilot import model as model_file
-from brickpilot.compare import compare
-from brickpilot.dataset import Dataset
-from brickpilot.discover import workflow
+from brickpilot.data import dataset
+from brickpilot.data.dataset import Dataset
+from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
+from brickpilot.fit.compare import compare
+from brickpilot.fit.replay import measured_rates
 from brickpilot.importers.wpilib import import_wpilib
-from brickpilot.model import Model
-from brickpilot.plant import OpenLoopRun
-from brickpilot.replay import measured_rates
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.plant import OpenLoopRun
 from test_dataset import measured
 
 DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "caster_drag"}
@@ -29,7 +30,7 @@ Found = tuple[Dataset, Finding, Model]
 def discovered(folder: Path, scratch: Path) -> Found:
     """The data set, the finding, and the model as its written file says."""
     data = dataset.read(folder)
-    found = workflow.discover(data)
+    found = pipeline.discover(data)
     path = scratch / f"{data.name}.toml"
     model_file.save(found.augmented, path)
     return data, found, model_file.load(path)

@@ -7,12 +7,14 @@ import re
 
 import numpy as np
 import pytest
-from brickpilot import dataset, plant
+from brickpilot import catalogue
+from brickpilot.data import dataset
 from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
-from brickpilot.discover.report import page
-from brickpilot.discover.report_plots import Curve, superimposed
-from brickpilot.discover.report_text import quantity, unit_on, verdict, words
-from brickpilot.replay import Replay
+from brickpilot.fit.replay import Replay
+from brickpilot.report.discover_page import page
+from brickpilot.report.discover_plots import Curve, superimposed
+from brickpilot.report.discover_text import quantity, verdict, words
+from brickpilot.vehicle.model import unit_on
 from findings import (
     COMMAND,
     DASH,
@@ -235,7 +237,7 @@ def test_the_model_on_the_page_is_the_one_that_was_found(found):
 
 
 def test_every_effect_of_the_library_has_words():
-    assert [one.name for one in plant.effects() if words(one.name) == one.name.replace("_", " ")] == []
+    assert [one.name for one in catalogue.effects() if words(one.name) == one.name.replace("_", " ")] == []
 
 
 @pytest.mark.parametrize(
@@ -275,7 +277,7 @@ def test_values_are_shown_in_handy_units_with_the_digits_they_deserve(value, uni
     ],
 )
 def test_an_axis_that_is_driven_by_force_has_its_parameters_in_metres(effect, parameter, unit):
-    info = next(one for one in plant.effects() if one.name == effect)
+    info = next(one for one in catalogue.effects() if one.name == effect)
     info = next(one for one in info.parameters if one.name == parameter)
     assert unit_on(motor(force_per_volt=35.0), info) == unit
     assert unit_on(robot(), info) == info.unit

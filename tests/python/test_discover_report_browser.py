@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.discover.report import page
+from brickpilot.report.discover_page import page
 from findings import COMMAND, VERDICTS, all_verdicts
 from matplotlib.image import imread
 

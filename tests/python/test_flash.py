@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from brickpilot.flash import lx, rcx, rom, srec
-from brickpilot.infrared import lnp
-from brickpilot.infrared.tower import Tower
+from brickpilot.link import lnp
+from brickpilot.link.tower import Tower
 from command import brickpilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 

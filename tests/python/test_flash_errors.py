@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from brickpilot import cli
+from brickpilot.cli import main
 from brickpilot.flash import rcx, srec
 from rcx_brick import BYTE_S, RcxBrick
 
@@ -78,7 +78,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2) -> str:
     """The one line that `brickpilot flash rcx ARGUMENTS` says."""
     with pytest.raises(SystemExit) as stopped:
-        cli.main(["flash", "rcx", *arguments, "--json"])
+        main.main(["flash", "rcx", *arguments, "--json"])
     said = capsys.readouterr()
     assert stopped.value.code == status
     assert said.out == ""
@@ -125,9 +125,9 @@ def test_a_wrong_program_is_refused_unsent(
 def test_the_good_ones_arrive(image: str, lx: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The tables above change these in one place each."""
     with RcxBrick() as rom:
-        cli.main(["flash", "rcx", image, "--tty", rom.path])
+        main.main(["flash", "rcx", image, "--tty", rom.path])
     with RcxBrick(brickos=True) as brickos:
-        cli.main(["flash", "rcx", lx, "--tty", brickos.path])
+        main.main(["flash", "rcx", lx, "--tty", brickos.path])
     assert rom.firmware(2) == b"\x54\x70"
     assert bytes(brickos.brickos.slots[0].image) == b"Tp" * 8
     assert "firmware, started" in capsys.readouterr().out

@@ -7,8 +7,8 @@ import dataclasses
 import make_golden
 import numpy as np
 import pytest
-from brickpilot import flight, scenario
-from brickpilot.model import rcx
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 
 
 def fly(profile: str, sensors: str, seed: int = 0, **changes: object) -> flight.Flight:

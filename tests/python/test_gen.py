@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from brickpilot.gen import model_sets_header, params_header
 from brickpilot.gen.__main__ import generate, stale
-from brickpilot.gen.coefficients import (
+from brickpilot.vehicle.coefficients import (
     CURRENT,
     PROFILES,
     VOLTAGE,
@@ -24,7 +24,7 @@ from brickpilot.gen.coefficients import (
     motor_step,
     paper,
 )
-from brickpilot.gen.quantise import QuantisationError, Scale, integer, scale, scale16
+from brickpilot.vehicle.quantise import QuantisationError, Scale, integer, scale, scale16
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 

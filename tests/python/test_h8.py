@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.h8 import states
-from brickpilot.h8.budget import STAGES, Counter, Program
+from brickpilot.benchmark import h8_states
+from brickpilot.benchmark.step_budget import STAGES, Counter, Program
 
 # Hitachi H8/300 Series Programming Manual, appendix A: states with everything in on-chip memory.
 ON_CHIP = {
@@ -31,11 +31,11 @@ ON_CHIP = {
 @pytest.mark.parametrize("instruction", ON_CHIP)
 def test_states_on_chip_are_the_manuals(instruction: str) -> None:
     first, expected = ON_CHIP[instruction]
-    assert states.by_first_byte(states.ON_CHIP)[first] == expected
+    assert h8_states.by_first_byte(h8_states.ON_CHIP)[first] == expected
 
 
 def test_a_word_behind_the_external_bus_takes_six_states_and_a_byte_three() -> None:
-    external = states.by_first_byte(states.EXTERNAL)
+    external = h8_states.by_first_byte(h8_states.EXTERNAL)
     assert external[0x09] == 6  # one word of code
     assert external[0x6E] == 2 * 6 + 3
     assert external[0x6F] == 2 * 6 + 6

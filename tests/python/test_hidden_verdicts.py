@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot import dataset
-from brickpilot.discover import workflow
+from brickpilot.data import dataset
+from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
 
 pytest.importorskip("mujoco")
@@ -45,7 +45,7 @@ class Blind:
 
     def find(self, name: str) -> Finding:
         if name not in self._found:
-            self._found[name] = workflow.discover(dataset.read(self.folder / name))
+            self._found[name] = pipeline.discover(dataset.read(self.folder / name))
         return self._found[name]
 
     def hidden(self, name: str) -> dict[str, dict[str, float]]:

@@ -17,14 +17,15 @@ import can
 import make_golden
 import numpy as np
 import pytest
-from brickpilot import cli, flight, scenario
-from brickpilot.compensation import FORMATS, Compensation
+from brickpilot.cli import main
 from brickpilot.errors import InputError
 from brickpilot.hil import ends, fly
-from brickpilot.hil.messages import book
-from brickpilot.hil.record import RecordingLink
-from brickpilot.hil.session import LOCKSTEP, REALTIME, Session
-from brickpilot.model import rcx
+from brickpilot.hil.traffic_log import RecordingLink
+from brickpilot.link.messages import book
+from brickpilot.link.session import LOCKSTEP, REALTIME, Session
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.compensation import FORMATS, Compensation
+from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
 COMMANDED = 4  # the fault of a run that was aborted, see firmware/autopilot/mode.h
@@ -144,7 +145,7 @@ def test_a_bad_link_is_told_in_one_line(
     spec: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        cli.main(["hil", "--link", spec, "--out", str(tmp_path / "out")])
+        main.main(["hil", "--link", spec, "--out", str(tmp_path / "out")])
     said = capsys.readouterr()
     assert (ended.value.code, said.out, said.err.count("\n")) == (2, "", 1)
     assert said.err.startswith(f"brickpilot: --link {spec}")
@@ -158,7 +159,7 @@ def test_a_brick_of_another_version_is_told_in_one_line(
 ) -> None:
     monkeypatch.setattr(book(), field, getattr(book(), field) ^ 2)
     with pytest.raises(SystemExit) as ended:
-        cli.main(["hil", "--link", "serial:pty", "--out", str(tmp_path / "out")])
+        main.main(["hil", "--link", "serial:pty", "--out", str(tmp_path / "out")])
     said = capsys.readouterr()
     assert (ended.value.code, said.out, said.err.count("\n")) == (2, "", 1)
     assert says in said.err
@@ -168,7 +169,7 @@ def test_a_line_without_a_brick_is_told_in_one_line(tmp_path: Path, capsys: pyte
     server = socket.create_server(("127.0.0.1", 0))
     threading.Thread(target=server.accept, daemon=True).start()
     with pytest.raises(SystemExit) as ended:
-        cli.main(["hil", "--link", f"tcp:127.0.0.1:{server.getsockname()[1]}", "--out", str(tmp_path / "out")])
+        main.main(["hil", "--link", f"tcp:127.0.0.1:{server.getsockname()[1]}", "--out", str(tmp_path / "out")])
     said = capsys.readouterr()
     server.close()
     assert ended.value.code in (1, 2)  # it may close the connection before we give up
@@ -179,7 +180,7 @@ def test_a_manoeuvre_has_no_controller_to_put_at_the_other_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        cli.main(["hil", "fig4", "--link", "serial:pty", "--out", str(tmp_path / "out")])
+        main.main(["hil", "fig4", "--link", "serial:pty", "--out", str(tmp_path / "out")])
     assert ended.value.code == 2
     assert "manoeuvre" in capsys.readouterr().err
 

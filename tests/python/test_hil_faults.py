@@ -6,10 +6,12 @@ from pathlib import Path
 
 import fault_matrix
 import pytest
-from brickpilot import cli, scenario
+from brickpilot.cli import main
 from brickpilot.errors import InputError
-from brickpilot.hil.faults import FLOOD, HELD_FOR, KINDS, MESSAGE_KINDS, Fault, FaultyLink
-from brickpilot.hil.links import Frame
+from brickpilot.hil.faults import FLOOD, HELD_FOR, FaultyLink
+from brickpilot.link.links import Frame
+from brickpilot.vehicle import scenario
+from brickpilot.vehicle.faults import KINDS, MESSAGE_KINDS, Fault
 
 MISSION = 'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n'
 
@@ -105,6 +107,6 @@ def test_run_flies_no_scenario_with_faults(tmp_path: Path, capsys: pytest.Captur
     file = tmp_path / "s.toml"
     file.write_text(MISSION + '[[faults]]\nkind = "drop"\nfrom_s = 1\n', encoding="utf-8")
     with pytest.raises(SystemExit) as ended:
-        cli.main(["run", str(file), "--out", str(tmp_path / "out")])
+        main.main(["run", str(file), "--out", str(tmp_path / "out")])
     assert ended.value.code == 2
     assert "brickpilot hil" in capsys.readouterr().err

@@ -13,10 +13,10 @@ import make_golden
 import numpy as np
 import pytest
 import step_study
-from brickpilot import flight, scenario
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
-from brickpilot.model import rcx
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
 ROOT = Path(__file__).parents[2]

@@ -9,8 +9,8 @@ from typing import Any
 import cantools
 import pytest
 from brickpilot.hil.ends import brick_interface
-from brickpilot.hil.links import decode_frame, encode_frame
-from brickpilot.hil.messages import book, crc16
+from brickpilot.link.links import decode_frame, encode_frame
+from brickpilot.link.messages import book, crc16
 from cobs import cobs
 from hypothesis import given
 from hypothesis import strategies as st

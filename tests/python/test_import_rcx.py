@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from brickpilot.errors import InputError
 from brickpilot.importers import rcx
-from brickpilot.infrared import lnp
+from brickpilot.link import lnp
 
 PORT = Path("/dev/tower")
 AXES = struct.pack("<HHB", 512, 20 * 256 + 115, 0) + 2 * struct.pack("<HHB", 500, 38 * 256 + 82, 1)

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from brickpilot.dataset import motor_inputs, read
+from brickpilot.data.dataset import motor_inputs, read
 from brickpilot.errors import InputError
 from brickpilot.importers import mat_file, matlab
 from brickpilot.importers.mapping import parse_mapping, parse_nominal

@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 
 import pytest
-from brickpilot import dataset
-from brickpilot.calibrate import calibrate
-from brickpilot.compare import compare
+from brickpilot.data import dataset
+from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.compare import compare
 from brickpilot.importers.wpilib import import_wpilib
 
 DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

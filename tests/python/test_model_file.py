@@ -5,9 +5,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from brickpilot import model, plant
+from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.model import Model, load, output_names, rcx, save
+from brickpilot.vehicle import model
+from brickpilot.vehicle.model import Model, load, output_names, rcx, save
 
 HEAD = 'name = "m"\nvehicle = "diff_drive"\nprofile = "coupled"\n'
 MOTOR = HEAD.replace("diff_drive", "motor")
@@ -15,7 +16,7 @@ MODELS = Path(__file__).parents[2] / "sim_host" / "models"
 
 
 def test_packaged_robot_is_the_plants_preset() -> None:
-    presets = {info.name: (info.preset, info.unit) for info in plant.parameters()}
+    presets = {info.name: (info.preset, info.unit) for info in catalogue.parameters()}
     written = tomllib.loads((MODELS / "rcx.toml").read_text())["parameters"]
     for name, entry in written.items():
         assert (entry["value"], entry["unit"]) == presets[name]
@@ -33,7 +34,7 @@ def test_a_saved_model_is_read_back_exactly(tmp_path: Path) -> None:
 
 
 def test_a_saved_motor_is_read_back_exactly(tmp_path: Path) -> None:
-    before = Model("axis", "motor", "coupled", {**plant.presets("motor"), "force_per_volt": 35.15, "mass": 95.0})
+    before = Model("axis", "motor", "coupled", {**catalogue.presets("motor"), "force_per_volt": 35.15, "mass": 95.0})
     save(before, tmp_path / "axis.toml")
     assert load(tmp_path / "axis.toml") == before
 
@@ -59,8 +60,8 @@ def test_every_value_is_written_with_its_unit(tmp_path: Path) -> None:
 def test_what_a_file_leaves_out_is_preset(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(HEAD + "[parameters]\nmass = 0.7\n[effects.coulomb_friction]\n")
     found = load(tmp_path / "m.toml")
-    assert found.parameters == {**plant.presets("diff_drive"), "mass": 0.7}
-    friction = next(effect for effect in plant.effects() if effect.name == "coulomb_friction")
+    assert found.parameters == {**catalogue.presets("diff_drive"), "mass": 0.7}
+    friction = next(effect for effect in catalogue.effects() if effect.name == "coulomb_friction")
     assert found.effects == {"coulomb_friction": {"torque": friction.parameters[0].preset}}
 
 

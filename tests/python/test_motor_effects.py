@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot import dataset
-from brickpilot.plant import OpenLoopRun, State, simulate
-from brickpilot.replay import Replay
+from brickpilot.data import dataset
+from brickpilot.fit.replay import Replay
+from brickpilot.vehicle.plant import OpenLoopRun, State, simulate
 from synthetic import robot, steps, write
 
 HEATING = {"motor_heating": {"thermal_resistance": 2000.0, "time_constant": 20.0}}

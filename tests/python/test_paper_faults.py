@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.model import Model, rcx
-from brickpilot.plant import OpenLoopRun, Simulated, State, simulate
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State, simulate
 from scipy.integrate import solve_ivp
 
 SCENARIOS = Path(__file__).parents[2] / "sim_host" / "run" / "scenarios"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot import plant
+from brickpilot import catalogue
 from hidden import planar_effects, planar_engine
 from hidden.effects import TABLE
 from hidden.manoeuvre import Manoeuvre, ramps, steps
@@ -135,7 +135,7 @@ MIRRORED = {
 
 @pytest.mark.parametrize("names", [[name] for name in MIRRORED] + [["motor_asymmetry", "floor_slope", "caster_drag"]])
 def test_mirrored_left_to_right_everything_is_the_same(names):
-    odd = {(e.name, p.name) for e in plant.effects() for p in e.parameters if p.odd}
+    odd = {(e.name, p.name) for e in catalogue.effects() for p in e.parameters if p.odd}
     hidden = {name: MIRRORED[name] for name in names}
     turned = {name: {k: -v if (name, k) in odd else v for k, v in values.items()} for name, values in hidden.items()}
     run = ramps("run", 1.5, (0, 0, 0), (0.4, 6, 3), (0.9, 6, 3), (0.9, -4, 2), (1.5, 0, 0))
@@ -423,7 +423,7 @@ def test_a_rotor_crosses_its_play_alone():
 
 def test_every_effect_of_the_library_is_known():
     # A composed term has no law of its own to hide.
-    names = {effect.name for effect in plant.effects()} - {"composed_term"}
+    names = {effect.name for effect in catalogue.effects()} - {"composed_term"}
     assert names <= set(planar_effects.EFFECTS) | set(planar_effects.ELSEWHERE)
     assert set(TABLE) <= set(planar_effects.EFFECTS) | set(planar_effects.ELSEWHERE)
 

@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 import reference_ode
-from brickpilot import plant
+from brickpilot import catalogue
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.model import Model, rcx
-from brickpilot.plant import OpenLoopRun, State, simulate
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun, State, simulate
 
 ODES = {"coupled": reference_ode.coupled, "paper": reference_ode.paper}
 
@@ -163,7 +164,7 @@ def test_a_run_of_one_sample_is_its_initial_state() -> None:
 
 
 def motor(**values: float) -> Model:
-    return Model("axis", "motor", "coupled", {**plant.presets("motor"), **values})
+    return Model("axis", "motor", "coupled", {**catalogue.presets("motor"), **values})
 
 
 def test_motor_with_a_load_rises_with_its_mechanical_time_constant() -> None:
@@ -245,9 +246,9 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
 
 
 def test_tables_are_complete() -> None:
-    for effect in plant.effects():
+    for effect in catalogue.effects():
         assert effect.acts_on in {"supply", "drive", "motor", "gear", "wheel", "body", "sensor", "timing"}
         assert effect.equation
         assert effect.source
         assert all(info.minimum <= info.preset <= info.maximum and info.unit for info in effect.parameters)
-    assert plant.outputs()["accel_surge"] == "m/s^2"
+    assert catalogue.outputs()["accel_surge"] == "m/s^2"

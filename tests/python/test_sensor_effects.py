@@ -6,11 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from brickpilot import dataset, flight, plant, scenario
-from brickpilot.calibrate import calibrate
-from brickpilot.model import rcx
-from brickpilot.plant import State
-from brickpilot.replay import Replay
+from brickpilot import catalogue
+from brickpilot.data import dataset
+from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.replay import Replay
+from brickpilot.vehicle import flight, plant, scenario
+from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.plant import State
 from synthetic import robot, write
 
 STATED = """
@@ -124,7 +126,7 @@ def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
         encoding="utf-8",
     )
     model = dataclasses.replace(
-        rcx(), vehicle="motor", parameters=plant.presets("motor"), effects={"encoder_scale": {"error": 0.2}}
+        rcx(), vehicle="motor", parameters=catalogue.presets("motor"), effects={"encoder_scale": {"error": 0.2}}
     )
     windows = Replay(dataset.read(tmp_path)).windows(model, 0.5)["r"]
     assert len(windows) >= 3
@@ -133,11 +135,11 @@ def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
 
 
 def test_imu_effects_leave_a_motor_alone_and_encoder_and_delay_do_not():
-    base = dataclasses.replace(rcx(), vehicle="motor", parameters=plant.presets("motor"), effects={})
+    base = dataclasses.replace(rcx(), vehicle="motor", parameters=catalogue.presets("motor"), effects={})
     time = np.arange(0.0, 0.5, 0.003)
     run = plant.OpenLoopRun(time=time, inputs=np.full((len(time), 1), 5.0))
     acting = set()
-    for effect in plant.effects():
+    for effect in catalogue.effects():
         if effect.acts_on != "sensor":
             continue
         model = dataclasses.replace(base, effects={effect.name: {}})

@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 
 import pytest
-from brickpilot import cli
+from brickpilot.cli import main
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
-from brickpilot.hil.session import REALTIME, Session
-from brickpilot.infrared import link as infrared_link
-from brickpilot.infrared import tower
+from brickpilot.link import infrared as infrared_link
+from brickpilot.link import tower
+from brickpilot.link.session import REALTIME, Session
 from rcx_autopilot import Autopilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 
@@ -35,7 +35,7 @@ def _fast_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def upload(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
-    cli.main(["upload", *options, "--json"])
+    main.main(["upload", *options, "--json"])
     found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
 
@@ -109,6 +109,6 @@ def test_bad_input_is_told_before_anything_is_sent(
 
 def test_hil_says_that_an_rcx_carries_no_plant(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        cli.main(["hil", "--link", f"infrared:{os.devnull}"])
+        main.main(["hil", "--link", f"infrared:{os.devnull}"])
     assert left.value.code == 2
     assert "carries no plant; `brickpilot upload` speaks to an RCX" in capsys.readouterr().err

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from brickpilot.blocks import Bins
-from brickpilot.dataset import Dataset, Nominal, Run, motor_inputs
-from brickpilot.model import Model
-from brickpilot.output_error import BEND, OutputError, Scale, noise_sd
-from brickpilot.parameters import Free, Plan
-from brickpilot.replay import RATE_OF, SUMMED, Replay, measured_rates
+from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
+from brickpilot.fit.blocks import Bins
+from brickpilot.fit.output_error import BEND, OutputError, Scale, noise_sd
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.fit.replay import RATE_OF, SUMMED, Replay, measured_rates
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 

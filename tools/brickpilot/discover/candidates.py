@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import plant
+from brickpilot import catalogue
+from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.discover.band import Band
-from brickpilot.model import Model, rcx
-from brickpilot.parameters import Free, Plan
-from brickpilot.plant import EffectInfo, ParameterInfo
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle.model import Model, rcx
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ class _Probe:
 
 
 def effect_info(name: str) -> EffectInfo:
-    return next(one for one in plant.effects() if one.name == name)
+    return next(one for one in catalogue.effects() if one.name == name)
 
 
 def candidates(base: Model) -> list[Candidate]:
@@ -136,7 +136,7 @@ def candidates(base: Model) -> list[Candidate]:
     A parameter whose preset is 0 is optional: it is freed beside the others, and alone where it needs none of them.
     """
     found = []
-    for info in plant.effects():
+    for info in catalogue.effects():
         if info.name in base.effects or info.name == "composed_term":
             continue
         if info.acts_on == "supply" and base.parameters.get("force_per_volt", 0) + base.parameters.get(
@@ -366,7 +366,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 def _sizes(model: Model) -> dict[str, float]:
     """What is large for a vehicle, by unit: at stall, at the speed it runs at without load."""
-    known = {**plant.presets(model.vehicle), **model.parameters}
+    known = {**catalogue.presets(model.vehicle), **model.parameters}
     volts = known["battery_voltage"] or 9.0
     direct = known["force_per_volt"] or known["torque_per_volt"]
     torque = direct * volts if direct else known["torque_constant"] * volts / known["resistance"]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from brickpilot.discover.composed_fit import FINE, FIRST, ROUGH, SETTLED, Effort, Fit, fit, nominal_point, unfitted
 from brickpilot.discover.composed_screen import Atom, Problem, Screen, Trial, residuals, values_of, with_terms
 from brickpilot.discover.composed_terms import EFFECT, Equation, Term, basis, equation
-from brickpilot.model import Model
-from brickpilot.parameters import with_values
+from brickpilot.fit.parameters import with_values
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]

@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 
 from brickpilot.discover.composed_screen import Atom, Problem, prior, residuals, with_terms
 from brickpilot.discover.composed_terms import EFFECT, parameters
-from brickpilot.model import Model
-from brickpilot.parameters import value_of, with_values
+from brickpilot.fit.parameters import value_of, with_values
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 

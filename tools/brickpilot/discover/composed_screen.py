@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.discover import composed_periods as periods
-from brickpilot.discover.composed_periods import Segment as Segment  # part of a Problem, for those who make one
+from brickpilot.discover.composed_periods import Segment as Segment
 from brickpilot.discover.composed_terms import EFFECT, Basis, basis
 from brickpilot.errors import SimulationError
-from brickpilot.model import Model
-from brickpilot.parameters import Free
+from brickpilot.fit.parameters import Free
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 

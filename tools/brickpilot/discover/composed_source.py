@@ -9,8 +9,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover.composed_terms import EFFECT, Term, parameters
-from brickpilot.plant import ParameterInfo
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
@@ -120,7 +120,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
 
 def _environment() -> Environment:
     return Environment(
-        loader=PackageLoader("brickpilot"),
+        loader=PackageLoader("brickpilot.discover"),
         autoescape=False,  # it writes C
         undefined=StrictUndefined,
         trim_blocks=True,

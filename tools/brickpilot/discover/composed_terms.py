@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from brickpilot import plant
-from brickpilot.plant import ParameterInfo
+from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
 
 EFFECT = "composed_term"
 
@@ -160,7 +160,7 @@ def basis() -> tuple[Basis, ...]:
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
     """The effect's rows: coefficients first, then what shapes their terms."""
-    return next(effect.parameters for effect in plant.effects() if effect.name == EFFECT)
+    return next(effect.parameters for effect in catalogue.effects() if effect.name == EFFECT)
 
 
 def terms_of(values: Mapping[str, float]) -> tuple[Term, ...]:

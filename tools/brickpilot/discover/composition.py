@@ -19,8 +19,8 @@ from brickpilot.discover.composed_terms import EFFECT, PLACES, parameters
 from brickpilot.discover.finding import Term
 from brickpilot.discover.select import Fitted, enough
 from brickpilot.discover.verdict import Judged
-from brickpilot.model import Model
-from brickpilot.parameters import Free, Plan
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 

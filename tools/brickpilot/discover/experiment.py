@@ -8,10 +8,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import plant
+from brickpilot import catalogue
 from brickpilot.discover.finding import Experiment, Manoeuvre
-from brickpilot.model import Model
-from brickpilot.plant import OpenLoopRun
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ _TELLS = 0.5  # noise sd, rms over the manoeuvre: what a run of ten seconds at 1
 _UNMEASURED_SHARE = 0.02  # of its rms, between rivals: what another signal has to show to be worth measuring
 
 
-def catalogue(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
+def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
     """Ways of driving that excite one thing at a time, up to `volts`. A `motor` is driven by its left voltage alone."""
 
     def made(name: str, *levels: tuple[float, float, float]) -> Manoeuvre:
@@ -90,7 +91,7 @@ def next_experiment(
     vehicle = next(iter(rivals.values())).vehicle
     best: tuple[float, str, Manoeuvre] | None = None
     unmeasured: tuple[float, str | None] = (0.0, None)
-    for manoeuvre in catalogue(vehicle, volts):
+    for manoeuvre in manoeuvres(vehicle, volts):
         outputs = _drive(rivals, manoeuvre)
         where, apart = _apart(outputs, {name: noise_sd[name] for name in measured})
         if best is None or apart > best[0]:
@@ -122,7 +123,7 @@ def next_experiment(
     return Experiment(advice, names, separation, None, None)
 
 
-_CAN_MEASURE = frozenset(plant.outputs()) - {"x", "y", "surge", "sway", "force"}
+_CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
 def _drive(rivals: Mapping[str, Model], manoeuvre: Manoeuvre) -> list[dict[str, Array]]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from brickpilot import __version__
-from brickpilot.dataset import Dataset, Fault
-from brickpilot.model import Model
-from brickpilot.replay import Outputs
+from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.fit.replay import Outputs
+from brickpilot.vehicle.model import Model
 
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.dataset import Dataset, motor_inputs
+from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.discover.band import angles_of
 
 Array = NDArray[np.float64]

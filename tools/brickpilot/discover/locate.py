@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.dataset import Dataset, Run
+from brickpilot.data.dataset import Dataset, Run
 from brickpilot.discover.band import BIN_S, Band, run_of
 from brickpilot.discover.finding import Gap, Place, Whiteness
-from brickpilot.replay import SUMMED, Outputs
+from brickpilot.fit.replay import SUMMED, Outputs
 
 Array = NDArray[np.float64]
 

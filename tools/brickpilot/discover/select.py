@@ -16,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.descent import descend
 from brickpilot.discover.band import Band
 from brickpilot.discover.candidates import (
     PARAMETER_COST,
@@ -29,8 +28,9 @@ from brickpilot.discover.candidates import (
     sizes_of,
 )
 from brickpilot.errors import SimulationError
-from brickpilot.model import Model
-from brickpilot.parameters import Free, Plan
+from brickpilot.fit.descent import descend
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]

@@ -13,7 +13,7 @@ from brickpilot.discover.band import Band
 from brickpilot.discover.candidates import sizes_of
 from brickpilot.discover.finding import Verdict
 from brickpilot.discover.select import Fitted, Selection, polish, pruned, without_parameter, worth
-from brickpilot.uncertainty import Estimate, assess
+from brickpilot.fit.uncertainty import Estimate, assess
 
 Array = NDArray[np.float64]
 

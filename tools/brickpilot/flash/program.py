@@ -15,8 +15,8 @@ from __future__ import annotations
 from brickpilot.errors import InputError
 from brickpilot.flash.lx import Program
 from brickpilot.flash.tally import Progress, Tally
-from brickpilot.infrared import lnp
-from brickpilot.infrared.tower import Tower
+from brickpilot.link import lnp
+from brickpilot.link.tower import Tower
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SLOTS = 8

@@ -10,7 +10,7 @@ from brickpilot.flash import lx, srec
 from brickpilot.flash.program import Loader
 from brickpilot.flash.rom import Rom
 from brickpilot.flash.tally import Progress, Tally
-from brickpilot.infrared.tower import BYTE_S, Tower
+from brickpilot.link.tower import BYTE_S, Tower
 
 _SILENCE = "no answer from the brick: is it on, its batteries good, its window towards the tower, 10 to 20 cm away?"
 

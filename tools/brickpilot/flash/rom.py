@@ -22,7 +22,7 @@ from __future__ import annotations
 from brickpilot.errors import InputError
 from brickpilot.flash.srec import Image
 from brickpilot.flash.tally import Progress, Tally
-from brickpilot.infrared.tower import Tower
+from brickpilot.link.tower import Tower
 
 TOGGLE = 0x08
 ALIVE = b"\x10"

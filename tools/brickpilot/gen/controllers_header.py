@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from brickpilot.gen.c_text import INDENT
-from brickpilot.gen.coefficients import PROFILES
+from brickpilot.vehicle.c_text import INDENT
+from brickpilot.vehicle.coefficients import PROFILES
 
 OF_THE_LOOP = ("lost_time", "watchdog_time", "silent_time", "telemetry_every")
 

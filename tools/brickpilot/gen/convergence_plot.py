@@ -9,8 +9,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from brickpilot.model import Model, rcx
-from brickpilot.plant import OpenLoopRun, simulate
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun, simulate
 
 STEPS_MS = (0.75, 0.6, 0.3, 0.15, 0.075)
 _REFERENCE_MS = 0.3 / 64

@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping
 
-from brickpilot.gen.c_text import body_initialiser
-from brickpilot.gen.coefficients import PROFILES, pose
+from brickpilot.vehicle.c_text import body_initialiser
+from brickpilot.vehicle.coefficients import PROFILES, pose
 
 SEED = 2006
 PERTURBED_SETS = 6

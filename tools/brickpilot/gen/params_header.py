@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from brickpilot.gen.c_text import initialiser
-from brickpilot.gen.coefficients import PROFILES, loss, pose
-from brickpilot.gen.quantise import QuantisationError, integer
+from brickpilot.vehicle.c_text import initialiser
+from brickpilot.vehicle.coefficients import PROFILES, loss, pose
+from brickpilot.vehicle.quantise import QuantisationError, integer
 
 INT16, UINT16, UINT8, INT32 = 32767, 65535, 255, 2**31 - 1
 BAM16 = 65536 / (2 * math.pi)

@@ -20,10 +20,10 @@ import can
 from cffi import FFI
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.hil.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
-from brickpilot.hil.session import ANSWER_S
-from brickpilot.infrared.link import InfraredLink
-from brickpilot.infrared.tower import Tower
+from brickpilot.link.infrared import InfraredLink
+from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
+from brickpilot.link.session import ANSWER_S
+from brickpilot.link.tower import Tower
 
 PROGRAM = Path(__file__).parents[1] / "brick"
 

@@ -12,15 +12,15 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import flight
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.faults import FaultyLink, controller_restarts
-from brickpilot.hil.links import Link, LinkGoneError
-from brickpilot.hil.messages import book
 from brickpilot.hil.plant_end import PlantEnd, open_plant
-from brickpilot.hil.session import LOCKSTEP, REALTIME, NoAnswerError, Session
 from brickpilot.hil.telemetry import STEP_MS, Telemetry
+from brickpilot.link.links import Link, LinkGoneError
+from brickpilot.link.messages import book
+from brickpilot.link.session import LOCKSTEP, REALTIME, NoAnswerError, Session
+from brickpilot.vehicle import flight
 
 TRIES = 4
 """In lockstep a set is sent so often before the link counts as lost."""

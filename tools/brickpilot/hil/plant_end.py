@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import flight, plant
+from brickpilot import compiled
 from brickpilot.errors import SimulationError
 from brickpilot.hil.faults import SensorFaults
-from brickpilot.hil.links import Frame
-from brickpilot.hil.messages import book, set_check
+from brickpilot.link.links import Frame
+from brickpilot.link.messages import book, set_check
+from brickpilot.vehicle import flight
 
 OK = 0
 
@@ -85,7 +86,7 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
     Raises:
         SimulationError: the plant does not start.
     """
-    ffi, library = plant.interface()
+    ffi, library = compiled.interface()
     with flight.request(plan, log, motors) as asked:
         status = ffi.new("int *")
         loop = library.bp_loop_open(asked, status)

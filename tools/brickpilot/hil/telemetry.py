@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.hil.messages import book
+from brickpilot.link.messages import book
 
 Array = NDArray[np.float64]
 

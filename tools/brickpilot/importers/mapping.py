@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from brickpilot.data.signals import SIGNALS
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.signals import SIGNALS
-from brickpilot.units import si_factor
 
 _ENTRY = re.compile(r"(?P<signal>\w+)=(?P<name>[^\[\]:=]+)(?:\[(?P<index>\d{1,5})\])?(?::(?P<unit>.+))?")
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.mapping import Source, parse_mapping, units_of
 from brickpilot.importers.mat_file import load
 from brickpilot.importers.table import run_names
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
-from brickpilot.signals import Frame, Vehicle
 
 
 def import_matlab(

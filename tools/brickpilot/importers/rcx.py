@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from brickpilot.errors import InputError
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
-from brickpilot.infrared import lnp
-from brickpilot.infrared.tower import BYTE_S, Tower
+from brickpilot.link import lnp
+from brickpilot.link.tower import BYTE_S, Tower
 
 PATIENCE = 4.0  # the brick may wait for a quiet line
 TRIES = 8

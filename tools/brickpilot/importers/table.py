@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from brickpilot.dataset_rows import DELIMITERS, CsvFormat, read_columns
+from brickpilot.data.rows import DELIMITERS, CsvFormat, read_columns
+from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.mapping import parse_mapping, units_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
-from brickpilot.signals import Frame, Vehicle
 
 _SPELLINGS = {"tab": "\t", r"\t": "\t"}
 

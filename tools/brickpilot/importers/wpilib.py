@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.table import run_names
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
-from brickpilot.signals import Frame, Vehicle
-from brickpilot.units import si_factor
 
 Vector = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from brickpilot import dataset
+from brickpilot.data import dataset
+from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
-from brickpilot.signals import Frame, Vehicle
 
 
 @dataclass(frozen=True)

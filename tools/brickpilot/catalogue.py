@@ -1,0 +1,172 @@
+"""The tables of the compiled plant: nominal parameters, effects and output signals, each with unit and range.
+
+Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from brickpilot.compiled import interface
+
+VEHICLE_CODES = {"diff_drive": 0, "motor": 1}
+PROFILE_CODES = {"coupled": 0, "paper": 1}
+
+Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One parameter of the nominal model or of an effect, SI: a row of the C table, whose header explains every field.
+
+    Attributes:
+        linear_unit: the unit where the input of a motor commands a force.
+        odd: its sign turns over when left and right are swapped.
+        scan: sizes that a search tries one by one; empty: none.
+        limits, arm_of, only_with: a signal, and two parameters of the same effect; empty: none.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    minimum: float
+    maximum: float
+    preset: float
+    odd: bool
+    role: Role
+    linear_unit: str
+    optional: bool
+    trial: float
+    scan: tuple[float, ...]
+    limits: str
+    arm_of: str
+    only_with: str
+    in_volts: bool
+    zero_if_unstated: bool
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """One effect of the library: a row of the C table, whose header explains every field.
+
+    Attributes:
+        acts_on: supply, drive, motor, gear, wheel, body, sensor or timing.
+        words: a noun phrase, as in "The simulator lacks ...".
+        summary: one sentence for a reader who does not know the name.
+        mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
+        motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
+        carries_over: charge or heat that one run leaves changes the next.
+        composed: a sum of terms that discovery composes, never a candidate of its own.
+    """
+
+    name: str
+    acts_on: str
+    equation: str
+    source: str
+    parameters: tuple[ParameterInfo, ...]
+    words: str
+    summary: str
+    mechanism: str
+    motor_step: float
+    carries_over: bool
+    composed: bool
+
+
+def _text(value: Any) -> str:
+    if not value:
+        return ""
+    raw = interface()[0].string(value)
+    return raw.decode() if isinstance(raw, bytes) else str(raw)
+
+
+@cache
+def _roles() -> dict[int, Role]:
+    """The names of BP_ROLE_SIZE and its like, by their numbers in C."""
+    library = interface()[1]
+    return {getattr(library, f"BP_ROLE_{role.upper()}"): role for role in get_args(Role)}
+
+
+def _parameter(info: Any) -> ParameterInfo:
+    return ParameterInfo(
+        name=_text(info.name),
+        unit=_text(info.unit),
+        meaning=_text(info.meaning),
+        minimum=info.minimum,
+        maximum=info.maximum,
+        preset=info.preset,
+        odd=bool(info.odd),
+        role=_roles()[info.role],
+        linear_unit=_text(info.linear_unit) or _text(info.unit),
+        optional=bool(info.optional),
+        trial=info.trial,
+        scan=tuple(np.geomspace(info.scan_from, info.scan_to, info.scan_count).tolist()) if info.scan_count else (),
+        limits=_text(info.limits),
+        arm_of=_text(info.arm_of),
+        only_with=_text(info.only_with),
+        in_volts=bool(info.in_volts),
+        zero_if_unstated=bool(info.zero_if_unstated),
+    )
+
+
+@cache
+def parameters() -> tuple[ParameterInfo, ...]:
+    """The nominal parameters; the presets are the packaged robot's."""
+    library = interface()[1]
+    found: list[ParameterInfo] = []
+    while info := library.bp_parameter(len(found)):
+        found.append(_parameter(info))
+    return tuple(found)
+
+
+@cache
+def effects() -> tuple[EffectInfo, ...]:
+    """The effect library; the presets are clearly visible sizes."""
+    library = interface()[1]
+    found: list[EffectInfo] = []
+    while info := library.bp_effect(len(found)):
+        found.append(
+            EffectInfo(
+                name=_text(info.name),
+                acts_on=_text(info.acts_on),
+                equation=_text(info.equation),
+                source=_text(info.source),
+                parameters=tuple(_parameter(info.parameters[k]) for k in range(info.parameter_count)),
+                words=_text(info.words),
+                summary=_text(info.summary),
+                mechanism=_text(info.mechanism),
+                motor_step=info.motor_step,
+                carries_over=bool(info.carries_over),
+                composed=bool(info.composed),
+            )
+        )
+    return tuple(found)
+
+
+@cache
+def output_table() -> tuple[tuple[str, str], ...]:
+    library = interface()[1]
+    found: list[tuple[str, str]] = []
+    while name := library.bp_output_name(len(found)):
+        found.append((_text(name), _text(library.bp_output_unit(len(found)))))
+    return tuple(found)
+
+
+def outputs() -> dict[str, str]:
+    """Name -> unit of every output signal of either vehicle."""
+    return dict(output_table())
+
+
+def presets(vehicle: str) -> dict[str, float]:
+    """Every nominal parameter of a vehicle nobody said anything about; a bare motor has no mass and no wheel: 0."""
+    ffi, library = interface()
+    built = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free)
+    value = ffi.new("double *")
+    found = {}
+    for info in parameters():
+        library.bp_model_get(built, info.name.encode(), value)
+        found[info.name] = value[0]
+    return found

@@ -1,0 +1,63 @@
+"""`brickpilot calibrate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from brickpilot.cli.terminal import as_json, progress_shown
+
+
+@click.command()
+@click.argument("dataset")
+@click.option(
+    "--effects",
+    "effect_names",
+    multiple=True,
+    metavar="NAME",
+    help="Switch this effect on and fit its size; repeatable.",
+)
+@click.option(
+    "--free", multiple=True, metavar="NAME", help="Fit this parameter although the data set gives it; repeatable."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the random starts.")
+@click.option("--out", metavar="DIR", help="Where model.toml and the page go; default runs/calibrate-NAME.")
+@as_json
+def calibrate(
+    dataset: str, effect_names: tuple[str, ...], free: tuple[str, ...], seed: int, out: str | None, as_json: bool
+) -> None:
+    """Fits the free nominal parameters of DATASET by simulation from the inputs alone.
+
+    Says how sure each is, and which the data cannot tell apart. Writes model.toml, calibrate.json and report.html.
+    """
+    from brickpilot.data import dataset as dataset_module
+    from brickpilot.fit import calibrate as calibrate_module
+    from brickpilot.report import compare_page, run_folder
+    from brickpilot.vehicle import model
+
+    data = dataset_module.read(Path(dataset))
+    folder = Path(out) if out else Path("runs") / f"calibrate-{data.name}"
+    with run_folder.fresh_folder(folder, {"calibrate.json", "report.html", "model.toml"}) as beside:
+        with progress_shown(as_json) as progress:
+            found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
+        figures = found.to_json()
+        (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
+        (beside / "report.html").write_text(compare_page.calibrate_page(found), encoding="utf-8")
+        model.save(found.model, beside / "model.toml")
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    for note in found.notes:
+        click.echo(f"note: {note}")
+    for name, estimate in found.parameters.items():
+        span = (
+            "the data do not tell"
+            if estimate.ci95 is None or not estimate.identifiable
+            else "{:.4g}..{:.4g}".format(*estimate.ci95)
+        )
+        click.echo(f"{name:32}{estimate.value:12.5g} {estimate.unit:12} {span}")
+    for group in found.cannot_tell_apart:
+        click.echo(f"only together: {', '.join(group)}")
+    click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

@@ -1,0 +1,62 @@
+"""`brickpilot discover`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shlex
+from pathlib import Path
+
+import click
+
+from brickpilot.cli.terminal import as_json, progress_shown
+
+
+@click.command()
+@click.argument("dataset")
+@click.option(
+    "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default the data set's nominal values."
+)
+@click.option("--out", metavar="DIR", help="Where everything goes; default runs/discover-NAME.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the random starts.")
+@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
+@as_json
+def discover(dataset: str, model_file: str | None, out: str | None, seed: int, jobs: int, as_json: bool) -> None:
+    """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
+
+    Says "none", "these, and here is the experiment that tells them apart" or "something with no name, this term" too.
+    Writes report.html, verdict.json and model.toml, the C source of a composed term, and compensation.toml where the
+    brick can undo what was found.
+    """
+    from brickpilot.data import dataset as dataset_module
+    from brickpilot.discover import pipeline
+    from brickpilot.report import discover_page, discover_text, run_folder
+    from brickpilot.vehicle import compensation, model
+
+    data = dataset_module.read(Path(dataset))
+    given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
+    folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
+    command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
+    with run_folder.fresh_folder(folder, pipeline.files(data)) as beside:
+        with progress_shown(as_json) as progress:
+            found = pipeline.discover(data, given, seed=seed, jobs=jobs, progress=progress)
+        figures = found.to_json()
+        (beside / "verdict.json").write_text(json.dumps(figures, indent=2) + "\n")
+        (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
+        model.save(found.augmented, beside / "model.toml")
+        if found.term is not None:
+            (beside / found.term.file_name).write_text(found.term.source, encoding="utf-8")
+        undone = compensation.from_model(found.augmented, found.nominal_model) if found.effects else None
+        if undone is not None:
+            undone.save(beside / "compensation.toml")
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    for note in found.notes:
+        click.echo(f"note: {note}")
+    click.echo(discover_text.verdict(found))
+    for effect in found.effects:
+        for name, value in effect.parameters.items():
+            span = "the data do not tell" if value.ci95 is None else "{:.4g}..{:.4g}".format(*value.ci95)
+            click.echo(f"{effect.name + '.' + name:40}{value.value:12.5g} {value.unit:12} {span}")
+    click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

@@ -1,0 +1,62 @@
+"""`brickpilot`: registers the commands, and turns each error into one line and an exit status.
+
+Exit status: 0 done, 1 the work failed, 2 bad usage or bad input. Only the files of this folder print.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+from click.exceptions import NoArgsIsHelpError
+
+from brickpilot import __version__
+from brickpilot.cli.bench import bench
+from brickpilot.cli.benchmark import benchmark
+from brickpilot.cli.brick import brick
+from brickpilot.cli.calibrate import calibrate
+from brickpilot.cli.compare import compare
+from brickpilot.cli.discover import discover
+from brickpilot.cli.effects import effects
+from brickpilot.cli.flash import flash
+from brickpilot.cli.hil import hil
+from brickpilot.cli.import_log import import_log
+from brickpilot.cli.run import run
+from brickpilot.cli.upload import upload
+from brickpilot.errors import InputError, SimulationError
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="brickpilot")
+def cli() -> None:
+    """Fly, compare and calibrate a LEGO-RCX-class differential-drive robot."""
+
+
+for command in (run, upload, hil, brick, flash, import_log, compare, calibrate, discover, benchmark, effects, bench):
+    cli.add_command(command)
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Entry point; turns every user's error into one line on stderr and status 2."""
+    try:
+        cli.main(arguments, prog_name="brickpilot", standalone_mode=False)
+    except InputError as error:
+        click.echo(f"brickpilot: {error}", err=True)
+        sys.exit(2)
+    except NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        sys.exit(2)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "brickpilot"
+        click.echo(f"{command}: {' '.join(error.format_message().split())} (see {command} --help)", err=True)
+        sys.exit(2)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("brickpilot: interrupted", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read stdout has gone; nothing is left to say
+        sys.exit(1)
+    except (SimulationError, OSError) as error:
+        click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)
+        sys.exit(1)

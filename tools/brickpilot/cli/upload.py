@@ -1,0 +1,85 @@
+"""`brickpilot upload`."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+import click
+
+from brickpilot.cli.terminal import as_json, settings_of
+from brickpilot.errors import InputError
+
+
+@click.command()
+@click.argument("scenario_name", metavar="SCENARIO", default="mission")
+@click.option(
+    "--link",
+    "spec",
+    required=True,
+    metavar="LINK",
+    help="infrared:PORT is an RCX at a serial infrared tower; or serial:PORT, tcp:HOST:PORT, can:slcan:PORT, "
+    "can:socketcan:CHANNEL.",
+)
+@click.option("--profile", type=click.Choice(["coupled", "paper"]), help="The constants; default the scenario's.")
+@click.option(
+    "--compensation", "compensation_file", metavar="FILE", help="What is known of this robot: compensation.toml."
+)
+@click.option("--set", "written", multiple=True, metavar="NAME=VALUE", help="Write this setting, raw; repeatable.")
+@click.option("--start", is_flag=True, help="Start the mission when all has arrived.")
+@as_json
+def upload(
+    scenario_name: str,
+    spec: str,
+    profile: str | None,
+    compensation_file: str | None,
+    written: tuple[str, ...],
+    start: bool,
+    as_json: bool,
+) -> None:
+    """Puts another mission and other settings into a brick that runs the autopilot, without a new image.
+
+    SCENARIO is a packaged one or a file; default the paper's eight waypoints. The motors stop. What the brick then
+    holds is read back and compared. It is kept until the program ends.
+    """
+    from brickpilot.hil import ends
+    from brickpilot.hil.fly import prepare
+    from brickpilot.link.links import LinkGoneError
+    from brickpilot.link.session import REALTIME, Session
+    from brickpilot.vehicle import compensation, flight, model, scenario
+
+    settings = settings_of(written)
+    chosen = scenario.load(scenario.find(scenario_name))
+    if not chosen.waypoints:
+        raise InputError("has no waypoints to fly to", field=scenario_name)
+    told = compensation.load(Path(compensation_file)) if compensation_file else None
+    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=told)
+    try:
+        with closing(ends.open_link(spec)) as link:
+            session = Session(link, spec)
+            prepare(session, plan, REALTIME, None, settings)
+            route = session.route()
+            if start:
+                session.command("start")
+    except LinkGoneError as error:
+        raise InputError(str(error), field=f"--link {spec}") from None
+    wanted = [(round(x * 1e3), round(y * 1e3)) for x, y in chosen.waypoints]
+    if route != wanted:
+        raise InputError(f"the brick holds another route, {route} mm", field=f"--link {spec}")
+    figures = {
+        "link": spec,
+        "scenario": chosen.name,
+        "profile": plan.controller,
+        "waypoints": len(route),
+        "settings": settings,
+        "started": start,
+        "sent_again": link.damaged + session.repeated,
+    }
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    click.echo(
+        f"{len(route)} waypoints of {chosen.name} and {len(settings)} settings are on the brick, "
+        f"{'started' if start else 'not started'}; {figures['sent_again']} requests sent again"
+    )

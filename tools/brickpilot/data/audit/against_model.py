@@ -1,0 +1,180 @@
+"""Finds channels that contradict the nominal model as a whole: where a set measures only one channel of its kind.
+
+A nominal value may be off and an effect may be missing, so only what no machine does counts: a motion that goes with
+the model's but the other way, or by the factor of another unit. What is too small may be friction; it counts only where
+all runs that move are too small by the same factor. What all runs that move say holds for those that hardly do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.audit.channels import LEAST_SAMPLES
+from brickpilot.data.audit.fault import Fault, channel_note
+from brickpilot.data.audit.relations import FACTORS, usual_factors
+from brickpilot.data.audit.windows import Windows, cut
+from brickpilot.data.dataset import Dataset, Run
+
+Vector = NDArray[np.float64]
+
+_LEAST = 9.0  # smallest factor of a unit that counts
+_FITS = (0.45, 1.6)  # ratio over factor: nominal values are only nominal, and the friction they lack slows
+_PLAIN = (0.4, 2.5)  # a reversed motion's size over the model's
+_SURELY = 0.9  # correlation over windows
+_MOVES = 0.3  # of the motion in the run that moves most
+_ALIKE = 2.0  # ratios of runs, the largest over the smallest, that are one wrong column
+_ALIKE_SMALL = 1.3
+_LEAST_WINDOWS = 4
+
+
+@dataclass(frozen=True)
+class _Ratio:
+    """Measured over simulated motion of one signal in one run; `level`: rms of the simulated one per second."""
+
+    run: Run
+    value: float
+    level: float
+
+
+def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector]]) -> tuple[Fault, ...]:
+    """Channels whose sign or unit the nominal model denies; by run, kinds "sign" and "unit" with their factor.
+
+    A unit is judged only where the data set states what the size of the signal follows from; a fitted value, or a
+    preset, takes on any unit.
+
+    Args:
+        dataset: as `dataset.read` gives it.
+        simulated: run -> signal -> (n,) of the nominal model from the run's inputs, SI, the paper's frame, at the run's
+            own time. Runs and signals that are not in it are not judged.
+    """
+    found: list[Fault] = []
+    for signal in dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"):
+        ratios = [
+            ratio
+            for run in dataset.runs
+            if signal in run.outputs and signal in simulated.get(run.name, {})
+            if (ratio := _ratio(run, signal, simulated[run.name][signal])) is not None
+        ]
+        if ratios:
+            hardest = max(one.level for one in ratios)
+            moving = [one for one in ratios if one.level >= _MOVES * hardest]
+            wrong = _turned_over(signal, moving)
+            if not wrong and _is_stated(dataset, signal):
+                wrong = _in_other_units(signal, moving)
+            if len(wrong) == len(moving) > 1 and len(set(wrong.values())) == 1:
+                factor = next(iter(wrong.values()))
+                wrong = {run.name: factor for run in dataset.runs if np.isfinite(run.outputs.get(signal, ())).any()}
+            found += [_fault(run, signal, wrong[run.name]) for run in dataset.runs if run.name in wrong]
+    order = {run.name: number for number, run in enumerate(dataset.runs)}
+    return tuple(sorted(found, key=lambda one: (order[one.run], one.signal)))
+
+
+def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
+    """The data set with these channels' samples blanked, and with the faults and a note on each channel added."""
+    listed = list(faults)
+    spoilt = {(fault.run, fault.signal) for fault in listed}
+    runs = tuple(replace(run, outputs=_without(run, spoilt)) for run in dataset.runs)
+    notes: list[str] = []
+
+    def kind(fault: Fault) -> tuple[str, float]:
+        return fault.signal, fault.factor or 0.0
+
+    for (signal, factor), group in groupby(sorted(listed, key=kind), key=kind):
+        named = [fault.run for fault in group]
+        notes.append(channel_note([signal], factor, named, len(runs), ["the nominal model"]))
+    return replace(dataset, runs=runs, faults=(*dataset.faults, *listed), notes=(*dataset.notes, *notes))
+
+
+def _without(run: Run, spoilt: set[tuple[str, str]]) -> Mapping[str, Vector]:
+    outputs = dict(run.outputs)
+    for name in outputs:
+        if (run.name, name) in spoilt:
+            outputs[name] = np.full_like(outputs[name], np.nan)
+            outputs[name].setflags(write=False)
+    return MappingProxyType(outputs)
+
+
+def _is_stated(dataset: Dataset, signal: str) -> bool:
+    """Whether the nominal values that make a signal's steady size are stated."""
+    needed = {"resistance"} if signal.startswith("current") else {"emf_constant"}
+    if signal in {"position", "velocity"} and "force_per_volt" in dataset.nominal:
+        needed = {"mass"}
+    elif signal.startswith(("wheel_travel", "wheel_velocity", "accel_", "yaw_")) or signal in {"position", "velocity"}:
+        needed |= {"wheel_radius"}
+    if signal.startswith("yaw_") or signal == "accel_sway":
+        needed |= {"half_track"}
+    return needed <= dataset.nominal.keys()
+
+
+def _turned_over(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
+    """Run -> -1. Of a current only where it is so in all runs: a motor that a slope drives ahead brakes."""
+    found = {one.run.name: -1.0 for one in ratios if _PLAIN[0] < -one.value < _PLAIN[1]}
+    return {} if signal.startswith("current") and len(found) < max(len(ratios), 2) else found
+
+
+def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
+    """Run -> factor, signed."""
+    values = np.array([one.value for one in ratios])
+    sizes = np.abs(values)
+    middle = float(np.median(sizes))
+    if len(ratios) > 1 and abs(np.sum(np.sign(values))) == len(ratios):
+        alike = _ALIKE if middle > 1.0 else _ALIKE_SMALL
+        shared = _gross(signal, middle) if sizes.max() < alike * sizes.min() else None
+        if shared is not None:
+            return {one.run.name: float(np.copysign(shared, one.value)) for one in ratios}
+    return {
+        one.run.name: float(np.copysign(factor, one.value))
+        for one in ratios
+        if abs(one.value) > 1.0 and (factor := _gross(signal, abs(one.value))) is not None
+    }
+
+
+def _gross(signal: str, ratio: float) -> float | None:
+    """The factor of a unit that is nearest a ratio, above 1 or below as it is; None where none is near.
+
+    The units that the signal's own is usually taken for come first.
+    """
+    for listed in (usual_factors(signal), FACTORS):
+        factors = [by if ratio > 1.0 else 1 / by for by in listed if by > _LEAST]
+        near = [by for by in factors if _FITS[0] < ratio / by < _FITS[1]]
+        if near:
+            return min(near, key=lambda by: abs(np.log(ratio / by)))
+    return None
+
+
+def _fault(run: Run, signal: str, factor: float) -> Fault:
+    span = float(run.time[0]), float(run.time[-1])
+    return Fault(run.name, signal, "sign" if factor == -1.0 else "unit", *span, factor)
+
+
+def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
+    """None where the two do not go together, or nothing moves."""
+    if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
+        return None
+    measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
+    if signal not in measured.moved or signal not in model.moved:
+        return None
+    y, x = _motion(measured, signal), _motion(model, signal)
+    known = np.isfinite(y) & np.isfinite(x)
+    y, x, seconds = y[known], x[known], measured.seconds[known]
+    if len(y) < _LEAST_WINDOWS or not y.any() or not x.any():
+        return None
+    if abs(float(y @ x)) < _SURELY * float(np.sqrt((y @ y) * (x @ x))):
+        return None
+    value = float(np.copysign(np.sqrt((y @ y) / (x @ x)), y @ x))
+    return _Ratio(run, value, float(np.sqrt(np.mean((x / seconds) ** 2))))
+
+
+def _motion(windows: Windows, signal: str) -> Vector:
+    """What moved in each window; of an acceleration less its mean, for a bias or a slope is no motion."""
+    moved = windows.moved[signal]
+    known = np.isfinite(moved)
+    if not signal.startswith("accel_") or not known.any():
+        return moved
+    return moved - windows.seconds * float(np.sum(moved[known]) / np.sum(windows.seconds[known]))

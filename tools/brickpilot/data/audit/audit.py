@@ -1,0 +1,226 @@
+"""Finds what is wrong with measured outputs before anything is fitted to them; no model is needed.
+
+Damaged samples: clipped, frozen, dropped out, swapped with another column. Channels wrong as a whole: the sign reversed
+or another unit (`channels`). Clocks that drift or jump (`clock`). What is found cannot be the motion of a
+body with noise and quantisation on it; when in doubt a sample is left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.audit import stuck
+from brickpilot.data.audit.channels import Contradiction, contradictions
+from brickpilot.data.audit.clock import clock_faults
+from brickpilot.data.audit.fault import Fault, Kind, channel_note, range_note, rows_note
+from brickpilot.data.audit.jumps import blank, jumps
+from brickpilot.data.audit.view import Course, Habits, stretches
+from brickpilot.data.description import Signal
+from brickpilot.data.signals import Frame
+
+__all__ = ["Audited", "Fault", "Record", "audit"]
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What is audited of one run: SI, one entry a sample, NaN where blank. `inputs`: (n,) each."""
+
+    name: str
+    time: Vector
+    inputs: Mapping[str, Vector]
+    outputs: Mapping[str, Vector]
+
+
+@dataclass(frozen=True)
+class Audited:
+    """`outputs`: run -> signal -> values, NaN where damaged. `faults`: by run, in time. `notes`: a sentence a group."""
+
+    outputs: Mapping[str, Mapping[str, Vector]]
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
+
+
+def audit(
+    records: Sequence[Record], signals: Mapping[str, Signal], frame: Frame, nominal: Mapping[str, float] | None = None
+) -> Audited:
+    """Finds the faults of all runs; a signal's resolution is taken from all of them together.
+
+    `nominal`: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+    """
+    resolution = {name: _resolution(name, records, signals) for name in records[0].outputs} if records else {}
+    courses = [
+        Course(record.time, record.inputs, {name: values.copy() for name, values in record.outputs.items()}, resolution)
+        for record in records
+    ]
+    faults, notes = _damaged_rows(records, courses, signals, frame)
+    for found, said in (
+        _wrong_channels(records, courses, nominal or {}),
+        _beyond_range(records, courses, signals),
+        _wrong_clocks(records, courses),
+    ):
+        faults += found
+        notes += said
+    outputs = {record.name: dict(course.outputs) for record, course in zip(records, courses, strict=True)}
+    order = {record.name: number for number, record in enumerate(records)}
+    faults.sort(key=lambda one: (order[one.run], one.from_s, one.signal))
+    return Audited(outputs, tuple(faults), tuple(notes))
+
+
+def _damaged_rows(
+    records: Sequence[Record], courses: Sequence[Course], signals: Mapping[str, Signal], frame: Frame
+) -> tuple[list[Fault], list[str]]:
+    """The faults of single stretches of samples, which are blanked in `courses`, and what to say of them."""
+    faults: list[Fault] = []
+    notes: list[str] = []
+    damage: list[dict[Kind, dict[str, Mask]]] = []
+    for course in courses:
+        swapped, dropout = jumps(course, signals, frame)
+        damage.append({"swapped": swapped, "dropout": dropout})
+    habits = Habits(courses)
+    for record, course, masks in zip(records, courses, damage, strict=True):
+        masks["clipped"] = {name: _clipped(course, name, signals) for name in course.outputs}
+        blank(course, masks["clipped"])
+        masks["frozen"] = {name: stuck.frozen(course, name, habits) for name in course.outputs}
+        for name, stands in masks["frozen"].items():
+            at_end = stuck.at_extreme(course, name, stands)
+            masks["clipped"][name] |= at_end
+            stands &= ~at_end
+        for kind, by_signal in masks.items():
+            for name, mask in by_signal.items():
+                found = [Fault(record.name, name, kind, *span) for span in _spans(record.time, mask)]
+                faults.extend(found)
+                if found:
+                    notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask)))
+    for course, masks in zip(courses, damage, strict=True):
+        blank(course, masks["clipped"])
+        blank(course, masks["frozen"])
+    return faults, notes
+
+
+def _clipped(course: Course, name: str, signals: Mapping[str, Signal]) -> Mask:
+    """None of a channel that leaves its range, which may be of another unit as a whole."""
+    stated = signals[name].range
+    if stuck.leaves(course.outputs[name], stated):
+        return np.zeros(len(course.time), dtype=bool)
+    return stuck.clipped(course, name, stated)
+
+
+def _beyond_range(
+    records: Sequence[Record], courses: Sequence[Course], signals: Mapping[str, Signal]
+) -> tuple[list[Fault], list[str]]:
+    """Channels that leave their stated range for no reason that was found, which are blanked in `courses`.
+
+    Where most runs leave it, the column is wrong in the others as well, in which less moves.
+    """
+    faults: list[Fault] = []
+    notes: list[str] = []
+    for name, signal in signals.items():
+        known = [k for k, one in enumerate(courses) if _known(one, name)]
+        wrong = [k for k in known if stuck.leaves(courses[k].outputs[name], signal.range)]
+        if 2 * len(wrong) > len(known):
+            wrong = known
+        for k in wrong:
+            time = records[k].time
+            faults.append(Fault(records[k].name, name, "unit", float(time[0]), float(time[-1])))
+            courses[k].outputs[name][:] = np.nan
+        if wrong:
+            notes.append(range_note(name, [records[k].name for k in wrong], len(records)))
+    return faults, notes
+
+
+def _wrong_channels(
+    records: Sequence[Record], courses: Sequence[Course], nominal: Mapping[str, float]
+) -> tuple[list[Fault], list[str]]:
+    """The faults of whole channels, which are blanked in `courses`: all channels of a run whose input or time it is."""
+    found = contradictions(
+        courses, wheel_radius=nominal.get("wheel_radius"), half_track=nominal.get("half_track")
+    ) + _wrong_batteries(courses, nominal.get("battery_voltage"))
+    faults: list[Fault] = []
+    notes: list[str] = []
+    for one in found:
+        signals = _columns(one.names, records[0].inputs)
+        named = [records[number].name for number in one.runs]
+        notes.append(channel_note(signals, one.factor, named, len(records), _columns(one.against, records[0].inputs)))
+        for number in one.runs:
+            record, course = records[number], courses[number]
+            for name in signals:
+                if name in course.outputs and not np.isfinite(course.outputs[name]).any():
+                    continue
+                kind: Kind = "sign" if one.factor == -1.0 else "clock" if name == "time" else "unit"
+                span = float(record.time[0]), float(record.time[-1])
+                faults.append(Fault(record.name, name, kind, *span, one.factor))
+                for spoilt in [name] if name in course.outputs else course.outputs:
+                    course.outputs[spoilt][:] = np.nan
+    return faults, notes
+
+
+def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
+    """Channels by the names of the data set's signals: a drive by those of its inputs."""
+    found: dict[str, None] = {}
+    for name in names:
+        _, is_drive, side = name.partition("drive_")
+        own = [one for one in inputs if one.endswith(f"_{side}")] or list(inputs)
+        found |= dict.fromkeys(own if is_drive else [name])
+    return tuple(found)
+
+
+def _wrong_batteries(courses: Sequence[Course], nominal: float | None) -> list[Contradiction]:
+    """Runs whose battery is of another order than stated, than in the other runs, or than a battery can be."""
+    name = "battery_voltage"
+    levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(courses) if _known(one, name)}
+    odd: dict[float, list[int]] = {}
+    for number, level in levels.items():
+        others = [other for k, other in levels.items() if k != number]
+        usual = nominal if nominal is not None else float(np.median(others)) if len(others) > 1 else _TYPICAL_BATTERY
+        if nominal is None and usual > _HIGHEST_BATTERY:
+            usual = _TYPICAL_BATTERY
+        factor = next((f for by in (1000.0, 100.0) for f in (by, 1 / by) if 1 / 3 < abs(level) / usual / f < 3.0), None)
+        if level < 0.0:
+            factor = -1.0
+        if usual > 0.0 and factor is not None:
+            odd.setdefault(factor, []).append(number)
+    return [Contradiction((name,), factor, tuple(runs), ()) for factor, runs in odd.items()]
+
+
+def _known(course: Course, name: str) -> bool:
+    return name in course.outputs and bool(np.isfinite(course.outputs[name]).any())
+
+
+def _wrong_clocks(records: Sequence[Record], courses: Sequence[Course]) -> tuple[list[Fault], list[str]]:
+    """The runs whose clock is wrong, of which all is blanked from where it is."""
+    faults: list[Fault] = []
+    notes: list[str] = []
+    for one in clock_faults(courses):
+        record, course = records[one.run], courses[one.run]
+        if not any(np.isfinite(values[one.start :]).any() for values in course.outputs.values()):
+            continue
+        start, end = float(record.time[one.start]), float(record.time[-1])
+        faults.append(Fault(record.name, "time", "clock", start, end, one.factor))
+        for values in course.outputs.values():
+            values[one.start :] = np.nan
+        notes.append(f"run {record.name}: its clock {one.seen}; left out from {start:.6g} s on")
+    return faults, notes
+
+
+def _spans(time: Vector, mask: Mask) -> list[tuple[float, float]]:
+    return [(float(time[start]), float(time[stop - 1])) for start, stop in stretches(mask)]
+
+
+def _resolution(name: str, records: Sequence[Record], signals: Mapping[str, Signal]) -> float:
+    """The stated step of a signal, else the smallest that occurs in any run; 0 where there is none."""
+    if (stated := signals[name].resolution) is not None:
+        return stated
+    values = np.unique(np.concatenate([record.outputs[name] for record in records]))
+    values = values[np.isfinite(values)]
+    steps = np.diff(values)
+    steps = steps[steps > 1e-9 * np.max(np.abs(values), initial=0.0)]
+    return float(steps.min()) if steps.size else 0.0

@@ -1,0 +1,200 @@
+"""Finds single samples, or a few, that jump away from their signal and back: dropouts, and rows with two cells swapped.
+
+The yardstick of a sample is its distance from the line through its neighbours in time (after the median filters of
+Hampel 1974), so that irregular sampling does no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.audit.view import Course, stretches
+from brickpilot.data.description import Signal
+from brickpilot.data.signals import Frame, to_frd
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_SAMPLES = 20
+"""A signal known in fewer samples of a run has no statistics and is only checked against its stated range."""
+
+_DROPOUT_SAMPLES = 5
+_DROPOUT_SHARE = 0.02  # of a signal's samples; more is no accident but how the signal is
+_OUTLYING = 12.0  # scales of the residual
+_BACK = 0.2  # of the jump: how near to each other the samples before and after are
+_BEYOND_REST = 5.0  # times the largest residual of what is sound
+_BEYOND_REST_AT_ZERO = 2.0
+_BEYOND_REST_IMPULSIVE = 20.0
+_BEYOND_ALL_IMPULSIVE = 50.0  # times what all other samples span: the teeth of a worn gear strike with 20
+_IMPULSIVE = ("accel_", "current", "force")  # a blow or a commutation may last a single sample
+_INPUT_STEP = 0.1  # of its largest value
+_MOSTLY = 0.5
+_CLOSE_BY = 5  # samples
+_ZEROED = 4.0  # scales: noise may reach it, but not at a value that it has nowhere else
+_SWAP_APART = 8.0
+_SWAP_HEALED = 0.2
+
+
+def jumps(course: Course, signals: Mapping[str, Signal], frame: Frame) -> tuple[dict[str, Mask], dict[str, Mask]]:
+    """Samples of swapped cells and dropped-out samples, by signal; both are blanked in `course`."""
+    swapped = _swapped(course, signals, frame)
+    blank(course, swapped)
+    dropout = {name: _dropout(course, name, signals[name]) for name in course.outputs}
+    blank(course, dropout)
+    return swapped, dropout
+
+
+def blank(course: Course, masks: Mapping[str, Mask]) -> None:
+    """Puts NaN in place of the samples of each signal that its mask names."""
+    for name, mask in masks.items():
+        course.outputs[name][mask] = np.nan
+
+
+def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
+    """For each stretch of `length` inside a run: its samples' least distance from the line between the two samples
+    around it, and how far these are apart."""
+    count = len(values) - length - 1
+    before, after = values[:count], values[length + 1 :]
+    span = time[length + 1 :] - time[:count]
+    away = np.full(count, np.inf)
+    for inner in range(1, length + 1):
+        share = (time[inner : inner + count] - time[:count]) / span
+        away = np.minimum(away, np.abs(values[inner : inner + count] - before - share * (after - before)))
+    return away, np.abs(after - before)
+
+
+def _scale(residual: Vector, resolution: float) -> float:
+    """Size of what noise, motion and resolution make of a residual, from its median and its ninth decile."""
+    return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
+
+
+def _dropout(course: Course, name: str, signal: Signal) -> Mask:
+    values = course.outputs[name]
+    found = np.zeros(len(values), dtype=bool)
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < LEAST_SAMPLES:
+        return found
+    time, level = course.time[known], values[known]
+    residual, _ = _bridge(time, level, 1)
+    scale = _scale(residual, course.resolution[name])
+    if scale == 0.0:
+        return found
+    zero = signal.to_si * signal.offset
+    impulsive = name.startswith(_IMPULSIVE)
+    driven_anew = _driven_anew(course)[known]
+    stepped = driven_anew & impulsive
+    events = _events(time, level, scale)
+    rest = _sound_residual(residual, events)
+    for away, start, length in sorted(events):
+        jolted = bool(stepped[start : start + length].any())
+        stays_zero = bool(np.all(np.isin(level[start : start + length], (0.0, zero, -zero))))
+        beyond = (_BEYOND_REST_AT_ZERO if stays_zero else _BEYOND_REST) * rest
+        if impulsive and not stays_zero:
+            others = np.delete(level, slice(start, start + length))
+            beyond = max(_BEYOND_REST_IMPULSIVE * rest, _BEYOND_ALL_IMPULSIVE * float(np.ptp(others)))
+        if not jolted and away > beyond:
+            found[known[start : start + length]] = True
+        else:
+            rest = max(rest, away)
+    if not impulsive:
+        at_zero = np.isin(level, (0.0, zero, -zero))
+        found[known[_single_zeros(time, level, at_zero, _ZEROED * scale) & ~driven_anew]] = True
+    return found if np.count_nonzero(found) <= max(_DROPOUT_SHARE * len(known), 3) else np.zeros_like(found)
+
+
+def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> Mask:
+    """Zeros, a few in a row, in a signal that before and after goes one way, `beyond` off zero and off their line.
+
+    Not so where it comes near zero again close by: it swings, and the samples are few.
+    """
+    found = np.zeros(len(level), dtype=bool)
+    if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # it rests at zero
+        return found
+    for start, stop in stretches(at_zero):
+        if start == 0 or stop == len(level) or stop - start > _DROPOUT_SAMPLES:
+            continue
+        around = level[[start - 1, stop]]
+        away = float(np.abs(np.interp(time[start:stop], time[[start - 1, stop]], around)).min())
+        near = np.r_[level[max(start - _CLOSE_BY, 0) : start], level[stop : stop + _CLOSE_BY]]
+        swings = bool(np.any(near * np.sign(around[0]) < _MOSTLY * away))
+        found[start:stop] = away > max(beyond, float(np.ptp(around))) and not swings
+    return found
+
+
+def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
+    """Stretches that jump away and back: (jump, start, length), the shortest explanation of each sample."""
+    events: list[tuple[float, int, int]] = []
+    taken = np.zeros(len(level), dtype=bool)
+    for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):
+        away, apart = _bridge(time, level, length)
+        for before in np.flatnonzero((away > _OUTLYING * scale) & (apart < _BACK * away)):
+            start = int(before) + 1
+            if not taken[start : start + length].any():
+                taken[start : start + length] = True
+                events.append((float(away[before]), start, length))
+    return events
+
+
+def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> float:
+    """The largest residual that no event has a part in."""
+    sound = np.ones(len(residual), dtype=bool)
+    for _, start, length in events:
+        sound[max(start - 2, 0) : start + length] = False
+    return float(residual[sound].max()) if sound.any() else 0.0
+
+
+def _swapped(course: Course, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
+    """Single rows in which the cells of two columns, exchanged, lie on both signals' lines again."""
+    masks = {name: np.zeros(len(course.time), dtype=bool) for name in course.outputs}
+    if len(course.time) < LEAST_SAMPLES:
+        return masks
+    for first, second in combinations(course.outputs, 2):
+        if signals[first].unit != signals[second].unit:
+            continue
+        lines = [_line(course, name) for name in (first, second)]
+        (line, away, scale), (other_line, other_away, other_scale) = lines
+        there = _as_read_from(signals[second], course.outputs[second], signals[first], frame)
+        here = _as_read_from(signals[first], course.outputs[first], signals[second], frame)
+        with np.errstate(invalid="ignore"):
+            hit = (away > _SWAP_APART * scale) & (other_away > _SWAP_APART * other_scale)
+            hit &= np.abs(there - line) < np.maximum(_SWAP_HEALED * away, 3 * scale)
+            hit &= np.abs(here - other_line) < np.maximum(_SWAP_HEALED * other_away, 3 * other_scale)
+        hit &= ~_driven_anew(course)
+        alone = hit & ~np.r_[False, hit[:-1]] & ~np.r_[hit[1:], False]
+        if 0 < np.count_nonzero(alone) <= max(_DROPOUT_SHARE * len(alone), 3):
+            masks[first] |= alone
+            masks[second] |= alone
+    return masks
+
+
+def _driven_anew(course: Course) -> Mask:
+    """Samples within one of a step of an input, where a row may leave both its neighbours' lines by right."""
+    step = np.zeros(len(course.time) + 1, dtype=bool)
+    for values in course.inputs.values():
+        driven = np.nan_to_num(values)
+        step[1:-1] |= np.abs(np.diff(driven)) > _INPUT_STEP * np.max(np.abs(driven))
+    near: Mask = step[:-1] | step[1:]
+    near[1:] |= near[:-1].copy()
+    near[:-1] |= near[1:].copy()
+    return near
+
+
+def _line(course: Course, name: str) -> tuple[Vector, Vector, float]:
+    """The line through each sample's neighbours, the sample's distance from it, and the scale of these distances."""
+    values, time = course.outputs[name], course.time
+    line = np.full_like(values, np.nan)
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    line[1:-1] = values[:-2] + share * (values[2:] - values[:-2])
+    away = np.abs(values - line)
+    known = away[np.isfinite(away)]
+    return line, away, _scale(known, course.resolution[name]) if known.size else np.inf
+
+
+def _as_read_from(own: Signal, values: Vector, other: Signal, frame: Frame) -> Vector:
+    """What the reader would make of the cells of `own`, which it read as `values`, in the column of `other`."""
+    raw = (to_frd(own.name, values, frame) / own.to_si - own.offset) / own.scale
+    return to_frd(other.name, other.to_si * (other.scale * raw + other.offset), frame)

@@ -1,0 +1,251 @@
+"""Measured data sets: a folder with `dataset.toml` and one text file of columns per run.
+
+What comes out is in SI and in the paper's frame (x forward, y right, clockwise positive), whatever the files are in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from brickpilot.data.audit.audit import Fault, Record, audit
+from brickpilot.data.description import Description, Role, RunEntry, Signal, describe
+from brickpilot.data.nominal import Nominal
+from brickpilot.data.rows import Columns, read_columns
+from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
+from brickpilot.errors import InputError
+
+__all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Signal", "motor_inputs", "read"]
+
+Vector = NDArray[np.float64]
+
+PRESET_BATTERY_VOLTAGE = 9.0
+"""V; what duty is multiplied by where a data set states no battery voltage at all; the plant's preset is the same."""
+
+_LONGEST_RUN_S = 1e6
+
+_DROPOUT_SHARE = 0.25  # of the running median; a battery sags by less within one sample
+_MEDIAN_SAMPLES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One measured run. Arrays are read-only, one entry a sample, in SI and the paper's frame.
+
+    Attributes:
+        name: unique in its data set.
+        file: the text file it came from.
+        role: None where the data set leaves the choice to the program.
+        time: s, strictly increasing, as logged: it need not begin at 0 nor be regular.
+        inputs: signal -> values; NaN where the cell is blank, that is where the motor floats.
+        outputs: signal -> values; NaN where the cell is blank or the sample damaged (`Dataset.faults`).
+        raw_outputs: the same with the damaged samples as they were measured.
+        gap_s: s between the end of the run before it in the file's order and this one's start.
+        replicate_of: name of the run that this one repeats.
+        initial: state the run starts from, where the data set states it (`signals.INITIAL_UNITS`).
+    """
+
+    name: str
+    file: Path
+    role: Role | None
+    time: Vector
+    inputs: Mapping[str, Vector]
+    outputs: Mapping[str, Vector]
+    raw_outputs: Mapping[str, Vector]
+    gap_s: float
+    replicate_of: str | None
+    initial: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """A data set, read and checked.
+
+    Attributes:
+        path: the dataset.toml, as the caller named it.
+        frame: the frame of the files; everything here is FRD already.
+        signals: how each was written; noise_sd, resolution and range in SI and FRD.
+        nominal: known parameters of the plant; what is absent is to be fitted.
+        nominal_effects: effect -> parameter -> value, which the experimenter's model already contains.
+        runs: in the file's order, one sequence.
+        gap_s: s between runs that do not state their own.
+        faults: the damaged samples, which are NaN in the runs' outputs (see `audit`); by run, in time.
+        notes: what a user should be told: presets taken, readings repaired, damage found. One sentence each.
+    """
+
+    name: str
+    path: Path
+    vehicle: Vehicle
+    frame: Frame
+    signals: Mapping[str, Signal]
+    nominal: Mapping[str, Nominal]
+    nominal_effects: Mapping[str, Mapping[str, Nominal]]
+    runs: tuple[Run, ...]
+    gap_s: float
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
+
+    def motor_inputs(self, run: Run) -> Vector:
+        """See `motor_inputs`."""
+        return motor_inputs(run, self)
+
+
+def read(folder: Path | str) -> Dataset:
+    """Reads a data set.
+
+    Args:
+        folder: its folder, or the dataset.toml in it.
+
+    Raises:
+        InputError: anything that is not as it must be, with file, line and field. Nothing is written.
+    """
+    path = Path(folder)
+    try:
+        if path.is_dir():
+            path = path / "dataset.toml"
+        if not path.is_file():
+            raise InputError("no such data set: a folder with a dataset.toml is needed", file=path)
+    except (OSError, ValueError) as error:
+        raise InputError("cannot be read", file=path) from error
+    description = describe(path)
+    runs, faults, damage = _audited([_read_run(entry, description) for entry in description.runs], description)
+    dataset = Dataset(
+        name=description.name,
+        path=path,
+        vehicle=description.vehicle,
+        frame=description.frame,
+        signals=description.signals,
+        nominal=description.nominal,
+        nominal_effects=description.nominal_effects,
+        runs=runs,
+        gap_s=description.gap_s,
+        faults=faults,
+        notes=(*description.notes, *damage),
+    )
+    if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
+        raise InputError("nothing is measured: all outputs of all runs are blank", file=path, field="signals")
+    empty = not any(np.isfinite(values).any() for run in runs for values in run.outputs.values())
+    left = ["nothing is left of what was measured: every output of every run is damaged"] if empty else []
+    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *left))
+
+
+def motor_inputs(run: Run, dataset: Dataset) -> Vector:
+    """The voltage at each motor: (n, 2) left and right of a diff_drive, (n, 1) of a motor; V, NaN where it floats.
+
+    A duty is multiplied by the measured battery voltage row by row, single-sample dropouts repaired and blanks filled;
+    else by the nominal one, else by `PRESET_BATTERY_VOLTAGE`. duty_mean is (left + right) / 2, duty_diff left - right.
+    """
+    names = next(names for names in INPUT_SETS[dataset.vehicle] if names[0] in run.inputs)
+    columns = np.column_stack([run.inputs[name] for name in names])
+    if names[0] == "duty_mean":
+        columns = np.column_stack([columns[:, 0] + columns[:, 1] / 2, columns[:, 0] - columns[:, 1] / 2])
+    if names[0].startswith("voltage"):
+        return columns
+    return columns * _battery(run, dataset)[0][:, np.newaxis]
+
+
+def _battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
+    """Battery voltage of each sample, and how many readings were replaced as dropouts."""
+    measured = run.outputs.get("battery_voltage")
+    if measured is not None and np.isfinite(measured).any():
+        known = np.isfinite(measured)
+        filled = np.interp(run.time, run.time[known], measured[known])
+        level = median_filter(filled, size=_MEDIAN_SAMPLES, mode="nearest")
+        dropout = np.abs(filled - level) > _DROPOUT_SHARE * np.abs(level)
+        return np.where(dropout, level, filled), int(np.count_nonzero(dropout & known))
+    nominal = dataset.nominal.get("battery_voltage")
+    return np.full(run.time.size, PRESET_BATTERY_VOLTAGE if nominal is None else nominal.value), 0
+
+
+def _battery_notes(dataset: Dataset) -> list[str]:
+    if not any(name.startswith("duty") for name in dataset.signals):
+        return []
+    notes = []
+    for run in dataset.runs:
+        if repaired := _battery(run, dataset)[1]:
+            notes.append(f"run {run.name}: {repaired} battery readings were single-sample dropouts and were replaced")
+    if "battery_voltage" not in dataset.signals and "battery_voltage" not in dataset.nominal:
+        notes.append(f"no battery voltage is measured or stated: duty is multiplied by {PRESET_BATTERY_VOLTAGE:g} V")
+    return notes
+
+
+def _read_run(entry: RunEntry, description: Description) -> Run:
+    wanted = {name: signal.column for name, signal in description.signals.items()}
+    columns = read_columns(entry.file, wanted, description.layout)
+    values = {name: _to_si(entry.file, columns, description, signal) for name, signal in description.signals.items()}
+    _check_time(entry.file, columns, values["time"])
+    _check_duty(entry.file, values)
+    outputs = {name: value for name, value in values.items() if SIGNALS[name].kind == "output"}
+    return Run(
+        name=entry.name,
+        file=entry.file,
+        role=entry.role,
+        time=values["time"],
+        inputs={name: value for name, value in values.items() if SIGNALS[name].kind == "input"},
+        outputs=outputs,
+        raw_outputs=outputs,
+        gap_s=entry.gap_s,
+        replicate_of=entry.replicate_of,
+        initial=entry.initial,
+    )
+
+
+def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
+    """The runs with their damaged samples blanked, the faults, and what to say of them."""
+    records = [Record(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
+    nominal = {name: known.value for name, known in description.nominal.items()}
+    found = audit(records, description.signals, description.frame, nominal)
+    for outputs in found.outputs.values():
+        for values in outputs.values():
+            values.setflags(write=False)
+    return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
+
+
+def _to_si(file: Path, columns: Columns, description: Description, signal: Signal) -> Vector:
+    raw = columns.values[signal.name]
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = signal.to_si * (signal.scale * raw + signal.offset)
+    beyond = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
+    if beyond.any():
+        line = columns.lines[int(np.argmax(beyond))]
+        raise InputError("is beyond any number", file=file, line=line, field=f"{signal.name} (column {signal.column})")
+    limit = SIGNALS[signal.name].largest
+    with np.errstate(invalid="ignore"):
+        beyond = np.abs(values) > limit
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        message = f"{values[row]:.4g} {SIGNALS[signal.name].unit} is beyond what is physical, {limit:g}"
+        place = f"{signal.name} (column {signal.column})"
+        raise InputError(message, file=file, line=columns.lines[row], field=place)
+    values = np.asarray(to_frd(signal.name, values, description.frame), dtype=np.float64)
+    values.setflags(write=False)
+    return values
+
+
+def _check_time(file: Path, columns: Columns, time: Vector) -> None:
+    blank = np.isnan(time)
+    if blank.any():
+        raise InputError("is blank", file=file, line=columns.lines[int(np.argmax(blank))], field="time")
+    if time.size < 2:
+        raise InputError("one sample is no run, two are the least", file=file, line=columns.lines[0])
+    stuck = np.diff(time) <= 0.0
+    if stuck.any():
+        row = int(np.argmax(stuck)) + 1
+        message = f"does not increase: {time[row]:.9g} s after {time[row - 1]:.9g} s"
+        raise InputError(message, file=file, line=columns.lines[row], field="time")
+    if (span := float(time[-1] - time[0])) > _LONGEST_RUN_S:
+        message = f"a run of {span:.4g} s is longer than {_LONGEST_RUN_S:g} s; is the unit of time right?"
+        raise InputError(message, file=file, line=columns.lines[-1], field="time")
+
+
+def _check_duty(file: Path, values: Mapping[str, Vector]) -> None:
+    for name, duty in values.items():
+        limit = 2.0 if name == "duty_diff" else 1.0
+        driven = np.abs(duty[np.isfinite(duty) & (duty != 0.0)])
+        if name.startswith("duty") and driven.size and np.median(driven) > limit * 1.01:
+            raise InputError(f"is mostly beyond -{limit:g}..{limit:g}; is its unit percent?", file=file, field=name)

@@ -1,0 +1,291 @@
+"""Checks `dataset.toml` and turns it into what the reader needs: signals in SI, nominal values, the list of runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
+from brickpilot.data.rows import DELIMITERS, CsvFormat
+from brickpilot.data.signals import INITIAL_UNITS, INPUT_SETS, SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, to_frd
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.data.units import si_factor
+from brickpilot.errors import InputError
+
+Role = Literal["fit", "held_out"]
+
+_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "runs"}
+_SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
+_TIME = {"column", "unit", "scale", "offset"}
+_RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
+_LARGE = 1e12
+_LONGEST_GAP_S = 1e8
+_SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One measured column. A value in SI is ``to_si * (scale * raw + offset)``, its sign turned where the frame is FLU.
+
+    ``noise_sd``, ``resolution`` and ``range`` are written in ``unit``, after scale and offset; here they are in SI and
+    in the paper's frame, like the values themselves. None: not stated.
+    """
+
+    name: str
+    column: str | int
+    unit: str
+    scale: float
+    offset: float
+    noise_sd: float | None
+    resolution: float | None
+    range: tuple[float, float] | None
+
+    @property
+    def to_si(self) -> float:
+        """SI units per ``unit``."""
+        return si_factor(self.unit, SIGNALS[self.name].unit)
+
+
+@dataclass(frozen=True)
+class RunEntry:
+    """One ``[[runs]]`` table, checked; ``initial`` in SI and the paper's frame."""
+
+    name: str
+    file: Path
+    role: Role | None
+    gap_s: float
+    replicate_of: str | None
+    initial: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Description:
+    """A checked dataset.toml."""
+
+    name: str
+    vehicle: Vehicle
+    frame: Frame
+    layout: CsvFormat
+    signals: dict[str, Signal]
+    nominal: dict[str, Nominal]
+    nominal_effects: dict[str, dict[str, Nominal]]
+    gap_s: float
+    runs: tuple[RunEntry, ...]
+    notes: tuple[str, ...]
+
+
+def describe(path: Path) -> Description:
+    """Reads and checks a dataset.toml.
+
+    Raises:
+        InputError: naming file, line and key.
+    """
+    toml = TomlFile(path)
+    data = toml.data
+    toml.known_keys((), data, _TOP)
+    for key in ("name", "vehicle", "signals", "runs"):
+        if key not in data:
+            raise InputError("is missing", file=path, field=key)
+    vehicle = cast(Vehicle, toml.choice(("vehicle",), data["vehicle"], ("diff_drive", "motor")))
+    frame = cast(Frame, toml.choice(("frame",), data.get("frame", "FRD"), ("FLU", "FRD")))
+    signals = _signals(toml, vehicle, frame)
+    layout = _layout(toml)
+    _check_columns(toml, signals, layout)
+    nominal_table = toml.table(("nominal",), data.get("nominal", {}))
+    effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
+    effects = read_nominal_effects(toml, effects_table, frame)
+    gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
+    runs = _runs(toml, vehicle, frame, gap_s)
+    return Description(
+        name=toml.file_name(("name",), data["name"]),
+        vehicle=vehicle,
+        frame=frame,
+        layout=layout,
+        signals=signals,
+        nominal=read_nominal(toml, nominal_table, vehicle),
+        nominal_effects=effects,
+        gap_s=gap_s,
+        runs=runs,
+        notes=tuple(_notes(data, signals)),
+    )
+
+
+def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
+    notes = []
+    if "frame" not in data and TURNS_WITH_FRAME & set(signals):
+        notes.append("no frame is stated: FRD is taken, the paper's, clockwise positive")
+    return notes
+
+
+def _number(toml: TomlFile, key: Key, value: object, low: float = -_LARGE, high: float = _LARGE) -> float:
+    return toml.number(key, value, low, high)
+
+
+def _positive(toml: TomlFile, key: Key, value: object) -> float:
+    number = _number(toml, key, value)
+    if number <= 0.0:
+        toml.refuse(key, f"{number:g} is not above zero")
+    return number
+
+
+def _layout(toml: TomlFile) -> CsvFormat:
+    table = toml.table(("csv",), toml.data.get("csv", {}))
+    toml.known_keys(("csv",), table, {"delimiter", "header"})
+    delimiter, header = table.get("delimiter", ","), table.get("header", True)
+    if delimiter not in DELIMITERS:
+        toml.refuse(("csv", "delimiter"), f"{delimiter!r} is none of comma, semicolon, tab, blank and bar")
+    if not isinstance(header, bool):
+        toml.refuse(("csv", "header"), f"{header!r} is neither true nor false")
+    return CsvFormat(delimiter, header)
+
+
+def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal]:
+    table = toml.table(("signals",), toml.data["signals"])
+    for name in table:
+        if name not in SIGNALS:
+            toml.refuse(("signals", name), "unknown signal")
+        if vehicle not in SIGNALS[name].vehicles:
+            toml.refuse(("signals", name), f"is no signal of vehicle {vehicle}")
+    if "time" not in table:
+        toml.refuse(("signals",), "time is missing")
+    _check_inputs(toml, table, vehicle)
+    if not any(SIGNALS[name].kind == "output" for name in table):
+        toml.refuse(("signals",), "no output is measured")
+    return {name: _signal(toml, name, entry, frame) for name, entry in table.items()}
+
+
+def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> None:
+    sets = INPUT_SETS[vehicle]
+    present = [name for name in table if SIGNALS[name].kind == "input"]
+    wanted = " or ".join(" + ".join(names) for names in sets)
+    if not present:
+        toml.refuse(("signals",), f"no input; one of {wanted} is needed")
+    first = next(names for names in sets if present[0] in names)
+    for name in present:
+        if name not in first:
+            toml.refuse(("signals", name), f"conflicts with {present[0]}; the inputs are {wanted}")
+    for name in first:
+        if name not in present:
+            toml.refuse(("signals", present[0]), f"needs {name} beside it")
+
+
+def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
+    key = ("signals", name)
+    entry = toml.table(key, value)
+    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL)
+    for needed in ("column", "unit"):
+        if needed not in entry:
+            toml.refuse(key, f"{needed} is missing")
+    unit = toml.text((*key, "unit"), entry["unit"])
+    try:
+        factor = si_factor(unit, SIGNALS[name].unit)
+    except ValueError as error:
+        toml.refuse((*key, "unit"), str(error))
+    scale = _number(toml, (*key, "scale"), entry.get("scale", 1.0))
+    if scale == 0.0 or (name == "time" and scale < 0.0):
+        toml.refuse((*key, "scale"), f"{scale:g} cannot scale a column")
+    sizes = {size: _size(toml, name, size, entry[size], factor) for size in ("noise_sd", "resolution") if size in entry}
+    return Signal(
+        name=name,
+        column=entry["column"],
+        unit=unit,
+        scale=scale,
+        offset=_number(toml, (*key, "offset"), entry.get("offset", 0.0)),
+        noise_sd=sizes.get("noise_sd"),
+        resolution=sizes.get("resolution"),
+        range=_range(toml, name, entry["range"], factor, frame) if "range" in entry else None,
+    )
+
+
+def _size(toml: TomlFile, name: str, size: str, value: object, factor: float) -> float:
+    """A noise_sd or a resolution, SI."""
+    key = ("signals", name, size)
+    number = _positive(toml, key, value) * factor
+    if not _SMALLEST_SIZE <= number <= SIGNALS[name].largest:
+        limits = f"{_SMALLEST_SIZE:g}..{SIGNALS[name].largest:g} {SIGNALS[name].unit}"
+        toml.refuse(key, f"{number:g} is outside what is physical, {limits}")
+    return number
+
+
+def _range(toml: TomlFile, name: str, value: object, factor: float, frame: Frame) -> tuple[float, float]:
+    key = ("signals", name, "range")
+    if not isinstance(value, list) or len(value) != 2:
+        toml.refuse(key, "needs [lowest, highest]")
+    low, high = (_number(toml, key, end) * factor for end in value)
+    if not low < high:
+        toml.refuse(key, "the lowest is not below the highest")
+    ends = np.sort(to_frd(name, np.array([low, high]), frame))
+    return float(ends[0]), float(ends[1])
+
+
+def _check_columns(toml: TomlFile, signals: Mapping[str, Signal], layout: CsvFormat) -> None:
+    taken: dict[str | int, str] = {}
+    for name, signal in signals.items():
+        key, column = ("signals", name, "column"), signal.column
+        if layout.header and not (isinstance(column, str) and column):
+            toml.refuse(key, f"{column!r} is not the name of a column")
+        if not layout.header and (isinstance(column, bool) or not isinstance(column, int) or not 0 <= column < 10_000):
+            toml.refuse(key, f"{column!r} is not a column number from 0, as files without a header need")
+        if column in taken:
+            toml.refuse(key, f"{column!r} is the column of {taken[column]} already")
+        taken[column] = name
+
+
+def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple[RunEntry, ...]:
+    entries = toml.data["runs"]
+    if not isinstance(entries, list) or not entries:
+        toml.refuse(("runs",), "needs at least one [[runs]] table")
+    runs: list[RunEntry] = []
+    for index, entry in enumerate(entries):
+        run = _run(toml, ("runs", index), toml.table(("runs", index), entry), vehicle, frame, gap_s)
+        if run.name in {other.name for other in runs}:
+            toml.refuse(("runs", index, "name"), f"{run.name!r} is the name of two runs")
+        runs.append(run)
+    names = {run.name for run in runs}
+    for index, run in enumerate(runs):
+        if run.replicate_of is not None and run.replicate_of not in names - {run.name}:
+            toml.refuse(("runs", index, "replicate_of"), f"{run.replicate_of!r} is no other run")
+    return tuple(runs)
+
+
+def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, frame: Frame, gap_s: float) -> RunEntry:
+    toml.known_keys(key, entry, _RUN)
+    for needed in ("name", "file"):
+        if needed not in entry:
+            toml.refuse(key, f"{needed} is missing")
+    name = toml.file_name((*key, "name"), entry["name"])
+    role = cast(Role, toml.choice((*key, "role"), entry["role"], ("fit", "held_out"))) if "role" in entry else None
+    replicate_of = toml.text((*key, "replicate_of"), entry["replicate_of"]) if "replicate_of" in entry else None
+    return RunEntry(
+        name=name,
+        file=_file(toml, (*key, "file"), entry["file"]),
+        role=role,
+        gap_s=_number(toml, (*key, "gap_s"), entry.get("gap_s", gap_s), 0.0, _LONGEST_GAP_S),
+        replicate_of=replicate_of,
+        initial=_initial(toml, (*key, "initial"), entry.get("initial", {}), vehicle, frame),
+    )
+
+
+def _file(toml: TomlFile, key: Key, value: object) -> Path:
+    name = toml.text(key, value)
+    folder = toml.path.parent
+    try:
+        if not (folder / name).resolve().is_relative_to(folder.resolve()) or Path(name).is_absolute() or "\\" in name:
+            toml.refuse(key, f"{name!r} is outside the data set's folder")
+        if not (folder / name).is_file():
+            toml.refuse(key, f"no such file: {name!r}")
+    except (OSError, RuntimeError) as error:
+        toml.refuse(key, f"{name!r} cannot be read: {error.__class__.__name__}")
+    return folder / name
+
+
+def _initial(toml: TomlFile, key: Key, value: object, vehicle: Vehicle, frame: Frame) -> dict[str, float]:
+    table = toml.table(key, value)
+    toml.known_keys(key, table, INITIAL_UNITS[vehicle])
+    stated = {name: _number(toml, (*key, name), number) for name, number in table.items()}
+    return {name: math.copysign(1.0, to_frd(name, np.ones(1), frame)[0]) * number for name, number in stated.items()}

@@ -1,0 +1,88 @@
+"""Which runs are fitted and which are held out, where the data set leaves the choice to the program."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.dataset import Dataset, Run
+
+# An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
+_STEP_SPREAD = 0.2
+# Of two motors' inputs, the smaller of sum and difference below this share of the larger: straight, or on the spot.
+_PURE = 0.3
+
+_GIVEN = {
+    frozenset({"fit"}): "The data set holds no run out.",
+    frozenset({"held_out"}): "The data set holds every run out.",
+    frozenset({"fit", "held_out"}): "The data set says which runs are held out.",
+}
+
+
+@dataclass(frozen=True)
+class Roles:
+    """`by_run`: "fit" or "held_out" of each run. `note`: one sentence on who chose, and how."""
+
+    by_run: Mapping[str, str]
+    note: str
+
+    def fit(self) -> list[str]:
+        return [name for name, role in self.by_run.items() if role == "fit"]
+
+    def held_out(self) -> list[str]:
+        return [name for name, role in self.by_run.items() if role == "held_out"]
+
+
+def assign(dataset: Dataset, inputs: Mapping[str, NDArray[np.float64]]) -> Roles:
+    """The role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
+
+    Where the file holds a run out, its other runs are fitted. Where it holds none out, runs without a role are grouped
+    by manoeuvre (straight, spot turn, curve; step or ramp; forward and backward are one manoeuvre) and ordered by the
+    size of their input. The second of every three is held out, and a repeat rather than what it repeats. The same data
+    set always gives the same roles.
+    """
+    given = {run.name: run.role for run in dataset.runs if run.role is not None}
+    if len(given) == len(dataset.runs):
+        return Roles(given, _GIVEN[frozenset(given.values())])
+    if "held_out" in given.values():
+        chosen = {run.name: run.role or "fit" for run in dataset.runs}
+        return Roles(chosen, "The data set says which runs are held out; its other runs are fitted.")
+    open_runs = [run for run in dataset.runs if run.role is None]
+    out = _choose(open_runs, inputs)
+    chosen = {run.name: run.role or ("held_out" if run.name in out else "fit") for run in dataset.runs}
+    if not out:
+        return Roles(chosen, "No run is held out: the data set names none, and each manoeuvre occurs once.")
+    return Roles(
+        chosen, f"The program held out {', '.join(n for n in chosen if n in out)}: one of three of each manoeuvre."
+    )
+
+
+def _choose(runs: list[Run], inputs: Mapping[str, NDArray[np.float64]]) -> set[str]:
+    out = {run.name for run in runs if run.replicate_of is not None}
+    groups: dict[str, list[tuple[float, str]]] = defaultdict(list)
+    for run in runs:
+        if run.name not in out:
+            driven = np.nan_to_num(inputs[run.name])
+            groups[_manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run.name))
+    for group in groups.values():
+        out.update(name for _, name in sorted(group)[1::3])
+    return out
+
+
+def _manoeuvre(driven: NDArray[np.float64]) -> str:
+    size = np.abs(driven).max(axis=1)
+    moving = driven[size > 0.05 * max(float(size.max()), 1e-12)]
+    if len(moving) == 0:
+        return "rest"
+    size = np.abs(moving).max(axis=1)
+    shape = "step" if size.std() < _STEP_SPREAD * size.mean() else "ramp"
+    if driven.shape[1] == 1:
+        return shape
+    common, difference = np.abs(moving.sum(axis=1)).mean(), np.abs(moving[:, 0] - moving[:, 1]).mean()
+    if min(common, difference) > _PURE * max(common, difference):
+        return f"curve {shape}"
+    return f"{'straight' if common > difference else 'spin'} {shape}"

@@ -1,0 +1,106 @@
+"""`[nominal]` of a data set: what the experimenter knows. Names and ranges come from the plant's C tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from brickpilot import catalogue
+from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.toml_file import Key, TomlFile
+
+# Where an effect's lateral values are along the axes of the frame, unless their name says the side.
+_IN_AXES = frozenset({"sensor", "body"})
+_SIDES = frozenset({"left", "right"})
+
+_LARGE = 1e12
+_FINEST_SD = 1e-15
+_FINEST_SHARE = 1e-9  # of the value: nothing on a bench is known better
+_WIDEST_SD = 1e9
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """A known value in SI and how well it is known; ``sd`` None: nothing said."""
+
+    value: float
+    sd: float | None = None
+
+
+def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Nominal]:
+    """The nominal parameters, each known to the plant and within its physical range.
+
+    Raises:
+        InputError: naming the parameter's line.
+    """
+    known = {info.name: info for info in catalogue.parameters()}
+    nominal = {}
+    for name, entry in table.items():
+        if name == "effects":
+            continue
+        key = ("nominal", name)
+        if name not in known:
+            toml.refuse(key, "unknown nominal parameter")
+        info = known[name]
+        nominal[name] = _entry(toml, key, entry, info.minimum, info.maximum, info.unit)
+    _check_drive(toml, nominal, vehicle)
+    return nominal
+
+
+def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame) -> dict[str, dict[str, Nominal]]:
+    """The effects that the experimenter's model already contains.
+
+    Values are read in the file's frame and handed out in the paper's: in FLU the sign of what a sensor or the body has
+    sideways or about the vertical turns over, as that of its signals does. What is called left or right stays.
+
+    Raises:
+        InputError: naming the effect's line.
+    """
+    known = {effect.name: effect for effect in catalogue.effects()}
+    effects: dict[str, dict[str, Nominal]] = {}
+    for name, entries in table.items():
+        key = ("nominal", "effects", name)
+        if name not in known:
+            toml.refuse(key, "unknown effect")
+        if not isinstance(entries, dict) or not entries:
+            toml.refuse(key, "needs a table with at least one parameter")
+        effects[name] = {}
+        ranges = {info.name: info for info in known[name].parameters}
+        for parameter, entry in entries.items():
+            if parameter not in ranges:
+                toml.refuse((*key, parameter), f"unknown parameter; known: {', '.join(ranges)}")
+            info = ranges[parameter]
+            stated = _entry(toml, (*key, parameter), entry, info.minimum, info.maximum, info.unit)
+            if frame == "FLU" and info.odd and known[name].acts_on in _IN_AXES and parameter not in _SIDES:
+                stated = replace(stated, value=0.0 - stated.value)
+            effects[name][parameter] = stated
+    return effects
+
+
+def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, unit: str) -> Nominal:
+    if not isinstance(entry, dict):
+        return Nominal(toml.number(key, entry, low, high, unit))
+    toml.known_keys(key, entry, {"value", "sd"})
+    if "value" not in entry:
+        toml.refuse(key, "value is missing")
+    value = toml.number((*key, "value"), entry["value"], low, high, unit)
+    if "sd" not in entry:
+        return Nominal(value)
+    sd = toml.number((*key, "sd"), entry["sd"], -_LARGE, _LARGE, unit)
+    if sd <= 0.0:
+        toml.refuse((*key, "sd"), f"{sd:g} is not above zero")
+    if not max(_FINEST_SD, _FINEST_SHARE * abs(value)) <= sd <= min(high - low, _WIDEST_SD):
+        toml.refuse((*key, "sd"), f"{sd:g} is no believable uncertainty of {value:g} {unit}".rstrip())
+    return Nominal(value, sd)
+
+
+def _check_drive(toml: TomlFile, nominal: Mapping[str, Nominal], vehicle: Vehicle) -> None:
+    closed = [name for name in nominal if name in {"force_per_volt", "torque_per_volt"}]
+    if closed and vehicle != "motor":
+        toml.refuse(("nominal", closed[0]), f"belongs to a motor, not to a {vehicle}")
+    for name in closed:
+        if nominal[name].value == 0.0:
+            toml.refuse(("nominal", name), "is 0: leave it out of a motor that is driven by voltage")
+    if len(closed) > 1:
+        toml.refuse(("nominal", closed[1]), f"conflicts with {closed[0]}: the drive commands one or the other")

@@ -1,0 +1,170 @@
+"""What a fit compares: one signal of one run, sample by sample or averaged over bins of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from brickpilot.data.dataset import Dataset, Run
+from brickpilot.errors import InputError
+from brickpilot.fit.replay import RATE_OF, SUMMED, judged, measured_rates
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Block:
+    """One signal of one fitted run.
+
+    Attributes:
+        place: where it stands in the stacked residual.
+        known: over the run's samples or bins: which of them are compared.
+        measured: their values, SI.
+        middle: s of the run's clock, of each value.
+        averages: (values, simulated samples) what takes a simulated signal to them; None: the known samples themselves.
+        count: samples that went into a value, on average.
+    """
+
+    run: str
+    signal: str
+    place: slice
+    known: NDArray[np.bool_]
+    measured: Array
+    middle: Array
+    averages: csr_array | None = None
+    count: float = 1.0
+
+    def pick(self, values: Array) -> Array:
+        """Of (simulated samples of the run,): what stands beside `measured`."""
+        return values[self.known] if self.averages is None else np.asarray(self.averages @ values)
+
+
+@dataclass(frozen=True)
+class Bins:
+    """How blocks average: over bins of `width` s from each run's start.
+
+    Attributes:
+        grids: run -> time of the simulated samples, s, where they are not those measured.
+        means: run -> s; an acceleration is a mean over the last step, so long among the measured samples.
+        changes: signals that are judged by their change from bin to bin; at least those that sum up (`SUMMED`).
+    """
+
+    width: float
+    grids: Mapping[str, Array] = field(default_factory=dict)
+    means: Mapping[str, float] = field(default_factory=dict)
+    changes: frozenset[str] = SUMMED
+
+
+def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
+    """The blocks of the fitted runs, and a sentence on each signal that is left out.
+
+    Args:
+        bins: averages are compared, and of some signals their change from bin to bin; None: samples.
+
+    Raises:
+        InputError: the fitted runs hold nothing that the model gives.
+    """
+    names, _ = judged(dataset, model)
+    found: list[Block] = []
+    notes, start = [], 0
+    for run in dataset.runs:
+        if run.name not in fitted:
+            continue
+        rates = measured_rates(run)
+        for signal, measured in _fitted_signals(run, names, rates).items():
+            known = np.isfinite(measured)
+            if np.count_nonzero(known) < 2:
+                continue
+            if _frozen(measured[known], rates.get(RATE_OF.get(signal, ""))):
+                notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
+                continue
+            block = _block(run, signal, measured, known, start, bins)
+            if len(block.measured) < 2:
+                continue
+            found.append(block)
+            start = block.place.stop
+    if not found:
+        raise InputError("nothing measured to judge in the runs that are fitted", file=dataset.path, field="signals")
+    return found, notes
+
+
+def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], start: int, bins: Bins | None) -> Block:
+    if bins is None:
+        values = measured[known]
+        return Block(run.name, signal, slice(start, start + len(values)), known, values, run.time[known])
+    rows = np.flatnonzero(known)
+    time = run.time[rows]
+    number = np.floor((time - run.time[0]) / bins.width + 1e-9).astype(np.intp)
+    filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
+    mean = csr_array((1 / counts[place], (place, np.arange(len(rows)))))
+    middle = np.asarray(mean @ time)
+    if signal in bins.changes:
+        later = np.arange(len(filled) - 1)
+        change = csr_array((np.ones_like(later), (later, later + 1)), shape=(len(later), len(filled)))
+        change = change - csr_array((np.ones_like(later), (later, later)), shape=(len(later), len(filled)))
+        mean, middle, filled = csr_array(change @ mean), middle[1:], filled[1:]
+    values = np.asarray(mean @ measured[rows])
+    grid = bins.grids.get(run.name)
+    if grid is None:
+        reach = csr_array((np.ones(len(rows)), (np.arange(len(rows)), rows)), shape=(len(rows), len(run.time)))
+    elif signal.startswith("accel"):
+        reach = _overlap(time, bins.means[run.name], grid)
+    else:
+        reach = _interpolation(time, grid)
+    compared = np.zeros(int(number[-1]) + 1, dtype=np.bool_)
+    compared[filled] = True
+    return Block(
+        run.name,
+        signal,
+        slice(start, start + len(values)),
+        compared,
+        values,
+        middle,
+        csr_array(mean @ reach),
+        float(counts.mean()),
+    )
+
+
+def _interpolation(time: Array, grid: Array) -> csr_array:
+    """(times, grid): linear between the grid's points, constant beyond them."""
+    left = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
+    share = np.clip((time - grid[left]) / (grid[left + 1] - grid[left]), 0.0, 1.0)
+    rows = np.arange(len(time))
+    entries = np.concatenate([1 - share, share])
+    return csr_array(
+        (entries, (np.concatenate([rows, rows]), np.concatenate([left, left + 1]))), shape=(len(time), len(grid))
+    )
+
+
+def _overlap(time: Array, span: float, grid: Array) -> csr_array:
+    """(times, grid): means over the last `span`, of what is given as means over the grid's longer steps."""
+    last = np.clip(np.searchsorted(grid, time - 1e-9), 1, len(grid) - 1)
+    share = np.clip((time - grid[last - 1]) / span, 0.0, 1.0)
+    rows = np.arange(len(time))
+    entries = np.concatenate([share, 1 - share])
+    return csr_array(
+        (entries, (np.concatenate([rows, rows]), np.concatenate([last, last - 1]))), shape=(len(time), len(grid))
+    )
+
+
+def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) -> dict[str, Array]:
+    """What was measured and is judged, but of a motor's position alone its velocity.
+
+    A position sums the velocity's error up while the run lasts: the same data, with an error that never settles.
+    """
+    fitted = {name: run.outputs[name] for name in names if name in run.outputs}
+    for summed, rate in RATE_OF.items():
+        if summed in fitted and rate not in fitted:
+            del fitted[summed]
+            fitted[rate] = rates[rate]
+    return fitted
+
+
+def _frozen(known: Array, rate: Array | None) -> bool:
+    """Whether `known` stands still while the rate that was measured beside it does not."""
+    return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))

@@ -1,0 +1,209 @@
+"""Fits the free nominal parameters of a model to measured runs by output error, and says how well they are known."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data import holdout
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.ils import signal_error
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.descent import (
+    FINE,
+    FOLLOWED,
+    ROUGH,
+    VISIBLE,
+    Counter,
+    Progress,
+    Start,
+    descend,
+    search,
+    search_sizes,
+)
+from brickpilot.fit.output_error import OutputError, Scale
+from brickpilot.fit.parameters import Plan, plan, value_of
+from brickpilot.fit.replay import SUMMED, Outputs, Replay, is_judged, judged
+from brickpilot.fit.uncertainty import Combination, Estimate, assess
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+_COARSE_STEP = 0.003  # s, of the motor, until the fit is refined at the plant's own
+_ROUNDS = 3  # of weighing the signals by what is left of them, then fitting
+
+
+@dataclass(frozen=True)
+class Gap:
+    """rms error over rms signal, one signal of one run, with the values the fit started from and with the fitted.
+
+    None where the signal has no energy; and `before`, where the plant diverges with the values of the start.
+    """
+
+    run: str
+    role: str
+    signal: str
+    before: float | None
+    after: float | None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What `calibrate` found.
+
+    Attributes:
+        model: the start's model with the fitted values: what is written to model.toml.
+        parameters: by name, "mass" or "coulomb_friction.torque".
+        cannot_tell_apart: groups of parameters of which the data give combinations alone.
+        combinations: those combinations, where they have a plain meaning.
+        scales: how each signal was weighed.
+        notes: sentences on what was taken for granted, left out, or could not be told.
+    """
+
+    dataset: str
+    model: Model
+    parameters: Mapping[str, Estimate]
+    cannot_tell_apart: tuple[tuple[str, ...], ...]
+    combinations: tuple[Combination, ...]
+    gaps: tuple[Gap, ...]
+    starts: tuple[Start, ...]
+    scales: Mapping[str, Scale]
+    roles: Mapping[str, str]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        parameters = {}
+        for name, estimate in self.parameters.items():
+            entry = dataclasses.asdict(estimate)
+            entry["ci95"] = list(estimate.ci95) if estimate.ci95 is not None else [None, None]
+            parameters[name] = entry
+        return {
+            "dataset": self.dataset,
+            "parameters": parameters,
+            "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
+            "combinations": [dataclasses.asdict(one) | {"ci95": list(one.ci95)} for one in self.combinations],
+            "gap": [dataclasses.asdict(gap) for gap in self.gaps],
+            "signals": {
+                name: {"scale": s.size, "noise_sd": s.noise, "correlation_samples": s.tau}
+                for name, s in self.scales.items()
+            },
+            "starts": [dataclasses.asdict(start) for start in self.starts],
+            "roles": dict(self.roles),
+            "notes": list(self.notes),
+        }
+
+
+def calibrate(
+    dataset: Dataset,
+    *,
+    effects: Sequence[str] = (),
+    free: Sequence[str] = (),
+    seed: int = 0,
+    threads: int = 2,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Fits by simulation from the inputs alone, all fit runs together.
+
+    A plain value of [nominal] stays; {value, sd} is fitted with that prior; what is absent is fitted with a wide one.
+    The same data set, options and seed give the same result.
+
+    Args:
+        effects: names of effects to switch on, with all their parameters free.
+        free: nominal parameters to fit although the data set gives them as plain values.
+        seed: of the random starts.
+        progress: called with (done, total, text).
+
+    Raises:
+        InputError: an unknown effect or parameter, nothing measured that the model gives, or no run left to fit
+            although something is free.
+        SimulationError: the plant diverges with the values that the data set states, or that fitted best.
+    """
+    replay = Replay(dataset)
+    roles = holdout.assign(dataset, replay.inputs)
+    nominal, chosen = plan(dataset, free=free), plan(dataset, effects=effects, free=free)
+    notes = [roles.note, *chosen.notes, *dataset.notes, *judged(dataset, chosen.model)[1]]
+    if not chosen.free:
+        notes.append("Nothing to fit: the data set gives every parameter as a plain value.")
+        return _result(replay, chosen.model, chosen.model, {}, {}, roles, notes)
+    if not roles.fit():
+        raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
+    problem = OutputError(replay, chosen, roles.fit(), threads=threads)
+    notes.extend(problem.notes)
+    count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
+    random = np.random.default_rng(seed)
+    coarse = Replay(dataset, motor_step=_COARSE_STEP)
+    rough = OutputError(coarse, nominal, roles.fit(), threads=threads)
+    rough.holds_priors = False
+    best, starts = search(rough, random, count)
+    if len(chosen.free) > len(nominal.free):
+        rough = OutputError(coarse, chosen, roles.fit(), threads=threads)
+        rough.holds_priors = False
+        best, starts = search_sizes(rough, best, count)
+    for number in range(_ROUNDS):
+        count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
+        rough.rescale(best)
+        rough.holds_priors = number == _ROUNDS - 1
+        best = descend(rough, best, ROUGH)
+    count("refining")
+    problem.rescale(best)
+    best = descend(problem, best, FINE)
+    model = chosen.at(best)
+    known = assess(problem, model, chosen.free)
+    basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
+    model = dataclasses.replace(model, basis=basis)
+    notes.extend(_remarks(chosen, model, known.traceless))
+    result = _result(replay, chosen.model, model, known.estimates, problem.scales, roles, notes)
+    return dataclasses.replace(result, cannot_tell_apart=known.groups, combinations=known.combinations, starts=starts)
+
+
+def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str]:
+    remarks = []
+    if traceless:
+        remarks.append(f"These runs show nothing of {', '.join(traceless)}: any value would do.")
+    wide = [one.name for one in chosen.free if one.known is None]
+    if wide:
+        remarks.append(
+            f"Nothing was stated of {', '.join(wide)}: their intervals take a factor of 20 each way for granted."
+        )
+    for one in chosen.free:
+        value = value_of(model, one.name)
+        away = abs(value - one.known.value) / one.known.sd if one.known and one.known.sd else 0.0
+        if away > 2:
+            remarks.append(f"{one.name} left its prior by {away:.1f} sd: a finding, not a fix.")
+        if not one.signed and abs(value - one.info.maximum) < 1e-6 * one.info.maximum:
+            remarks.append(f"{one.name} ended at the upper bound of what is physical.")
+    return remarks
+
+
+def _result(
+    replay: Replay,
+    before: Model,
+    after: Model,
+    estimates: Mapping[str, Estimate],
+    scales: Mapping[str, Scale],
+    roles: holdout.Roles,
+    notes: list[str],
+) -> Calibration:
+    first: Mapping[str, Outputs] = {}
+    try:
+        first, last = replay.simulate([before, after])
+    except SimulationError:  # of the start, else it is raised again
+        last = replay.simulate([after])[0]
+    gaps = []
+    for run in replay.dataset.runs:
+        for signal, measured in run.outputs.items():
+            if is_judged(signal, last[run.name], after):
+                shares = [
+                    signal_error(run.time, one[run.name][signal], measured, relative=signal in SUMMED).share
+                    if one
+                    else None
+                    for one in (first, last)
+                ]
+                gaps.append(Gap(run.name, roles.by_run[run.name], signal, shares[0], shares[1]))
+    return Calibration(
+        replay.dataset.name, after, estimates, (), (), tuple(gaps), (), scales, dict(roles.by_run), tuple(notes)
+    )

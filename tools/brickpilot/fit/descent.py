@@ -1,0 +1,164 @@
+"""Where the fit starts, and the way down: several starts, because output error has more than one valley."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.output_error import OutputError
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int, str], None]
+
+_SCREENED = 32  # random starts that are only evaluated
+FOLLOWED = 2  # of them, and both systematic starts, that are followed downhill
+_EVALUATIONS = 20  # of the residual, at most, in one descent
+ROUGH, FINE = 1e-4, 1e-7  # relative change of cost at which a descent ends
+_SHORTEST = 1e-2  # of that: relative length of a step at which a descent ends
+_SPREAD = 1.5  # sd of the random starts, in coordinates
+VISIBLE = (0.03, 0.1, 0.3)  # of a signal's rms: the sizes from which an effect is followed
+_SIZES = 21  # that are tried to find them, so many decades below and above the effect's preset
+_DECADES = 5.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start of the fit and the cost, half a sum of squares, at which the descent from it ended."""
+
+    name: str
+    cost: float
+
+
+class Counter:
+    """Tells `progress`, if there is one, of one more thing begun out of `total`."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def __call__(self, text: str) -> None:
+        if self._progress is not None:
+            self._progress(self._done, self._total, text)
+        self._done += 1
+
+
+def _natural_start(problem: OutputError) -> Array:
+    """The first start; but what may be zero and is not stated stands where it changes the signals by their size."""
+    free, start = problem.plan.free, problem.plan.start()
+    share = np.sqrt(np.mean((problem.sensitivity(start) / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
+    moved = np.array([one.known is None and one.info.minimum == 0 for one in free]) & (share > 0)
+    low, high = _bounds(problem)
+    return np.clip(np.where(moved, start - np.log(np.where(moved, share, 1.0)), start), low, high)
+
+
+def search(problem: OutputError, random: np.random.Generator, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+    """The best end of several descents: from two systematic starts and from the best of many random ones near them."""
+    starts = np.array([problem.plan.start(), _natural_start(problem)])
+    spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
+    between = random.uniform(size=(_SCREENED, len(spread)))
+    candidates = starts[0] + between * (starts[1] - starts[0]) + random.normal(size=between.shape) * spread
+    named = [("nominal values", starts[0]), ("natural sizes", starts[1])]
+    named += _best_of(problem, candidates) if spread.any() else []
+    return _follow(problem, named, count)
+
+
+def search_sizes(problem: OutputError, nominal: Array, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+    """Adds effects to a fitted nominal model.
+
+    Few are smooth at zero, so that each is followed down from several sizes: those at which it changes the signals by
+    so many per cent of their rms. An effect of either sign starts with both.
+    """
+    added = problem.plan.free[len(nominal) :]
+    base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])
+    sizes = np.array([_visible_sizes(problem, base, len(nominal) + k) for k in range(len(added))])
+    either = any(one.signed for one in added)
+    named = []
+    for column, share in enumerate(VISIBLE):
+        for sign in (1.0, -1.0) if either else (1.0,):
+            values = [
+                one.to_coordinate(sign * s if one.signed else s) for one, s in zip(added, sizes[:, column], strict=True)
+            ]
+            named.append(
+                (f"effects {'of' if sign > 0 else 'of minus'} {100 * share:g} %", np.concatenate([nominal, values]))
+            )
+    return _follow(problem, named, count)
+
+
+def _visible_sizes(problem: OutputError, base: Array, index: int) -> list[float]:
+    """The sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
+    one = problem.plan.free[index]
+    sizes = one.size * np.logspace(-_DECADES, _DECADES, _SIZES)
+    sizes = sizes[(sizes >= one.info.minimum) & (sizes <= one.info.maximum)]
+    points = np.tile(base, (len(sizes), 1))
+    points[:, index] = [one.to_coordinate(float(size)) for size in sizes]
+    moved = problem.predict([problem.plan.at(point) for point in points])
+    changes = np.sqrt(np.mean(((moved - moved[0]) / problem.signal_size()) ** 2, axis=1))
+    logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
+    return [float(sizes[int(np.argmin(np.abs(logs - np.log(share))))]) for share in VISIBLE]
+
+
+def _best_of(problem: OutputError, candidates: Array) -> list[tuple[str, Array]]:
+    low, high = _bounds(problem)
+    inside = np.clip(candidates, low, high)
+    costs = np.array([_cost(problem, point) for point in inside])
+    order = np.argsort(costs, kind="stable")[:FOLLOWED]
+    return [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
+
+
+def _follow(problem: OutputError, named: list[tuple[str, Array]], count: Counter) -> tuple[Array, tuple[Start, ...]]:
+    ends = []
+    for name, point in named:
+        count(f"descending from {name}")
+        try:
+            end = descend(problem, point, ROUGH)
+        except SimulationError:
+            continue
+        ends.append((_cost(problem, end), name, end))
+    if not ends:
+        raise InputError("the plant diverges from every start: are units and nominal values right?", field="nominal")
+    return min(ends, key=lambda one: one[0])[2], tuple(Start(name, cost) for cost, name, _ in ends)
+
+
+def _cost(problem: OutputError, point: Array) -> float:
+    cost = float(np.sum(problem.residual(point) ** 2) / 2)
+    return cost if np.isfinite(cost) else float("inf")
+
+
+def _bounds(problem: OutputError) -> tuple[Array, Array]:
+    low, high = np.array([one.bounds() for one in problem.plan.free]).T
+    return low, high
+
+
+def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
+    """The end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
+
+    A step to where the plant diverges is taken back and shortened.
+
+    Raises:
+        SimulationError: the plant diverges at `point` itself.
+    """
+    low, high = _bounds(problem)
+    margin = 1e-9 * (high - low)
+    inside = np.clip(point, low + margin, high - margin)
+    several = len(inside) > 1
+    if not np.isfinite(_cost(problem, inside)):
+        raise SimulationError("the plant diverges where the fit was to go on")
+    found = least_squares(
+        problem.residual,
+        inside,
+        jac=problem.jacobian,
+        bounds=(low, high),
+        max_nfev=_EVALUATIONS,
+        ftol=tolerance,
+        xtol=tolerance * _SHORTEST,
+        x_scale=np.array([one.reach for one in problem.plan.free]),
+        # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
+        # Regularised, or ended early, lsmr's steps creep along a valley.
+        tr_solver="lsmr" if several else "exact",
+        tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)} if several else {},
+    )
+    return np.asarray(found.x)

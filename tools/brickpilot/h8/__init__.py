@@ -1,1 +1,0 @@
-"""The RCX's processor: what an instruction costs, and a control step of the firmware."""

@@ -1,1 +1,0 @@
-"""The infrared link to an RCX: tower is the device on this end, lnp the packets of brickOS."""

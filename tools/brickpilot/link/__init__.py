@@ -1,0 +1,1 @@
+"""Links to a brick: transports, messages, sessions, and the infrared tower of the RCX."""

@@ -1,0 +1,65 @@
+"""A run's folder: log, figures of merit, page. Written beside its place, then renamed: it is whole or absent."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from brickpilot.errors import InputError
+from brickpilot.vehicle.flight import Flight
+
+
+@contextmanager
+def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
+    """Yields an empty folder beside `out` and renames it to `out` at the end; on an error nothing is left.
+
+    An older `out` is replaced only where it holds nothing but `files`, the ones that this command writes.
+
+    Raises:
+        InputError: `out` is no folder, or one with anything else in it, or cannot be written.
+    """
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError("is not a folder, and one is to be written there", file=out)
+    try:
+        others = sorted({path.name for path in out.iterdir()} - set(files)) if out.is_dir() else []
+        if others:
+            raise InputError(f"holds other things, such as {others[0]}; name an empty or a new folder", file=out)
+        made = not out.parent.exists()
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=out) from error
+    try:
+        yield beside
+        beside.chmod(0o755)
+        if out.exists():
+            shutil.rmtree(out)
+        beside.rename(out)
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        if made and not any(out.parent.iterdir()):
+            out.parent.rmdir()
+        raise
+
+
+def write_log(flight: Flight, path: Path) -> None:
+    """The log as CSV: a header, then one row per control step. Nine digits: below every sensor's resolution."""
+    columns = flight.log
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments=""
+    )
+
+
+def write(flight: Flight, figures: dict[str, Any], page: str, out: Path) -> None:
+    """Writes `log.csv`, `summary.json` and `report.html` into `out`; errors as `fresh_folder`."""
+    with fresh_folder(out, {"log.csv", "summary.json", "report.html"}) as folder:
+        write_log(flight, folder / "log.csv")
+        (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n")
+        (folder / "report.html").write_text(page, encoding="utf-8")

@@ -1,0 +1,174 @@
+"""The page of a flight: the track over the waypoints, the signals, and the controller's inside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from brickpilot import __version__
+from brickpilot.report.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, figure, thin, to_svg
+from brickpilot.vehicle.flight import ACCEPTANCE_M, Flight
+
+PHASES = ("begin", "brake", "turn", "drive", "end")
+
+
+def environment() -> Environment:
+    """Jinja2 over the package's templates; everything but a figure is escaped."""
+    return Environment(
+        loader=PackageLoader("brickpilot.report"),
+        autoescape=select_autoescape(["html", "j2"]),
+        undefined=StrictUndefined,
+    )
+
+
+def _lines(axis: Axes, flight: Flight, lines: list[tuple[str, str, str]], label: str, scale: float = 1.0) -> None:
+    """Draws log columns, given as (column, legend, colour), times `scale`, against time."""
+    time = flight.log["time_s"]
+    for column, legend, colour in lines:
+        axis.plot(*thin(time, flight.log[column] * scale), color=colour, label=legend)
+    axis.set_ylabel(label)
+    axis.legend(loc="upper right", ncols=len(lines))
+
+
+def track(flight: Flight, figures: dict[str, Any]) -> str:
+    """The track from above, x up and y to the right as the frame has them, over waypoints and acceptance circles."""
+    log, scenario = flight.log, flight.plan.scenario
+    drawn, (axis,) = figure(width=7.0, row_height=6.2)
+    if scenario.waypoints:
+        corners = np.array([scenario.start[:2], *scenario.waypoints])
+        axis.plot(corners[:, 1], corners[:, 0], color=GREY, linewidth=0.8, linestyle=":", label="legs")
+        for number, ((x, y), moment) in enumerate(zip(scenario.waypoints, figures["reached_at_s"], strict=True), 1):
+            colour = GREEN if moment is not None else ORANGE
+            axis.add_patch(Circle((y, x), ACCEPTANCE_M, fill=False, edgecolor=colour))
+            axis.annotate(str(number), (y, x), ha="center", va="center", fontsize=9)
+    axis.plot(log["true_y_m"], log["true_x_m"], color=BLUE, linewidth=1.6, label="true track")
+    if scenario.waypoints and flight.plan.sensors != "ideal":
+        axis.plot(
+            log["estimate_y_m"],
+            log["estimate_x_m"],
+            color=ORANGE,
+            linestyle="--",
+            linewidth=0.9,
+            label="as the robot believes",
+        )
+    axis.plot(log["true_y_m"][0], log["true_x_m"][0], marker="o", color=BLUE, markersize=5)
+    axis.set_xlabel("y, to the right (m)")
+    axis.set_ylabel("x, forward at the start (m)")
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.legend(loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=3)
+    return to_svg(drawn, "track over the waypoints, seen from above")
+
+
+def motion(flight: Flight) -> str:
+    """True motion, and what the sensors made of it."""
+    drawn, axes = figure(4)
+    mission = flight.plan.scenario.kind == "mission"
+    speed = [("true_speed_m_s", "true", BLUE)]
+    _lines(axes[0], flight, [("estimate_speed_m_s", "estimate", ORANGE), *speed] if mission else speed, "surge (m/s)")
+    gyro = [("measured_yaw_rate_rad_s", "measured", GREY)] if flight.plan.sensors != "ideal" else []
+    _lines(axes[1], flight, [*gyro, ("true_yaw_rate_rad_s", "true", BLUE)], "yaw rate (rad/s)")
+    accel = [("measured_accel_surge_m_s2", "measured", GREY)] if flight.plan.sensors != "ideal" else []
+    _lines(axes[2], flight, [*accel, ("true_accel_surge_m_s2", "true", BLUE)], "surge accel. (m/s²)")
+    _lines(
+        axes[3],
+        flight,
+        [("left_wheel_rad_s", "left wheel", BLUE), ("right_wheel_rad_s", "right wheel", ORANGE)],
+        "rad/s",
+    )
+    axes[-1].set_xlabel("time (s)")
+    return to_svg(drawn, "speeds and accelerations over time")
+
+
+def electrical(flight: Flight) -> str:
+    """What the motors got."""
+    drawn, axes = figure(2)
+    _lines(axes[0], flight, [("left_voltage_v", "left", BLUE), ("right_voltage_v", "right", ORANGE)], "voltage (V)")
+    _lines(
+        axes[1],
+        flight,
+        [("left_current_a", "left", BLUE), ("right_current_a", "right", ORANGE)],
+        "current (mA)",
+        1000.0,
+    )
+    axes[-1].set_xlabel("time (s)")
+    return to_svg(drawn, "motor voltages and currents over time")
+
+
+def inside(flight: Flight) -> str:
+    """The controller: phase, demands against estimates, the PIDs' parts, cross-track error, error of the estimate."""
+    drawn, axes = figure(6)
+    degrees = 180.0 / np.pi
+    axes[0].plot(flight.log["time_s"], flight.log["phase"], color=PURPLE, drawstyle="steps-post")
+    axes[0].set_yticks(range(5), PHASES)
+    axes[0].set_ylabel("phase")
+    _lines(
+        axes[1],
+        flight,
+        [("demand_speed_m_s", "demand", GREEN), ("estimate_speed_m_s", "estimate", ORANGE)],
+        "speed (m/s)",
+    )
+    _lines(axes[2], flight, [("heading_error_rad", "line of sight minus heading", PURPLE)], "heading (deg)", degrees)
+    parts = [
+        ("speed_p_v", "P", BLUE),
+        ("speed_i_v", "I", ORANGE),
+        ("yaw_p_v", "yaw P", GREEN),
+        ("yaw_d_v", "yaw D", PURPLE),
+    ]
+    _lines(axes[3], flight, parts, "efforts (V)")
+    _lines(axes[4], flight, [("cross_track_m", "right of the leg", BLUE)], "cross-track (m)")
+    log = flight.log
+    error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
+    axes[5].plot(*thin(log["time_s"], error * 1000.0), color=ORANGE)
+    axes[5].set_ylabel("position\nbelief (mm)")
+    axes[5].set_xlabel("time (s)")
+    return to_svg(drawn, "the controller's inside over time")
+
+
+def verdict(flight: Flight, figures: dict[str, Any]) -> str:
+    """One sentence on how it went."""
+    plan = flight.plan
+    if plan.scenario.kind == "manoeuvre":
+        return (
+            f"At the end of {plan.scenario.duration:g} s: {figures['final_speed_m_s']:.3f} m/s and "
+            f"{figures['final_yaw_rate_rad_s']:.3f} rad/s in the {plan.model.profile} profile."
+        )
+    last = [moment for moment in figures["reached_at_s"] if moment is not None]
+    when = f", the last after {last[-1]:.1f} s" if last else ""
+    return (
+        f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order{when}, "
+        f"in the {plan.model.profile} profile with {plan.sensors} sensors."
+    )
+
+
+def rim_speed(flight: Flight) -> float:
+    """Speed of the wheels' rims over the last 0.9 s, mean of the left one, m/s."""
+    return flight.plan.model.parameters["wheel_radius"] * float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))
+
+
+def page(flight: Flight, figures: dict[str, Any], command: str) -> str:
+    """The whole page as HTML, self-contained; `command` is what made it."""
+    mission = flight.plan.scenario.kind == "mission"
+    return (
+        environment()
+        .get_template("run.html.j2")
+        .render(
+            title=flight.plan.scenario.title,
+            verdict=verdict(flight, figures),
+            figures=figures,
+            mission=mission,
+            waypoints=flight.plan.scenario.waypoints,
+            track=track(flight, figures),
+            motion=motion(flight),
+            electrical=electrical(flight),
+            inside=inside(flight) if mission else None,
+            rim_speed=rim_speed(flight),
+            effects=flight.plan.model.effects,
+            packaged=flight.plan.scenario.packaged,
+            command=command,
+            version=__version__,
+        )
+    )

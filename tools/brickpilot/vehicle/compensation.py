@@ -1,0 +1,225 @@
+"""What the brick can undo of a robot's effects: fixed-point parameters for the firmware, and their file.
+
+The firmware drives, and believes in, the packaged robot. These parameters turn the voltages that it wants into those
+that another robot's motors need, and another one's readings into what they stand for (`firmware/app/compensation`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.vehicle import compensation_values
+from brickpilot.vehicle.c_text import initialiser
+from brickpilot.vehicle.model import Model, rcx
+
+INT16 = 32767
+MOST_MV = 20000
+NOMINAL = "nominal values"
+"""Stands among the sources where the model's own values differ from those the firmware believes in."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """How the firmware holds a parameter: raw = value * per_unit, to the nearest, within low..high.
+
+    ``text`` names the format, ``unit`` is the value's SI unit.
+    """
+
+    text: str
+    unit: str
+    per_unit: float
+    low: int
+    high: int
+    meaning: str
+
+
+_SHARE = ("q15", "1", 2.0**15, -INT16, INT16)
+_SIZE = ("mV", "V", 1e3, 0, MOST_MV)
+_EMF = ("mV per 1/16 mm/s, q15", "V s/m", 2.0**15 / 16, -INT16, INT16)
+
+
+def _side(side: str) -> dict[str, Format]:
+    return {
+        f"{side}_gain_q15": Format(*_SHARE, f"voltage that the {side} motor needs beyond what is wanted, as a share"),
+        f"{side}_emf_mv_q15": Format(*_EMF, f"the same, per speed of the {side} side"),
+        f"{side}_friction_mv": Format(*_SIZE, f"the same, in the direction in which the {side} side moves"),
+        f"{side}_offset_mv": Format("mV", "V", 1e3, -MOST_MV, MOST_MV, f"the same, forward, on the {side} side"),
+    }
+
+
+FORMATS: Mapping[str, Format] = {
+    **_side("left"),
+    **_side("right"),
+    "deadband_mv": Format(*_SIZE, "voltage that each drive loses, in either direction"),
+    "reserve_mv": Format(*_SIZE, "of the battery's voltage, kept for what stands above"),
+    "half_track_m_q14": Format("q14", "m", 2.0**14, 0, INT16, "makes a side's speed of the yaw rate"),
+    "battery_sags": Format("0 or 1", "1", 1.0, 0, 1, "the model is told what voltage a step turned out to have"),
+    "gyro_bias_mrad_s": Format("mrad/s", "rad/s", 1e3, -INT16, INT16, "what the gyro says at rest"),
+    "gyro_scale_q15": Format(*_SHARE, "what the gyro's rates lack beside, as a share of them"),
+    "travel_scale_q15": Format(*_SHARE, "what the travel per count lacks, as a share of it"),
+    "count_mismatch_q15": Format(*_SHARE, "left less right travel per count, over their sum"),
+}
+"""Every parameter, by its name in `bp_compensation` of the C interface."""
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """Parameters for the firmware.
+
+    Attributes:
+        name: of the model they were made from.
+        raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
+        sources: parameter -> the effects that alone would ask for it, or `NOMINAL`; what is 0 may be missing.
+        left_out: effects, or `effect.parameter`, of the model that nothing here undoes.
+        limited: parameters that the firmware's format cannot hold in full.
+    """
+
+    name: str
+    raw: Mapping[str, int]
+    sources: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+    limited: tuple[str, ...] = ()
+
+    @property
+    def undone(self) -> tuple[str, ...]:
+        """The effects that it undoes, without `NOMINAL`."""
+        names = {source: None for sources in self.sources.values() for source in sources}
+        return tuple(name for name in names if name != NOMINAL)
+
+    def value(self, parameter: str) -> float:
+        """What the firmware takes a parameter for, SI."""
+        return self.raw[parameter] / FORMATS[parameter].per_unit
+
+    def save(self, path: Path | str) -> None:
+        """Writes the file in one piece: a reader never sees half of it."""
+        target = Path(path)
+        beside = target.with_name(f".{target.name}.{os.getpid()}")
+        try:
+            beside.write_text(render(self), encoding="utf-8")
+            os.replace(beside, target)
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def _quantised(model: Model, nominal: Model) -> tuple[dict[str, int], tuple[str, ...]]:
+    wanted = compensation_values.values(model, nominal)
+    exact = {name: wanted[name] * how.per_unit for name, how in FORMATS.items()}
+    raw = {name: min(max(round(exact[name]), how.low), how.high) for name, how in FORMATS.items()}
+    return raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
+
+
+def from_model(model: Model, nominal: Model | None = None) -> Compensation | None:
+    """What the firmware needs to fly the robot that `model` describes as it flies the one it believes in.
+
+    Args:
+        model: with the effects found. Effects that the brick cannot undo are left out, and named.
+        nominal: what the firmware's constants were made from; default the packaged robot.
+
+    Returns:
+        None where nothing of it can be undone: also for a motor, for the profile `paper`, and where the motors have no
+        torque. Where no effect but only nominal values differ, `undone` is empty.
+    """
+    if model.vehicle != "diff_drive" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
+        return None
+    nominal = nominal or rcx()
+    raw, limited = _quantised(model, nominal)
+    if not any(raw.values()):
+        return None
+    alone = {
+        name: dataclasses.replace(model, parameters=nominal.parameters, effects={name: on})
+        for name, on in model.effects.items()
+    }
+    alone[NOMINAL] = dataclasses.replace(model, effects={})
+    parts = {source: _quantised(part, nominal)[0] for source, part in alone.items()}
+    sources = {name: tuple(source for source, part in parts.items() if part[name]) for name in raw}
+    return Compensation(model.name, raw, sources, compensation_values.left_out(model), limited)
+
+
+def c_initialiser(compensation: Compensation) -> str:
+    """The parameters as a C initialiser of the firmware's `compensation_t`."""
+    raw = dict(compensation.raw)
+    sides = {
+        side: {name.removeprefix(f"{side}_"): raw.pop(name) for name in FORMATS if name.startswith(f"{side}_")}
+        for side in ("left", "right")
+    }
+    shared = {name: raw.pop(name) for name in ("deadband_mv", "half_track_m_q14", "reserve_mv")}
+    fields: dict[str, Any] = {"drive": {**sides, **shared}, **raw, "battery_sags": bool(raw["battery_sags"])}
+    return initialiser(fields, 0)
+
+
+def render(compensation: Compensation) -> str:
+    """The file's text: what `load` reads back to an equal compensation. Ends with the C initialiser, as a comment."""
+    document = tomlkit.document()
+    document.add(tomlkit.comment("What the firmware is told of this robot: brickpilot run --compensation FILE"))
+    document["name"] = compensation.name
+    document["left_out"] = list(compensation.left_out)
+    document["limited"] = list(compensation.limited)
+    table = tomlkit.table()
+    for name, how in FORMATS.items():
+        entry = tomlkit.inline_table()
+        entry.update({"raw": compensation.raw[name], "format": how.text, "value": compensation.value(name)})
+        entry.update({"unit": how.unit, "from": list(compensation.sources.get(name, ()))})
+        table[name] = entry
+        table[name].comment(how.meaning)
+    document["parameters"] = table
+    document.add(tomlkit.nl())
+    document.add(tomlkit.comment("The same for compensation_apply() of firmware/app: const compensation_t FOUND ="))
+    for line in c_initialiser(compensation).splitlines():
+        document.add(tomlkit.comment(line))
+    return tomlkit.dumps(document)
+
+
+def _texts(toml: TomlFile, key: Key, value: object) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
+        toml.refuse(key, f"{value!r} is not a list of texts")
+    return tuple(value)
+
+
+def _raw(toml: TomlFile, name: str, entry: object) -> tuple[int, tuple[str, ...]]:
+    key, how = ("parameters", name), FORMATS[name]
+    table = toml.table(key, entry)
+    toml.known_keys(key, table, ("raw", "format", "value", "unit", "from"))
+    raw = table.get("raw")
+    if isinstance(raw, bool) or not isinstance(raw, int):
+        toml.refuse((*key, "raw"), "is missing" if raw is None else f"{raw!r} is not a whole number")
+    toml.number((*key, "raw"), raw, how.low, how.high)
+    for field, right in (("format", how.text), ("unit", how.unit)):
+        if table.get(field, right) != right:
+            toml.refuse((*key, field), f"{table[field]!r} should be {right!r}")
+    value = toml.number((*key, "value"), table.get("value", raw / how.per_unit), -INT16, INT16, how.unit)
+    if abs(value * how.per_unit - raw) > 0.5:
+        toml.refuse((*key, "value"), f"{value:g} {how.unit} is not what raw = {raw} stands for")
+    return raw, _texts(toml, (*key, "from"), table.get("from", []))
+
+
+def load(path: Path | str) -> Compensation:
+    """Reads a compensation file; a parameter that it leaves out is 0.
+
+    Raises:
+        InputError: naming file, line and field: not TOML, an unknown key, a number outside its format, a value that
+            contradicts its raw number.
+    """
+    toml = TomlFile(Path(path))
+    toml.known_keys((), toml.data, ("name", "left_out", "limited", "parameters"))
+    for key in ("name", "parameters"):
+        if key not in toml.data:
+            toml.refuse((key,), "is missing")
+    given = toml.table(("parameters",), toml.data["parameters"])
+    toml.known_keys(("parameters",), given, FORMATS)
+    found = {name: _raw(toml, name, entry) for name, entry in given.items()}
+    left_out, limited = (_texts(toml, (key,), toml.data.get(key, [])) for key in ("left_out", "limited"))
+    return Compensation(
+        name=toml.text(("name",), toml.data["name"]),
+        raw={name: found[name][0] if name in found else 0 for name in FORMATS},
+        sources={name: sources for name, (_, sources) in found.items()},
+        left_out=left_out,
+        limited=limited,
+    )

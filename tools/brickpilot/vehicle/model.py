@@ -1,0 +1,214 @@
+"""A vehicle model as a file: nominal values, each with unit and basis, and the effects that are switched on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import tomlkit
+
+from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.errors import SimulationError
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.plant import OpenLoopRun
+
+_TOP_KEYS = (
+    "name",
+    "vehicle",
+    "profile",
+    "parameters",
+    "effects",
+    "robot",
+    "rates",
+    "sensors",
+    "estimator",
+    "controller",
+)
+_ENTRY_KEYS = ("value", "unit", "basis")
+
+# Of an effect with more parameters, such as composed_term, a file holds those that are not at their presets.
+_SPELT_OUT = 8
+
+
+RCX = Path(__file__).parents[1] / "models" / "rcx.toml"
+"""The packaged robot's file."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """One vehicle.
+
+    Attributes:
+        name: for people; stands in errors and reports.
+        vehicle: ``diff_drive`` or ``motor``.
+        profile: ``coupled`` or ``paper``.
+        parameters: nominal parameter -> value, SI; what is absent keeps the plant's preset.
+        effects: effect -> its parameters, SI; what is absent keeps the effect's preset.
+        basis: parameter, or ``effect.parameter``, -> where its value is from.
+    """
+
+    name: str
+    vehicle: str
+    profile: str
+    parameters: Mapping[str, float]
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    basis: Mapping[str, str] = field(default_factory=dict)
+
+
+@cache
+def rcx() -> Model:
+    """The packaged robot of the paper."""
+    return load(RCX)
+
+
+def output_names(model: Model) -> frozenset[str]:
+    """The signals that the plant gives for this vehicle: a current loop hides the current, a force has no angle.
+
+    Raises:
+        SimulationError: there is nothing to move, neither inertia nor mass.
+        InputError: a model the plant refuses.
+    """
+    standing = OpenLoopRun(time=np.zeros(1), inputs=np.zeros((1, 1 if model.vehicle == "motor" else 2)))
+    return frozenset(plant.simulate([(model, standing)])[0].outputs)
+
+
+def unit_on(model: Model, info: ParameterInfo) -> str:
+    """Returns a parameter's unit on this vehicle; it is another one where the input of a motor commands a force."""
+    return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
+
+
+def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, absent: bool = False) -> tuple[float, str]:
+    """Value and basis of one entry; `absent`: 0 means that this vehicle has no such thing."""
+    table = entry if isinstance(entry, dict) else {"value": entry}
+    toml.known_keys(key, table, _ENTRY_KEYS)
+    if "value" not in table:
+        toml.refuse(key, "value is missing")
+    unit = table.get("unit", info.unit)
+    if unit != info.unit:
+        toml.refuse((*key, "unit"), f"{unit!r} should be {info.unit!r}")
+    basis = table.get("basis", "")
+    if not isinstance(basis, str):
+        toml.refuse((*key, "basis"), "must be text")
+    if absent and table["value"] == 0 and not isinstance(table["value"], bool):
+        return 0.0, basis
+    return toml.number(key, table["value"], info.minimum, info.maximum, info.unit), basis
+
+
+def _parameters(toml: TomlFile, vehicle: str, basis: dict[str, str]) -> dict[str, float]:
+    infos = {info.name: info for info in catalogue.parameters()}
+    table = toml.table(("parameters",), toml.data.get("parameters", {}))
+    toml.known_keys(("parameters",), table, infos)
+    values = catalogue.presets(vehicle)
+    for name, entry in table.items():
+        absent = catalogue.presets(vehicle)[name] == 0 or (vehicle == "motor" and name == "wheel_inertia")
+        values[name], why = _value(toml, ("parameters", name), entry, infos[name], absent=absent)
+        if why:
+            basis[name] = why
+    return values
+
+
+def _effects(toml: TomlFile, basis: dict[str, str]) -> dict[str, dict[str, float]]:
+    infos = {effect.name: {info.name: info for info in effect.parameters} for effect in catalogue.effects()}
+    table = toml.table(("effects",), toml.data.get("effects", {}))
+    toml.known_keys(("effects",), table, infos)
+    chosen: dict[str, dict[str, float]] = {}
+    for name, entries in table.items():
+        entries = toml.table(("effects", name), entries)
+        toml.known_keys(("effects", name), entries, infos[name])
+        chosen[name] = {parameter: info.preset for parameter, info in infos[name].items()}
+        for parameter, entry in entries.items():
+            chosen[name][parameter], why = _value(toml, ("effects", name, parameter), entry, infos[name][parameter])
+            if why:
+                basis[f"{name}.{parameter}"] = why
+    return chosen
+
+
+def load(path: Path | str) -> Model:
+    """Reads a model file. Parameters it leaves out get the presets of `catalogue.presets`.
+
+    Raises:
+        InputError: naming file, line and field: not TOML, an unknown key, unit or effect, a value outside its range, a
+            motor with nothing to move.
+    """
+    toml = TomlFile(Path(path))
+    toml.known_keys((), toml.data, _TOP_KEYS)
+    for key in ("name", "vehicle", "profile"):
+        if key not in toml.data:
+            toml.refuse((key,), "is missing")
+    basis: dict[str, str] = {}
+    vehicle = toml.choice(("vehicle",), toml.data["vehicle"], catalogue.VEHICLE_CODES)
+    model = Model(
+        name=toml.text(("name",), toml.data["name"]),
+        vehicle=vehicle,
+        profile=toml.choice(("profile",), toml.data["profile"], catalogue.PROFILE_CODES),
+        parameters=_parameters(toml, vehicle, basis),
+        effects=_effects(toml, basis),
+        basis=basis,
+    )
+    _check_load(toml, model)
+    return model
+
+
+def _check_load(toml: TomlFile, model: Model) -> None:
+    """Refuses a motor with nothing to move. The plant decides; which line is to blame depends on what drives."""
+    try:
+        output_names(model)
+    except SimulationError:
+        given = toml.data.get("parameters", {})
+        if model.parameters["force_per_volt"] > 0:
+            to_blame, message = "mass", "a motor whose input commands a force needs a mass above 0"
+        else:
+            to_blame, message = "wheel_inertia", "0 leaves nothing to move without a mass at a wheel_radius"
+        toml.refuse(("parameters", to_blame if to_blame in given else "force_per_volt"), message)
+
+
+def _entry(value: float, unit: str, basis: str | None) -> tomlkit.items.InlineTable:
+    entry = tomlkit.inline_table()
+    entry.update({"value": float(value), "unit": unit} | ({"basis": basis} if basis else {}))
+    return entry
+
+
+def render(model: Model) -> str:
+    """The model file's text: what `load` reads back to an equal model, value for value."""
+    document = tomlkit.document()
+    document.update({"name": model.name, "vehicle": model.vehicle, "profile": model.profile})
+    values = catalogue.presets(model.vehicle) | dict(model.parameters)
+    units = {info.name: info.unit for info in catalogue.parameters()}
+    table = tomlkit.table()
+    for name, value in values.items():
+        table[name] = _entry(value, units[name], model.basis.get(name))
+    document["parameters"] = table
+    if model.effects:
+        document["effects"] = tomlkit.table(is_super_table=True)
+    infos = {effect.name: effect for effect in catalogue.effects()}
+    for name, chosen in model.effects.items():
+        table = tomlkit.table()
+        spelt_out = len(infos[name].parameters) <= _SPELT_OUT
+        for info in infos[name].parameters:
+            value = chosen.get(info.name, info.preset)
+            if spelt_out or value != info.preset:
+                table[info.name] = _entry(value, info.unit, model.basis.get(f"{name}.{info.name}"))
+        document["effects"][name] = table
+    return tomlkit.dumps(document)
+
+
+def save(model: Model, path: Path | str) -> None:
+    """Writes the model file in one piece: a reader never sees half of it.
+
+    Raises:
+        InputError: the plant does not know a parameter or an effect of the model, or refuses a value.
+    """
+    plant.build(model)
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        beside.write_text(render(model), encoding="utf-8")
+        os.replace(beside, target)
+    finally:
+        beside.unlink(missing_ok=True)

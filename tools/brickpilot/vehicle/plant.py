@@ -1,0 +1,194 @@
+"""The host plant, called through its C interface `brickpilot_sim.h`; no second implementation of the model is here."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import catalogue
+from brickpilot.catalogue import output_table
+from brickpilot.compiled import interface
+from brickpilot.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+_TROUBLE = {
+    -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
+    -3: "out of memory",
+    -4: "the time of the samples does not increase",
+    -5: "the state grew beyond all bounds",
+}
+
+
+@dataclass(frozen=True)
+class State:
+    """State of a vehicle in SI, frame of the paper; pairs are left and right, a motor uses the first alone.
+
+    A coupled vehicle with both wheel speeds 0 gets them from surge and yaw_rate; otherwise the wheel speeds decide.
+    ``age``: s since power-on; ``charge``: C drawn from the battery since then; ``heat``: K of the windings above their
+    surroundings; ``rest``: s at rest before the run, in which they cool.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+    surge: float = 0.0
+    sway: float = 0.0
+    yaw_rate: float = 0.0
+    current: tuple[float, float] = (0.0, 0.0)
+    wheel_speed: tuple[float, float] = (0.0, 0.0)
+    wheel_angle: tuple[float, float] = (0.0, 0.0)
+    age: float = 0.0
+    charge: float = 0.0
+    heat: tuple[float, float] = (0.0, 0.0)
+    rest: float = 0.0
+
+
+@dataclass(frozen=True)
+class OpenLoopRun:
+    """Inputs of a run; input k acts from time[k] to time[k + 1].
+
+    Attributes:
+        time: (n,) s, strictly increasing.
+        inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
+        initial: state at time[0]; a mapping names some fields of `State`.
+        motor_step, body_step: upper limits, s; 0: 0.0003 and 0.003.
+    """
+
+    time: Array
+    inputs: Array
+    initial: State | Mapping[str, Any] = field(default_factory=State)
+    motor_step: float = 0.0
+    body_step: float = 0.0
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """``outputs``: signal -> (n,), SI, noise-free, those that this vehicle has. ``final``: state at the last sample."""
+
+    outputs: dict[str, Array]
+    final: State
+
+
+def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
+    reasons = {-1: "unknown", -2: f"{value} is outside what is physical", -3: "too many effects"}
+    raise InputError(reasons[status], file=model.name, field=name)
+
+
+def build(model: Model) -> Any:
+    """The C model, freed with the returned object. Parameters that `model` leaves out keep their presets.
+
+    Raises:
+        InputError: a parameter or effect the plant does not know, or a value outside its range.
+    """
+    ffi, library = interface()
+    built = library.bp_model_new(catalogue.VEHICLE_CODES[model.vehicle], catalogue.PROFILE_CODES[model.profile])
+    if not built:
+        raise MemoryError
+    built = ffi.gc(built, library.bp_model_free)
+    for name, value in model.parameters.items():
+        status = library.bp_model_set(built, name.encode(), value)
+        if status:
+            _refuse(model, name, value, status)
+    presets_of = _effect_presets()
+    for name, table in model.effects.items():
+        known = presets_of.get(name)
+        if known is None:
+            raise InputError("unknown effect", file=model.name, field=f"effects.{name}")
+        for parameter in table:
+            if parameter not in known:
+                raise InputError("unknown parameter", file=model.name, field=f"effects.{name}.{parameter}")
+        values = [*{**known, **table}.values()]
+        status = library.bp_model_add_effect(built, name.encode(), ffi.new("double[]", values or [0.0]))
+        if status:
+            _refuse(model, f"effects.{name}", values[0] if values else 0.0, status)
+    return built
+
+
+@cache
+def _effect_presets() -> dict[str, dict[str, float]]:
+    """effect -> parameter -> preset, in the table's order."""
+    return {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
+
+
+def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
+    chosen = state if isinstance(state, State) else State(**state)
+    for name in State.__dataclass_fields__:
+        value = getattr(chosen, name)
+        if isinstance(value, tuple):
+            getattr(target, name)[0], getattr(target, name)[1] = value
+        else:
+            setattr(target, name, value)
+
+
+def _read_state(source: Any) -> State:
+    values: dict[str, Any] = {name: getattr(source, name) for name in State.__dataclass_fields__}
+    for pair in ("current", "wheel_speed", "wheel_angle", "heat"):
+        values[pair] = (values[pair][0], values[pair][1])
+    return State(**values)
+
+
+def _fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
+    """Fills the C request and returns what must stay alive while it is used."""
+    ffi = interface()[0]
+    columns = 1 if model.vehicle == "motor" else 2
+    time = np.ascontiguousarray(run.time, dtype=np.float64)
+    inputs = np.ascontiguousarray(run.inputs, dtype=np.float64)
+    if time.ndim != 1 or inputs.shape != (len(time), columns):
+        raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
+    request.model = built
+    request.samples = len(time)
+    request.motor_step = run.motor_step
+    request.body_step = run.body_step
+    buffers = [ffi.from_buffer("double[]", array.data) for array in (time, inputs, output)]
+    request.time, request.input, request.output = buffers
+    _fill_state(request.initial, run.initial)
+    return buffers
+
+
+def simulate(
+    jobs: Sequence[tuple[Model, OpenLoopRun]], threads: int = 1, *, signals: Collection[str] | None = None
+) -> list[Simulated]:
+    """Simulates each run under its model, on up to `threads` threads; the results do not depend on how many.
+
+    Args:
+        signals: the outputs to keep, of those that the vehicle has; None: all. Copying the rest out costs more time
+            than simulating it.
+
+    Raises:
+        SimulationError: of the first run that failed, e.g. because its state diverged.
+        InputError: a model the plant refuses.
+        ValueError: arrays whose shapes do not fit.
+    """
+    if not jobs:
+        return []
+    ffi, library = interface()
+    names = [name for name, _ in output_table()]
+    requests = ffi.new("bp_run[]", len(jobs))
+    built: dict[int, Any] = {}
+    rows = [np.empty((len(run.time), len(names))) for _, run in jobs]
+    alive: list[Any] = []
+    for index, (model, run) in enumerate(jobs):
+        if id(model) not in built:
+            built[id(model)] = build(model)
+        alive.append(_fill_run(requests[index], built[id(model)], model, run, rows[index]))
+    library.bp_simulate(requests, len(jobs), threads)
+    results: list[Simulated] = []
+    for index, (model, _) in enumerate(jobs):
+        status = requests[index].status
+        if status:
+            raise SimulationError(f"{model.name}, run {index}: {_TROUBLE.get(status, status)}", index, status)
+        present = ~np.isnan(rows[index][0])  # the plant gives NaN for what the other kind of vehicle has
+        wanted = [k for k, name in enumerate(names) if present[k] and (signals is None or name in signals)]
+        columns = rows[index].T[wanted]
+        kept = {names[k]: column for k, column in zip(wanted, columns, strict=True)}
+        results.append(Simulated(kept, _read_state(requests[index].final)))
+    return results

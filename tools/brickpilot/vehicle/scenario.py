@@ -1,0 +1,211 @@
+"""Scenario files: what `brickpilot run` flies.
+
+A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from brickpilot import catalogue
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError
+from brickpilot.vehicle import faults
+from brickpilot.vehicle.faults import Fault
+
+PROFILES = ("coupled", "paper")
+SENSORS = ("ideal", "imu", "imu+encoders")
+
+_KEYS = {
+    "name", "title", "kind", "duration_s", "start", "start_at_s", "waypoints_m", "cruise_m_s", "segments", "stop_at_m",
+    "profile", "sensors", "seed", "parameters", "effects", "faults",
+}  # fmt: skip
+_ONLY = {"mission": {"waypoints_m", "cruise_m_s", "start_at_s", "faults"}, "manoeuvre": {"segments", "stop_at_m"}}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """From ``from_s`` on the motors get these voltages (V, -20..20; NaN: the motor floats)."""
+
+    from_s: float
+    left: float
+    right: float
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One flight. Lengths in m, angles in rad, the paper's frame (x forward, y right, clockwise positive)."""
+
+    name: str
+    title: str
+    kind: str  # "mission" or "manoeuvre"
+    duration: float  # s
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y, heading
+    start_at: float | None = (
+        None  # s at rest before a mission begins; None: 1 s where a gyro bias is to be learnt, else 0
+    )
+    waypoints: tuple[tuple[float, float], ...] = ()
+    cruise: Mapping[str, float] = field(default_factory=dict)  # profile -> m/s
+    segments: tuple[Segment, ...] = ()
+    stop_at: float | None = None  # m of path after which a manoeuvre shorts both motors
+    profile: str | None = None
+    sensors: str | None = None
+    seed: int | None = None
+    parameters: Mapping[str, float] = field(
+        default_factory=dict
+    )  # the plant's, where it differs from the controller's belief
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()  # between plant and controller, where a link is between them
+    packaged: bool = False  # comes with the package
+
+
+def packaged() -> dict[str, Path]:
+    """Name -> file of the scenarios that come with the package."""
+    folder = Path(str(resources.files("brickpilot"))) / "scenarios"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def find(name_or_file: str) -> Path:
+    """The file of a packaged scenario, or a file of the user's own.
+
+    Raises:
+        InputError: neither exists.
+    """
+    known = packaged()
+    if name_or_file in known:
+        return known[name_or_file]
+    path = Path(name_or_file)
+    if path.is_file():
+        return path
+    raise InputError(f"no such file, and no scenario of that name; known: {', '.join(known)}", file=name_or_file)
+
+
+def load(path: Path) -> Scenario:
+    """Reads and checks a scenario file.
+
+    Raises:
+        InputError: naming the file, line and key.
+    """
+    toml = TomlFile(path)
+    data = toml.data
+    toml.known_keys((), data, _KEYS)
+    for key in ("name", "kind", "duration_s"):
+        if key not in data:
+            raise InputError("is missing", file=path, field=key)
+    kind = toml.choice(("kind",), data["kind"], ("mission", "manoeuvre"))
+    other = "manoeuvre" if kind == "mission" else "mission"
+    for key in sorted(_ONLY[other] & data.keys()):
+        toml.refuse((key,), f"belongs to a {other}, not to a {kind}")
+    duration = toml.number(("duration_s",), data["duration_s"], 0.003, 3600.0, "s")
+    seed = data.get("seed")
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63):
+        toml.refuse(("seed",), f"{seed!r} is not a whole number from 0 to 2^63 - 1")
+    return Scenario(
+        name=toml.file_name(("name",), data["name"]),
+        title=toml.text(("title",), data.get("title", data["name"])),
+        kind=kind,
+        duration=duration,
+        start=_start(toml, data.get("start", {})),
+        start_at=toml.number(("start_at_s",), data["start_at_s"], 0.0, duration, "s") if "start_at_s" in data else None,
+        waypoints=_waypoints(toml, data) if kind == "mission" else (),
+        cruise=_cruise(toml, data.get("cruise_m_s", {})),
+        segments=_segments(toml, data, duration) if kind == "manoeuvre" else (),
+        stop_at=toml.number(("stop_at_m",), data["stop_at_m"], 0.001, 100.0, "m") if "stop_at_m" in data else None,
+        profile=toml.choice(("profile",), data["profile"], PROFILES) if "profile" in data else None,
+        sensors=toml.choice(("sensors",), data["sensors"], SENSORS) if "sensors" in data else None,
+        seed=seed,
+        parameters=_parameters(toml, data.get("parameters", {})),
+        effects=_effects(toml, data.get("effects", {})),
+        faults=faults.parse(toml, data["faults"], duration) if "faults" in data else (),
+        packaged=path in packaged().values(),
+    )
+
+
+def _list(toml: TomlFile, key: str, data: Mapping[str, Any], most: int) -> list[Any]:
+    value = data.get(key)
+    if not isinstance(value, list) or not 1 <= len(value) <= most:
+        toml.refuse((key,), f"needs a list of 1 to {most} entries")
+    return value
+
+
+def _start(toml: TomlFile, value: object) -> tuple[float, float, float]:
+    table = toml.table(("start",), value)
+    toml.known_keys(("start",), table, {"x_m", "y_m", "heading_deg"})
+    x, y = (toml.number(("start", key), table.get(key, 0), -30.0, 30.0, "m") for key in ("x_m", "y_m"))
+    heading = toml.number(("start", "heading_deg"), table.get("heading_deg", 0), -360.0, 360.0, "deg")
+    return x, y, math.radians(heading)
+
+
+def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
+    points = _list(toml, "waypoints_m", data, 32)
+    for index, point in enumerate(points):
+        if not isinstance(point, list) or len(point) != 2:
+            toml.refuse(("waypoints_m", index), f"{point!r} is not a pair [x, y]")
+    found = tuple(
+        (toml.number(("waypoints_m", i), x, -30.0, 30.0, "m"), toml.number(("waypoints_m", i), y, -30.0, 30.0, "m"))
+        for i, (x, y) in enumerate(points)
+    )
+    millimetres = [(round(1000 * x), round(1000 * y)) for x, y in found]  # the firmware's unit
+    for index in range(1, len(found)):
+        if millimetres[index] == millimetres[index - 1]:
+            toml.refuse(("waypoints_m", index), "is the same as the waypoint before it, to the millimetre")
+    return found
+
+
+def _cruise(toml: TomlFile, value: object) -> dict[str, float]:
+    if not isinstance(value, dict):
+        value = dict.fromkeys(PROFILES, value)
+    toml.known_keys(("cruise_m_s",), value, PROFILES)
+    return {profile: toml.number(("cruise_m_s", profile), speed, 0.05, 1.5, "m/s") for profile, speed in value.items()}
+
+
+def _segments(toml: TomlFile, data: Mapping[str, Any], duration: float) -> tuple[Segment, ...]:
+    segments: list[Segment] = []
+    for index, entry in enumerate(_list(toml, "segments", data, 1000)):
+        key = ("segments", index)
+        table = toml.table(key, entry)
+        toml.known_keys(key, table, {"from_s", "left_V", "right_V"})
+        for name in ("from_s", "left_V", "right_V"):
+            if name not in table:
+                toml.refuse((*key, name), "is missing")
+        start = toml.number((*key, "from_s"), table["from_s"], 0.0, duration, "s")
+        if segments and start <= segments[-1].from_s:
+            toml.refuse((*key, "from_s"), f"{start:g} s does not come after the segment before")
+        left, right = (
+            float("nan") if table[name] == "float" else toml.number((*key, name), table[name], -20.0, 20.0, "V")
+            for name in ("left_V", "right_V")
+        )
+        segments.append(Segment(start, left, right))
+    return tuple(segments)
+
+
+def _parameters(toml: TomlFile, value: object) -> dict[str, float]:
+    table = toml.table(("parameters",), value)
+    known = {info.name: info for info in catalogue.parameters()}
+    toml.known_keys(("parameters",), table, known)
+    return {
+        name: toml.number(("parameters", name), number, known[name].minimum, known[name].maximum, known[name].unit)
+        for name, number in table.items()
+    }
+
+
+def _effects(toml: TomlFile, value: object) -> dict[str, dict[str, float]]:
+    table = toml.table(("effects",), value)
+    known = {effect.name: {info.name: info for info in effect.parameters} for effect in catalogue.effects()}
+    toml.known_keys(("effects",), table, known)
+    chosen = {}
+    for name, entry in table.items():
+        given = toml.table(("effects", name), entry)
+        toml.known_keys(("effects", name), given, known[name])
+        chosen[name] = {
+            parameter: toml.number(
+                ("effects", name, parameter), given.get(parameter, i.preset), i.minimum, i.maximum, i.unit
+            )
+            for parameter, i in known[name].items()
+        }
+    return chosen
