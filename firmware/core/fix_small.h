@@ -1,8 +1,7 @@
-/* fix_small.h: the bodies of fix.h's small functions, inline; not for the RCX, which has them in fix_h8.S. */
+/* fix_small.h: the bodies of fix.h's small functions, inline. fix.h includes it at its end, and nothing else does. The RCX does without it:
+ * it has these functions in fix_h8.S. */
 #ifndef BRICKPILOT_CORE_FIX_SMALL_H
 #define BRICKPILOT_CORE_FIX_SMALL_H
-
-#include "core/fix.h"
 
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b)
 {
