@@ -1,4 +1,4 @@
-/* line.h: what the brick's process talks over: a pseudo-terminal of its own, a serial port, or a TCP connection. POSIX. */
+/* line.h: the transports of the brick's process on POSIX: a pseudo-terminal of its own, a serial port, or TCP. */
 #ifndef BRICKPILOT_BRICK_LINE_H
 #define BRICKPILOT_BRICK_LINE_H
 
@@ -9,28 +9,30 @@ enum { LINE_ADDRESS_MAX = 128, LINE_PENDING = 4096 };
 
 typedef struct {
     int fd;        /* -1: nobody is connected */
-    int listening; /* -1, or the socket that takes connections */
-    int slave;     /* -1, or our own pseudo-terminal's far end, kept open so that it outlives its users */
+    int listening; /* -1, or the socket that accepts connections */
+    int slave;     /* -1, or the far end of our pseudo-terminal, kept open so that it stays when its user leaves */
     char address[LINE_ADDRESS_MAX]; /* what to connect to: a path, or HOST:PORT */
     unsigned char pending[LINE_PENDING];
     size_t pending_size; /* bytes that the other end has not taken yet */
 } line_t;
 
-/* Each gives NULL, or what failed, with errno set where errno says why. */
+/* Each opens a line. Returns NULL, or what failed, with errno set where errno says why. */
 const char *line_open_pty(line_t *line);
 const char *line_open_serial(line_t *line, const char *path);
 const char *line_listen(line_t *line, const char *host_and_port); /* port 0: any free one */
 
-/* Takes the connection that waits on `listening`, instead of the one there was. */
+/* Accepts the connection that waits on `listening`, in place of the present one. */
 void line_accept(line_t *line);
 
-/* Bytes read, 0: none now; -1: the other end has gone, and a listening line waits for the next. */
+/* Returns the number of bytes read. 0: none at present. -1: the other end has gone; a listening line waits for the
+ * next.
+ */
 int line_read(line_t *line, unsigned char *bytes, size_t room);
 
-/* All of it is sent or kept for later; false: no room, nothing is kept. */
+/* Sends all bytes or keeps them for later. False: there is no room, and none is kept. */
 bool line_write(line_t *line, const unsigned char *bytes, size_t size);
 
-/* Sends what was kept, as far as the other end takes it. */
+/* Sends kept bytes, as far as the other end takes them. */
 void line_flush(line_t *line);
 
 #endif

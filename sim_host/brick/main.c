@@ -2,8 +2,8 @@
  *
  *   brick --pty | --serial PATH | --listen HOST:PORT | --slcan-pty | --slcan PATH   [--until-eof]
  *
- * Its first line on stdout is what to give to `brickpilot hil --link`. With --until-eof it ends with its standard input.
- * SIGUSR1 switches it off and on, and it says so in a line.
+ * Its first line on stdout is the value for `brickpilot hil --link`. With --until-eof it ends when its standard input
+ * ends. SIGUSR1 restarts the brick, which it reports in one line.
  */
 #define _XOPEN_SOURCE 600
 #define _GNU_SOURCE
@@ -80,7 +80,7 @@ static void send_all(process_t *process)
     line_flush(&process->line);
 }
 
-/* False: the line has gone for good. */
+/* Reads what has come. False: the line is closed and will not come back. */
 static bool read_line(process_t *process)
 {
     uint8_t bytes[READ_SIZE];
@@ -109,7 +109,7 @@ static void restart(process_t *process)
     fflush(stdout);
 }
 
-/* The signal comes only while ppoll() waits, so that none is missed. */
+/* Serves the line until it ends. The signal is let in only while ppoll() waits, so that none is missed. */
 static int run(process_t *process)
 {
     sigset_t blocked, before;
@@ -157,7 +157,7 @@ static int refuse(const char *what, const char *why)
     return BAD_USAGE;
 }
 
-/* The first option opens the line; NULL, or what is wrong with it. */
+/* Opens the line that an option names. Returns NULL, or what is wrong with the option. */
 static const char *open_line(process_t *process, const char *option, const char *value)
 {
     process->slcan = strncmp(option, "--slcan", 7) == 0;

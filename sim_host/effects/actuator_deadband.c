@@ -11,7 +11,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
         if (beyond <= 0)
             vehicle->voltage[k] = 0;
         else if (beyond > 0)
-            vehicle->voltage[k] = copysign(beyond, voltage); /* a floating motor is NaN and neither */
+            vehicle->voltage[k] = copysign(beyond, voltage); /* a floating motor is NaN: neither branch is taken */
     }
 }
 

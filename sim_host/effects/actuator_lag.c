@@ -2,8 +2,7 @@
 
 #include <math.h>
 
-/* memory: V at either motor, 0 at the run's start. Over a step the input is constant and the mean of the answer exact.
- */
+/* memory: V at each motor, 0 at the run's start. The input is constant over a step, so the mean voltage is exact. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     if (!(value[0] > 0))

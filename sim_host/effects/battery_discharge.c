@@ -1,15 +1,9 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-/* Part of the battery's voltage that is left when it is empty. */
-static const double FLOOR = 0.01;
-
 static void supply(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double left = vehicle->supply - value[0] * vehicle->state.charge;
-    vehicle->supply = fmax(left, FLOOR * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE]);
+    vehicle->supply = vehicle_supply_of(vehicle, vehicle->supply - value[0] * vehicle->state.charge);
 }
 
 static const bp_parameter_info PARAMETERS[] = {

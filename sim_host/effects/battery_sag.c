@@ -2,19 +2,11 @@
 
 #include <math.h>
 
-/* Part of the battery's voltage below which it does not fall. */
-static const double FLOOR = 0.01;
-
 typedef struct {
-    double open;      /* V without current */
-    double given[2];  /* V that the hook passed on in the last motor step */
-    double passed[2]; /* what the rest of the drive made of one volt of it: a dead band takes some */
+    double open;      /* V of the battery without current */
+    double given[2];  /* V at each motor that this effect passed on in the last motor step */
+    double passed[2]; /* share of it that the effects after this one let through: a dead band takes some */
 } sag_t;
-
-static int motors(const vehicle_t *vehicle)
-{
-    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
-}
 
 static void supply(const double *value, double *memory, vehicle_t *vehicle)
 {
@@ -22,14 +14,15 @@ static void supply(const double *value, double *memory, vehicle_t *vehicle)
     ((sag_t *)memory)->open = vehicle->supply;
 }
 
-/* The mean current over the step is linear in the voltage, as motor.c has it at the speed the step begins with: so the
- * voltage at which battery and motors agree is exact, however long the step is beside L / R. */
+/* The mean current over the step is linear in the voltage; plant/motor.c computes it in the same way, with the speed at
+ * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is beside L /
+ * R. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     sag_t *sag = (sag_t *)memory;
-    double slope = 0, drawn = 0; /* of the battery's current in V, and at V = 0 */
+    double slope = 0, drawn = 0; /* the battery's current is drawn + slope V */
     double share[2] = {0};
-    for (int k = 0; k < motors(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         if (isnan(vehicle->voltage[k]))
             continue;
         const motor_t *motor = &vehicle->motor[k];
@@ -43,20 +36,21 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
             at_motor * (left * vehicle->state.current[k] - gain * motor->emf_constant * vehicle->state.wheel_speed[k]);
     }
     const double agreed = (sag->open - value[0] * drawn) / (1 + value[0] * slope);
-    vehicle->supply = fmax(agreed, FLOOR * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE]);
-    for (int k = 0; k < motors(vehicle); k++) {
+    vehicle->supply = vehicle_supply_of(vehicle, agreed);
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         if (!isnan(vehicle->voltage[k]))
             vehicle->voltage[k] = share[k] * vehicle->supply;
         sag->given[k] = vehicle->voltage[k];
     }
 }
 
-/* After the rest of the drive. Half way, as what a dead band leaves of a volt depends on how many there are. */
+/* Learns what the effects after this one let through. It goes half way each step, because the share that a dead band
+ * lets through depends on the voltage. */
 static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)value;
     sag_t *sag = (sag_t *)memory;
-    for (int k = 0; k < motors(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const double ratio = vehicle->voltage[k] / sag->given[k];
         if (isfinite(ratio))
             sag->passed[k] += 0.5 * (ratio - sag->passed[k]);

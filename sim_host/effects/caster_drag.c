@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* At rest either motion may have all of it. */
+/* At rest the friction may oppose surge or yaw in full, since no direction of sliding divides it yet. */
 static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

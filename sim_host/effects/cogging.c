@@ -6,8 +6,7 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
     const bp_state *state = &vehicle->state;
-    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
-    for (int k = 0; k < count; k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const double middle = state->wheel_angle[k] + 0.5 * vehicle->step * state->wheel_speed[k];
         const double phase = value[2] + (k == 0 ? 0.5 : -0.5) * value[3];
         vehicle->wheel_torque[k] -= value[0] * sin(value[1] * middle + phase);

@@ -1,16 +1,17 @@
-/* composed_basis.h: the terms of composed_term, each written once. Its laws, its table and, through the table's texts,
- * the equations and the C files that Python writes are all made from these lines.
+/* composed_basis.h: the terms of composed_term, each written once. Its laws and its rows are made from these lines. So
+ * are the equations and the C files that Python writes, which parses the rows' meanings.
  *
- * X(name, unit of the coefficient, lowest coefficient: 0 or -1 times the range, odd, expression)
+ *   X(name, unit of the coefficient, lowest coefficient as a multiple of the range: 0 or -1, odd, expression)
  *
- * A list stands for a place and a way to act there, which says what the expression is multiplied by (see ROW_ in
- * composed_term.c). Symbols, SI:
- *   V voltage at the motor (0 where it floats), other: at the other motor, i current, w wheel speed, theta wheel angle:
- *     of the wheel in question
- *   u surge, r yaw rate, psi heading, x, y position, t time, a, b specific force ahead and to the right
- *   patch: 1 on a strip across x, 0 off it, with smooth edges: 1 / (1 + ((x - patch_x) / patch_half_width)^8)
- *   sprung: what a sprung mass pushes with over its mass, q = p^2 z + 2 damping p z' with z'' + q = -u' (or -r'),
- *     p = 2 pi frequency
+ * A list stands for a place and a way to act there, which determines the factor of the expression: see ROW_ in
+ * composed_term.c. The symbols, in SI units:
+ *   V      voltage at this wheel's motor (0 where it floats); other: voltage at the other motor
+ *   i, w, theta   current, speed and angle of this wheel
+ *   u, r, psi     surge, yaw rate, heading;   x, y: position;   t: time
+ *   a, b   specific force ahead and to the right
+ *   patch  1 on a strip across x and 0 beside it, with smooth edges: 1 / (1 + ((x - patch_x) / patch_half_width)^8)
+ *   sprung the push of a sprung mass, per mass: q = p^2 z + 2 damping p z' with
+ *          z'' + q = -u' (or -r') and p = 2 pi frequency
  */
 #ifndef BRICKPILOT_EFFECTS_COMPOSED_BASIS_H
 #define BRICKPILOT_EFFECTS_COMPOSED_BASIS_H

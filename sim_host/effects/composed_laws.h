@@ -1,4 +1,4 @@
-/* composed_laws.h: the sums of the terms of composed_term, place by place. */
+/* composed_laws.h: the sums of the terms of composed_term, one function for each place and way to act. */
 #ifndef BRICKPILOT_EFFECTS_COMPOSED_LAWS_H
 #define BRICKPILOT_EFFECTS_COMPOSED_LAWS_H
 
@@ -26,7 +26,7 @@ typedef struct {
 
 enum { COMPOSED_COUNT = sizeof(composed_t) / sizeof(double) };
 
-/* What the expressions see; which is set depends on the place. */
+/* The symbols of the expressions. Each place sets those that its terms use. */
 typedef struct {
     double V, other, i, w, theta;
     double u, r, psi, x, y, patch, sprung;
@@ -34,7 +34,8 @@ typedef struct {
     double t;
 } composed_point_t;
 
-/* Sum of a list with the coefficients c. Those of 0 are passed over: their expressions need not be finite. */
+/* Sums the terms of one list with the coefficients c. A term with coefficient 0 is not evaluated, because its
+ * expression need not be finite. */
 typedef double composed_sum_t(const double *c, const composed_t *given, const composed_point_t *at);
 
 composed_sum_t composed_drive_gain;

@@ -14,17 +14,17 @@ typedef struct {
 } sprung_t;
 
 typedef struct {
-    double acts[PLACE_COUNT]; /* 0: every coefficient of the place is 0 */
+    double acts[PLACE_COUNT]; /* 0 where every coefficient of the place is 0 */
     double start_age;
-    double time;     /* s since the run's start, by motor steps */
-    double speed[2]; /* of the wheels a body step ago */
-    double step;     /* s, the last body step */
+    double time;     /* s since the run's start, counted in motor steps */
+    double speed[2]; /* rad/s of the wheels, a body step ago */
+    double step;     /* s: length of the last body step */
     double dry_surge, dry_yaw;
     sprung_t surge, yaw;
     double gyro_error, gyro_angle;
 } memory_t;
 
-/* A law at the left wheel (k = 0) or the right one; a single motor has no difference. */
+/* A law at the left wheel (k = 0) or the right one (k = 1). The terms of a difference act on a robot alone. */
 static double sided(composed_sum_t *sum, const double *common, const double *diff, const composed_t *given,
                     const composed_point_t *at, const vehicle_t *vehicle, int k)
 {
@@ -34,11 +34,6 @@ static double sided(composed_sum_t *sum, const double *common, const double *dif
     return both + (k == 0 ? 1 : -1) * sum(diff, given, at);
 }
 
-static int wheels(const vehicle_t *vehicle)
-{
-    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
-}
-
 static double within(double low, double value, double high)
 {
     return fmin(fmax(value, low), high);
@@ -46,10 +41,10 @@ static double within(double low, double value, double high)
 
 static double volts(const vehicle_t *vehicle, int k)
 {
-    return k >= wheels(vehicle) || isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
+    return k >= vehicle_wheels(vehicle) || isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
 }
 
-/* From one member of composed_t up to another, in bytes. */
+/* Returns 1 where a value from one member of composed_t up to another is not 0. Members are given by their offsets. */
 static double any(const double *value, size_t first, size_t end)
 {
     for (size_t i = first / sizeof *value; i < end / sizeof *value; i++)
@@ -71,13 +66,13 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
     kept->speed[1] = vehicle->state.wheel_speed[1];
 }
 
-/* Time as the terms count it, `since` s after the run's start. */
+/* The time t of the terms, `since` s after the run's start. */
 static double clock_time(const composed_t *given, const memory_t *kept, double since)
 {
     return since + given->clock * kept->start_age;
 }
 
-/* Voltages pass through with a gain of 0 to 2. */
+/* Multiplies each voltage by a gain within 0 to 2, and adds to it. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;
@@ -85,7 +80,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
     if (kept->acts[PLACE_DRIVE] == 0)
         return;
     const double before[2] = {volts(vehicle, 0), volts(vehicle, 1)};
-    for (int k = 0; k < wheels(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const composed_point_t at = {.V = before[k],
                                      .other = before[1 - k],
                                      .w = vehicle->state.wheel_speed[k],
@@ -97,7 +92,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
     }
 }
 
-/* Losses join the motors' own, which the integrator takes implicitly; as a whole they never become gains. */
+/* Adds losses to the motors' own, which the integrator treats implicitly. Their sum never drives a wheel. */
 static void motor(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;
@@ -105,7 +100,7 @@ static void motor(const double *value, double *memory, vehicle_t *vehicle)
     if (kept->acts[PLACE_LOSS] == 0)
         return;
     const double half = 0.5 * vehicle->step;
-    for (int k = 0; k < wheels(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const double speed = vehicle->state.wheel_speed[k];
         const composed_point_t at = {.w = speed + 0.5 * (speed - kept->speed[k]),
                                      .t = clock_time(given, kept, kept->time + half)};
@@ -121,7 +116,7 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
     const composed_t *given = (const composed_t *)value;
     memory_t *kept = (memory_t *)memory;
     const double half = 0.5 * vehicle->step;
-    for (int k = 0; k < wheels(vehicle) && kept->acts[PLACE_WHEEL] != 0; k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle) && kept->acts[PLACE_WHEEL] != 0; k++) {
         const double speed = vehicle->state.wheel_speed[k], current = vehicle->state.current[k];
         const composed_point_t at = {.V = volts(vehicle, k),
                                      .i = current,
@@ -141,7 +136,8 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
     kept->time += vehicle->step;
 }
 
-/* A mass on a spring and a damper, carried by a body that accelerated with `rate` for h s: implicit midpoint. */
+/* Moves a mass on a spring and a damper, carried by a body that accelerated with `rate` for h s, by the implicit
+ * midpoint rule. */
 static void swing(sprung_t *mass, const composed_t *given, double rate, double h)
 {
     const double p = 2 * PI * given->frequency, loss = given->damping * p;
@@ -152,20 +148,20 @@ static void swing(sprung_t *mass, const composed_t *given, double rate, double h
     mass->push = p * p * (mass->position + 0.5 * h * mass->speed) + 2 * loss * mass->speed;
 }
 
-/* m per rad; 0 for a motor without a wheel, whose load does not move. */
+/* Travel in m per rad of the wheel; 0 for a motor without a wheel, whose load does not move. */
 static double lever(const vehicle_t *vehicle)
 {
     const double *p = vehicle->parameter;
     return vehicle->vehicle == BP_MOTOR && p[PARAMETER_FORCE_PER_VOLT] > 0 ? 1 : p[PARAMETER_WHEEL_RADIUS];
 }
 
-/* The losses of the wheels as a drag on the surge, N s/m: what terms of the body may take away. */
+/* The losses of the wheels as a drag on the surge, N s/m: the most that terms of the body may take away. */
 static double rolling_drag(const vehicle_t *vehicle)
 {
     const double *p = vehicle->parameter;
     const double radius = lever(vehicle), weight = vehicle->build.mass * p[PARAMETER_GRAVITY];
     const double drag = p[PARAMETER_VISCOUS_FRICTION] + weight * p[PARAMETER_ROLLING_FRICTION] * radius * radius;
-    return vehicle->profile == BP_PAPER || !(radius > 0) ? 0 : wheels(vehicle) * drag / (radius * radius);
+    return vehicle->profile == BP_PAPER || !(radius > 0) ? 0 : vehicle_wheels(vehicle) * drag / (radius * radius);
 }
 
 static double fourth_power(double value)
@@ -240,8 +236,8 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
     output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
 }
 
-/* The rows of the coefficients. A meaning reads TARGET += FACTORS [expression] FACTORS: the tools that compose terms parse
- * it. */
+/* The rows of the coefficients. A meaning reads TARGET += FACTORS [expression] FACTORS: the tools that compose terms
+ * parse it. */
 #define ROW(row_name, row_unit, law, lowest, highest, is_odd)                                                          \
     {.name = row_name,                                                                                                 \
      .role = BP_ROLE_SIZE,                                                                                             \

@@ -7,34 +7,29 @@ static double sign(double value)
     return value > 0 ? 1 : value < 0 ? -1 : 0;
 }
 
-static int wheels(const vehicle_t *vehicle)
-{
-    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
-}
-
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    for (int k = 0; k < wheels(vehicle); k++)
+    for (int k = 0; k < vehicle_wheels(vehicle); k++)
         vehicle->voltage[k] *= 1 + 0.5 * value[2] * sign(vehicle->voltage[k]);
 }
 
-/* The drag changes by no more than makes one direction free of losses. */
+/* Changes the drag at most so far that one direction is free of losses. */
 static void motor(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    for (int k = 0; k < wheels(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         motor_t *motor = &vehicle->motor[k];
         const double change = 0.5 * value[1] * sign(vehicle->state.wheel_speed[k]);
         motor->drag = fmax(motor->drag + change, 0);
     }
 }
 
-/* Friction on one side of zero is half of it on both sides and half as a constant torque. */
+/* Friction in one direction only is half of it in both directions and half of it as a constant torque. */
 static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    for (int k = 0; k < wheels(vehicle); k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         vehicle->dry[DRY_LEFT + k] += 0.5 * fabs(value[0]);
         vehicle->wheel_torque[k] -= 0.5 * value[0];
     }

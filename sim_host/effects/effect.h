@@ -1,8 +1,8 @@
 /* effect.h: what one effect consists of: its row of the table, and the functions that make it act.
  *
  * An effect is something that the nominal model lacks. To add one:
- *   1. write NAME.c in this folder. It defines `const effect_t effect_NAME`: the row, and a hook for each site where the
- *      effect acts. brickpilot_sim.h explains every field of the row.
+ *   1. write NAME.c in this folder. It defines `const effect_t effect_NAME`: the row, and a hook for each site where
+ *      the effect acts. brickpilot_sim.h explains every field of the row.
  *   2. add EFFECT(NAME) to the table in effects.c, at the place in the order where it acts.
  *   3. test it in tests/unit/effects/test_NAME.c, and give it a law of another engine in tests/hidden.
  * Nothing else lists effects: the command line, the fits, discovery and the reports read the table.
@@ -13,8 +13,8 @@
 #include "effects/vehicle.h"
 
 /* Makes the effect act at one site. `value` holds the parameters in the order of the row. `memory` is the effect's own
- * state in this run, `memory_count` doubles that are 0 at its start. Hooks are called in the order of the table. An effect
- * that is off costs nothing. */
+ * state in this run, `memory_count` doubles that are 0 at its start. Hooks are called in the order of the table. An
+ * effect that is off costs nothing. */
 typedef void effect_hook_t(const double *value, double *memory, vehicle_t *vehicle);
 
 typedef enum {

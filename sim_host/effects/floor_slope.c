@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Gravity's pull in body axes over mass, m/s^2. */
+/* Gravity's pull along the body's axes, per mass, m/s^2. */
 typedef struct {
     double surge, sway;
 } pull_t;
@@ -25,7 +25,7 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
     vehicle->moment_yaw += build->mass * (build->com_forward * pull.sway - build->com_right * pull.surge);
 }
 
-/* The accelerations are means over the last body step: so is the heading. */
+/* Accelerations are means over the last body step, so the heading is taken in its middle. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -2,14 +2,14 @@
 
 #include <math.h>
 
-/* The plant's wheel carries the rotor's inertia J_m and feels K_t i. What it must feel instead, with the rotor's speed
- * ahead of its own by `slip`, is K_t i - J_m slip': nothing changes in contact, the rotor alone is driven in the play,
- * and momentum is kept when it meets the tooth. */
+/* The plant's wheel carries the rotor's inertia J_m and feels the torque K_t i. Let the rotor be ahead of the wheel by
+ * the speed `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes; in the play the
+ * motor drives the rotor alone; and momentum is kept when the rotor meets the tooth. */
 typedef struct {
-    double play;  /* rad: rotor ahead of the wheel, from the middle of the gap */
+    double play;  /* rad by which the rotor is ahead of the wheel, from the middle of the play */
     double slip;  /* rad/s: rate of `play` */
-    double speed; /* rad/s: of the wheel, a motor step ago; NaN after an impact */
-    double accel; /* rad/s^2: of the wheel */
+    double speed; /* rad/s of the wheel, a motor step ago; NaN after an impact */
+    double accel; /* rad/s^2 of the wheel */
 } mesh_t;
 
 static void start(const double *value, double *memory, vehicle_t *vehicle)
@@ -20,7 +20,7 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
         mesh[k].speed = vehicle->state.wheel_speed[k];
 }
 
-/* The back EMF is the rotor's. */
+/* The back EMF follows the rotor's speed, not the wheel's. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)value;
@@ -29,14 +29,14 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
         vehicle->voltage[k] -= vehicle->motor[k].emf_constant * mesh[k].slip;
 }
 
-/* A drive that commands force has no inertia of its own: there the share is that of the mass. */
+/* A drive that commands force has no inertia of its own, so the share is taken of the mass. */
 static double rotor_inertia(const vehicle_t *vehicle, int k, double share)
 {
     const double own = vehicle->motor[k].inertia;
     return share * (own > 0 ? own : vehicle->build.mass);
 }
 
-/* Torque that would turn the rotor against the wheel, and how it falls with `slip`. */
+/* Torque that turns the rotor relative to the wheel. `damping` is how fast it falls with `slip`. */
 static double push(const vehicle_t *vehicle, int k, double inertia, double accel, double *damping)
 {
     const motor_t *motor = &vehicle->motor[k];
@@ -70,8 +70,7 @@ static void turn(mesh_t *mesh, vehicle_t *vehicle, int k, double gap, double sha
 static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     mesh_t *mesh = (mesh_t *)memory;
-    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
-    for (int k = 0; k < count; k++)
+    for (int k = 0; k < vehicle_wheels(vehicle); k++)
         turn(&mesh[k], vehicle, k, value[0], value[1]);
 }
 

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* memory: s since the run's start. Age counts from power-on, so that runs in sequence drift on. */
+/* memory: s since the run's start. The drift counts from power-on, so it goes on from run to run. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     memory[0] += vehicle->step;

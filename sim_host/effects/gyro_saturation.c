@@ -1,8 +1,8 @@
 #include "effects/effect.h"
 
 typedef struct {
-    double missing; /* rad/s: what the last yaw rate lost */
-    double angle;   /* rad: its integral */
+    double missing; /* rad/s by which the last yaw rate was cut */
+    double angle;   /* rad: the integral of it */
 } lost_t;
 
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)

@@ -2,7 +2,7 @@
 
 typedef struct {
     double started;
-    double heading; /* at the start: the angle is counted from there */
+    double heading; /* rad at the start, where the angle counts from */
 } origin_t;
 
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)

@@ -5,11 +5,11 @@
 typedef struct {
     double started;
     double surge, sway, yaw_rate; /* filtered */
-    double turning;               /* unfiltered yaw rate at the last step */
-    double first;                 /* yaw rate that the filter had settled on */
+    double turning;               /* unfiltered yaw rate of the last step */
+    double first;                 /* yaw rate at the start, where the filter has settled */
 } filter_t;
 
-/* Exact for accelerations that are constant in the step, which they are as means, and for a yaw rate that is linear. */
+/* Exact where the accelerations are constant in the step, as means are, and the yaw rate is linear in it. */
 static void advance(filter_t *filter, const double *output, double lag, double step)
 {
     const double kept = exp(-step / lag);

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* Means over the body step, like the accelerations they add to. */
+/* Uses means over the body step, like the accelerations that it adds to. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

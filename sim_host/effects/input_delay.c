@@ -9,7 +9,8 @@ typedef struct {
     double command[2];
 } change_t;
 
-/* Changes of the command that have not arrived, a ring of `count` from `first`; before the run it was 0 V. */
+/* Changes of the command that have not arrived yet: a ring of `count` from `first`. Before the run the command was 0
+ * V. */
 typedef struct {
     double time, first, count;
     double arrived[2];
@@ -26,7 +27,7 @@ static change_t *waiting(line_t *line, int i)
     return &line->change[((int)line->first + i) % CHANGES];
 }
 
-/* Where there are more changes than the ring holds, the last two become one. */
+/* Where there are more changes than the ring holds, the last two are merged. */
 static void enter(line_t *line, const double command[2])
 {
     const int count = (int)line->count;
@@ -42,7 +43,8 @@ static void enter(line_t *line, const double command[2])
     change->command[1] = command[1];
 }
 
-/* A step in which a change arrives has the mean of both; one that floats in part does as in the longer part. */
+/* The command of a step in which a change arrives: the mean of before and after. A step that floats in part takes the
+ * command of the longer part. */
 static double blend(double early, double late, double late_share)
 {
     if (isnan(early) || isnan(late))

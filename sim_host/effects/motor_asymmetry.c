@@ -1,9 +1,8 @@
 #include "effects/effect.h"
 
-/* A gain of the drive, not of the motor: it scales V alone, and with it stall torque and speed alike. What differs in
- * the motor is torque_constant_asymmetry, which scales K_t V by 1 + c and K_t K_e by (1 + c)^2: more torque, less
- * speed. The two are told apart by any run that holds both a start and a steady speed. A lone motor has no other side.
- */
+/* This is a gain of the drive, not of the motor. It scales V, and so stall torque and speed alike. A difference of the
+ * motors is torque_constant_asymmetry: it scales K_t V by 1 + c and K_t K_e by (1 + c)^2, which gives more torque and
+ * less speed. Any run with a start and a steady speed distinguishes the two. A single motor has no other side. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

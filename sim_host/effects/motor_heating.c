@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Of copper at 20 degrees C, 1/K (IEC 60028). It is known, and enters only times the thermal resistance. */
+/* 1/K: temperature coefficient of copper at 20 degrees C (IEC 60028). It is no parameter, because it is known and acts
+ * only in its product with the thermal resistance. */
 static const double COPPER = 0.00393;
 
 static void start(const double *value, double *memory, vehicle_t *vehicle)
@@ -20,7 +21,7 @@ static void motor(const double *value, double *memory, vehicle_t *vehicle)
         vehicle->motor[k].resistance *= 1 + COPPER * vehicle->state.heat[k];
 }
 
-/* Each motor step, since the current between them may be in pulses. */
+/* Runs each motor step, because the current may come in pulses that are shorter than a body step. */
 static void warm(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -3,17 +3,17 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* Share of a tick, or of a sum, that is rounding. */
+/* Share of a tick, or of a sum, that counts as rounding. */
 static const double SLACK = 1e-9;
 
 typedef struct {
-    double sum;  /* of the duty of each tick: overflows at 1 */
-    double on;   /* 1 during a tick that drives */
-    double owed; /* s of pulse still to be given: a motor step is all on or all off */
+    double sum;  /* of the duties of the ticks so far; a tick is a pulse where it reaches 1 */
+    double on;   /* 1 during a pulse */
+    double owed; /* s of pulse that is still due, since a motor step is all on or all off */
 } density_t;
 
 typedef struct {
-    double into; /* s into the tick */
+    double into; /* s since the tick began */
     density_t density[2];
 } pulses_t;
 
@@ -30,7 +30,7 @@ static void begin_tick(density_t *density, double part)
     density->sum -= density->on;
 }
 
-/* Adds the pulses of the next motor step to what is owed. */
+/* Adds the pulses that fall into the next motor step to what is due. */
 static void count_pulses(pulses_t *pulses, const vehicle_t *vehicle, double period)
 {
     double left = vehicle->step;

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* A bound on the impulse, so that the infinite slope at rest cannot ring. */
+/* Acts as a bound of dry friction, because a force with an infinite slope at rest would ring. */
 static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

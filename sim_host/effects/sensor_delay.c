@@ -3,7 +3,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* A motor has fewer signals than a robot, 7 of the 15. */
+/* Room for the signals of a robot. A motor has fewer. */
 enum { SIGNALS = OUTPUT_BATTERY_VOLTAGE + 1, ROWS = 128 };
 
 typedef struct {
@@ -11,7 +11,7 @@ typedef struct {
     double signal[SIGNALS];
 } row_t;
 
-/* A ring of rows. `oldest` is the last one at or before the time asked for, `newest` is now. */
+/* A ring of rows. `oldest` is the last row at or before the time that is read, `newest` is the present. */
 typedef struct {
     double started, time, oldest, newest;
     row_t row[ROWS];
@@ -22,7 +22,7 @@ static int after(int row)
     return (row + 1) % ROWS;
 }
 
-/* Rows keep so much distance that the ring spans the delay: the newest is overwritten until it is far enough from the
+/* Rows are so far apart that the ring spans the delay: the newest row is overwritten until it is far enough from the
  * one before it. */
 static void remember(history_t *history, const double *signal, int count, double delay)
 {
@@ -36,7 +36,7 @@ static void remember(history_t *history, const double *signal, int count, double
     memcpy(row->signal, signal, (size_t)count * sizeof *signal);
 }
 
-/* What the ring held at `time`: linear between rows, the first one before the run. */
+/* Reads the ring at `time`: linear between rows, and the first row before the run. */
 static void recall(history_t *history, double *signal, int count, double time)
 {
     int oldest = (int)history->oldest;

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* memory: s since the run's start. The step in which the inputs are let go has them for its part. */
+/* memory: s since the run's start. The step in which the delay ends gets the inputs for its last part. */
 static void timing(const double *value, double *memory, vehicle_t *vehicle)
 {
     const double held = (value[0] - memory[0]) / vehicle->step;
@@ -14,7 +14,7 @@ static void timing(const double *value, double *memory, vehicle_t *vehicle)
         if (held >= 1 || (isnan(command) && held > 0.5))
             vehicle->command[k] = 0;
         else
-            vehicle->command[k] = (1 - held) * command; /* floats on if it did */
+            vehicle->command[k] = (1 - held) * command; /* NaN stays NaN: a motor that floats floats on */
     }
 }
 

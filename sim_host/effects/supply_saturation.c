@@ -7,7 +7,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
         if (vehicle->voltage[k] > value[0])
             vehicle->voltage[k] = value[0];
         else if (vehicle->voltage[k] < -value[0])
-            vehicle->voltage[k] = -value[0]; /* a floating motor is NaN and neither */
+            vehicle->voltage[k] = -value[0]; /* a floating motor is NaN: neither branch is taken */
     }
 }
 

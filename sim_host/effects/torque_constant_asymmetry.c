@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
-/* K_t and K_e are one flux seen from two sides, so they differ together. K_t alone would be a third of a kind: with
- * L / R short it cannot be told from 1 / R of that side. A lone motor has no other side. */
+/* K_t and K_e come from one magnetic flux, so they differ together. A difference of K_t alone would look like a
+ * difference of 1 / R where L / R is short. A single motor has no other side. */
 static void motor(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -6,8 +6,7 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
     const bp_state *state = &vehicle->state;
-    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
-    for (int k = 0; k < count; k++) {
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const motor_t *motor = &vehicle->motor[k];
         const double volts = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
         const double torque = motor->torque_constant * state->current[k] + motor->torque_per_volt * volts;

@@ -1,8 +1,8 @@
-/* vehicle.h: what the plant and its effects share: names of parameters and outputs, the state, and the working values
- * of a step.
+/* vehicle.h: what the plant and its effects share: the names of parameters and outputs, the state, and the working
+ * values of a step.
  *
- * SI units. Frame of the paper: x forward, y right, yaw clockwise from above. [0] is left, [1] right; a BP_MOTOR has
- * [0] alone, and where its input commands force its "torques" are N and its "speeds" m/s.
+ * SI units, and the paper's frame: x forward, y right, yaw clockwise seen from above. [0] is left and [1] is right. A
+ * BP_MOTOR has [0] alone; where its input commands a force, its "torques" are in N and its "speeds" in m/s.
  */
 #ifndef BRICKPILOT_EFFECTS_VEHICLE_H
 #define BRICKPILOT_EFFECTS_VEHICLE_H
@@ -33,10 +33,10 @@ typedef enum {
     PARAMETER_COUNT
 } parameter_t;
 
-/* Index into an output row; the order of bp_output_name(). What a vehicle does not have is NaN. */
+/* Index into an output row; the order of bp_output_name(). An output that this vehicle does not have is NaN. */
 typedef enum {
-    OUTPUT_ACCEL_SURGE, /* mean specific force at the middle of the axle, where the centre of mass nominally is, over
-                           the last body step: u' - v r */
+    OUTPUT_ACCEL_SURGE, /* specific force u' - v r at the middle of the axle, where the centre of mass nominally is; the
+                           mean over the last body step */
     OUTPUT_ACCEL_SWAY,  /* v' + u r */
     OUTPUT_YAW_RATE,
     OUTPUT_YAW_ANGLE, /* unwrapped */
@@ -51,12 +51,12 @@ typedef enum {
     OUTPUT_CURRENT_LEFT,
     OUTPUT_CURRENT_RIGHT,
     OUTPUT_BATTERY_VOLTAGE,
-    OUTPUT_SPEED, /* from here to OUTPUT_FORCE: a motor's */
+    OUTPUT_SPEED, /* from here to OUTPUT_FORCE: outputs of a motor */
     OUTPUT_ANGLE,
     OUTPUT_POSITION,
     OUTPUT_VELOCITY,
     OUTPUT_CURRENT,
-    OUTPUT_FORCE, /* of the motor on its load: torque over wheel radius, or what the input commands */
+    OUTPUT_FORCE, /* of the motor on its load: torque over wheel radius, or the force that the input commands */
     OUTPUT_X,
     OUTPUT_Y,
     OUTPUT_SURGE,
@@ -64,14 +64,14 @@ typedef enum {
     OUTPUT_COUNT
 } output_t;
 
-/* Contact of the tyres in one direction. Slip speed = creep F for small forces; F never exceeds `friction` times the
- * load. */
+/* How the tyres hold in one direction. For small forces F the slip speed is creep F; F never exceeds `friction` times
+ * the load. */
 typedef struct {
     double creep;    /* m/s per N; 0: the tyres do not slip this way */
     double friction; /* 1 */
 } tyre_t;
 
-/* What the vehicle is made of. */
+/* Masses and geometry of the vehicle, the effects' included. */
 typedef struct {
     double mass;
     double yaw_inertia; /* about the centre of mass */
@@ -79,51 +79,51 @@ typedef struct {
     double com_right;   /* m */
     double rim[2];      /* radius of either wheel over wheel_radius */
     tyre_t along;       /* each wheel's rolling; coupled profile only */
-    tyre_t across;      /* both wheels' side force together; coupled profile only */
+    tyre_t across;      /* the side force of both wheels together; coupled profile only */
 } build_t;
 
-/* Dry friction: a bound on the friction that opposes one motion and holds it at zero. */
+/* Dry friction is a bound: the most that may oppose one motion, and hold it at zero. Each motion has its own. */
 typedef enum {
-    DRY_LEFT,  /* left wheel's turning, N m; a motor's, N m or N */
-    DRY_RIGHT, /* right wheel's turning, N m */
-    DRY_SURGE, /* the body's surge, N */
-    DRY_YAW,   /* the body's yaw, N m */
+    DRY_LEFT,  /* turning of the left wheel, N m; of a motor, N m or N */
+    DRY_RIGHT, /* turning of the right wheel, N m */
+    DRY_SURGE, /* surge of the body, N */
+    DRY_YAW,   /* yaw of the body, N m */
     DRY_COUNT
 } dry_t;
 
-/* One motor, seen at the wheel. */
+/* One motor, with all values as the wheel feels them. */
 typedef struct {
     double resistance;      /* ohm */
     double inductance;      /* H; 0: the current follows the voltage at once */
     double torque_constant; /* N m/A */
     double emf_constant;    /* V s/rad */
-    double torque_per_volt; /* N m/V, or N/V: a drive that closes its own current loop; then torque_constant is 0 */
+    double torque_per_volt; /* N m/V, or N/V: of a drive with its own current loop; then torque_constant is 0 */
     double inertia;         /* kg m^2, or kg: wheel and rotor, without the vehicle's mass */
-    double drag;            /* N m s/rad, or N s/m: all losses linear in the speed */
+    double drag;            /* N m s/rad, or N s/m: all losses that are linear in the speed */
 } motor_t;
 
 typedef struct {
-    /* State. Hooks read it, and motor_heating writes `heat`. */
+    /* State. Hooks read it; only the windings' `heat` may be written by one. */
     bp_state state;
     double accel_surge; /* mean specific force over the last body step */
     double accel_sway;
-    double surge_rate; /* u', v', r': mean over the last body step */
+    double surge_rate; /* u', v' and r': means over the last body step */
     double sway_rate;
     double yaw_accel;
-    double supply_current; /* A, mean over the last body step: what the drive drew from the battery */
-    double step; /* s: motor step in timing, drive and wheel hooks; body step in the others (0 before the first) */
+    double supply_current; /* A that the drive drew from the battery: mean over the last body step */
+    double step; /* s: the motor step in timing, drive and wheel hooks; the body step in others (0 before the first) */
     const double *parameter;
     int vehicle; /* BP_DIFF_DRIVE or BP_MOTOR */
     int profile;
 
-    /* Body hooks read it: where the state will be half a body step ahead, extrapolated. */
+    /* For body hooks: the state half a body step ahead, extrapolated. */
     struct {
         double surge, sway, yaw_rate, heading;
     } middle;
 
-    build_t build; /* build hooks change it, the others read it */
+    build_t build; /* build hooks change it, other hooks read it */
 
-    /* Working values. The plant sets them to the nominal ones, then the hooks of the site change them. */
+    /* Working values. The plant sets them to the nominal model's; then the hooks of the site named here change them. */
     double command[2];           /* timing: V; NaN floats */
     double supply;               /* supply: V at the drive; commands scale with supply / battery_voltage */
     double voltage[2];           /* drive: V at the motor; NaN floats */
@@ -136,7 +136,21 @@ typedef struct {
     double drag_surge;           /* body: N s/m, times surge; starts at the air drag's */
     double drag_sway;            /* body: N s/m, times sway; starts at the air drag's */
     double drag_yaw;             /* body: N m s/rad, times yaw rate; starts at 0 */
-    double output[OUTPUT_COUNT]; /* sensor: what the sensors see, of the state just reached */
+    double output[OUTPUT_COUNT]; /* sensor: readings of the state just reached, without noise */
 } vehicle_t;
+
+/* How many wheels, and motors, the vehicle has. */
+static inline int vehicle_wheels(const vehicle_t *vehicle)
+{
+    return vehicle->vehicle == BP_MOTOR ? 1 : 2;
+}
+
+/* The voltage of a battery from which effects have taken what they take: at least 1 % of the nominal one, so that a
+ * command over the supply stays finite. */
+static inline double vehicle_supply_of(const vehicle_t *vehicle, double voltage)
+{
+    const double least = 0.01 * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    return voltage > least ? voltage : least;
+}
 
 #endif

@@ -1,9 +1,9 @@
 /* brickpilot_sim.h: the C interface of the plant. Python calls it through cffi, and so may any other program.
  *
- * A model is one vehicle: its nominal parameters and the effects that are switched on. Runs read a model and never write
- * it, so many runs, on many threads, may share one. All values are in SI units. The frame is the paper's: x forward,
- * y right, yaw clockwise positive. A function that returns int returns 0, or a BP_E_ code when it fails. cffi reads this
- * header as it stands, so it holds plain declarations only.
+ * A model is one vehicle: its nominal parameters and the effects that are switched on. Runs read a model and never
+ * write it, so many runs, on many threads, may share one. All values are in SI units. The frame is the paper's: x
+ * forward, y right, yaw clockwise positive. A function that returns int returns 0, or a BP_E_ code when it fails. cffi
+ * reads this header as it stands, so it holds plain declarations only.
  */
 #ifndef BRICKPILOT_SIM_H
 #define BRICKPILOT_SIM_H
@@ -79,8 +79,8 @@ const bp_effect_info *bp_effect(int index);
 const char *bp_output_name(int index); /* as in data sets: "yaw_rate", ...; at the end "x", "y", "surge", "sway" */
 const char *bp_output_unit(int index);
 
-/* A model at its presets, without effects. The mass, wheel radius, rolling friction and air drag of a BP_MOTOR are 0 until
- * they are set. NULL: out of memory. */
+/* A model at its presets, without effects. The mass, wheel radius, rolling friction and air drag of a BP_MOTOR are 0
+ * until they are set. NULL: out of memory. */
 bp_model *bp_model_new(int vehicle, int profile);
 bp_model *bp_model_copy(const bp_model *model);
 void bp_model_free(bp_model *model);
@@ -93,8 +93,8 @@ int bp_model_get(const bp_model *model, const char *parameter, double *value);
 int bp_model_add_effect(bp_model *model, const char *effect, const double *values);
 int bp_model_remove_effect(bp_model *model, const char *effect);
 
-/* What of a model's effects the firmware's compensation can undo, as physical quantities. [0] is left, [1] right. A model
- * without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
+/* What of a model's effects the firmware's compensation can undo, as physical quantities. [0] is left, [1] right. A
+ * model without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
 typedef struct {
     double flux[2];           /* factor of the torque constant and the back-EMF constant */
     double rim[2];            /* factor of the wheel radius */
@@ -123,7 +123,8 @@ typedef struct {
     double rest;                  /* s at rest before the run, in which the windings cool; 0 once the run has begun */
 } bp_state;
 
-/* One free run: inputs in, outputs out. Sample k is the vehicle at time[k]; from then on input k acts, until time[k + 1].
+/* One free run: inputs in, outputs out. Sample k is the vehicle at time[k]; from then on input k acts, until time[k +
+ * 1].
  */
 typedef struct {
     const bp_model *model;
@@ -139,8 +140,8 @@ typedef struct {
     int status;     /* filled: 0 or BP_E_ */
 } bp_run;
 
-/* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs do
- * not depend on the number of threads, not even in their last bit. */
+/* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs
+ * do not depend on the number of threads, not even in their last bit. */
 int bp_simulate(bp_run *runs, int count, int threads);
 
 /* One closed loop in this process: plant, sensors and the firmware. A control step lasts [rates] body_step of
@@ -188,8 +189,8 @@ const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond th
 int bp_fly(bp_flight *flight);
 
 /* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
- * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's columns of
- * the log are 0. The loop ignores controller, start_step, cruise and compensation. */
+ * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's
+ * columns of the log are 0. The loop ignores controller, start_step, cruise and compensation. */
 typedef struct bp_loop bp_loop;
 
 /* The readings of one step in the formats of hal/include/hal.h. A status is 0 (ok), 1 (absent) or 2 (stale). */

@@ -5,7 +5,7 @@ double contact_load_lever(const double *parameter)
     return parameter[PARAMETER_FORCE_PER_VOLT] > 0 ? 1 : parameter[PARAMETER_WHEEL_RADIUS];
 }
 
-/* The wheel that is not there gets an inertia, so that its equation stays solvable and its speed 0. */
+/* The second wheel does not exist. It gets an inertia, so that its equation can be solved and its speed stays 0. */
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const double lever = contact_load_lever(vehicle->parameter);

@@ -1,7 +1,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* Masses or drags of the body, as the wheels feel them. */
+/* Turns masses or drags of the body into those that the wheels feel. */
 static pair_t at_wheels(const vehicle_t *vehicle, double surge, double yaw)
 {
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], square = radius * radius;

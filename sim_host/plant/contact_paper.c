@@ -3,7 +3,8 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* m/s. Below it the direction of motion has no meaning, and the thrust of eq. 6 and 7 points forward as at rest. */
+/* m/s. Below this speed the direction of motion has no meaning, and the thrust of eq. 6 and 7 points forward as at
+ * rest. */
 static const double REST_SPEED = 3.5e-4;
 
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
@@ -18,7 +19,7 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->dry_arm[DRY_YAW] = 0;
 }
 
-/* Eq. 15 to 17: a second torque law, beside that of eq. 14 (fault 1). A floating motor gives none. */
+/* Eq. 15 to 17: a second torque law beside that of eq. 14 (fault 1). A floating motor has no thrust. */
 static double thrust(const vehicle_t *vehicle, int side, double speed)
 {
     const double *p = vehicle->parameter;
@@ -34,8 +35,8 @@ typedef struct {
     double surge, sway, yaw;
 } rates_t;
 
-/* Eq. 2 to 9. The thrust follows the velocity, not the heading (fault 3); nothing damps the yaw rate (fault 4). The
- * forces act at the middle of the axle, the state is that of the centre of mass. */
+/* Eq. 2 to 9. The thrust follows the velocity, not the heading (fault 3), and nothing damps the yaw rate (fault 4). The
+ * forces act at the middle of the axle; the state is that of the centre of mass. */
 static rates_t rates(const vehicle_t *vehicle, double u, double v, double r, const double wheel_speed[2])
 {
     const double *p = vehicle->parameter;
@@ -56,7 +57,7 @@ static rates_t rates(const vehicle_t *vehicle, double u, double v, double r, con
                      .yaw = (moment + offset) / build->yaw_inertia};
 }
 
-/* Heun's method is stable up to twice these. */
+/* Limits the drags to half of what Heun's method is stable for. */
 static void limit_drags(vehicle_t *vehicle, double step)
 {
     vehicle->drag_surge = fmin(vehicle->drag_surge, vehicle->build.mass / step);
@@ -64,7 +65,7 @@ static void limit_drags(vehicle_t *vehicle, double step)
     vehicle->drag_yaw = fmin(vehicle->drag_yaw, vehicle->build.yaw_inertia / step);
 }
 
-/* Speed after dry friction's impulse, which holds what it can at 0. */
+/* The speed after the impulse of dry friction, which stops what it can hold. */
 static double rub(double speed, double most)
 {
     return fabs(speed) > most ? speed - copysign(most, speed) : 0;

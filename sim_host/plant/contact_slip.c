@@ -14,7 +14,8 @@ static pair_t invert(pair_t a)
     return (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
 }
 
-/* Slip speed over force: from `creep`, where that force is small, to what keeps the force within the friction. */
+/* Slip speed over force: `creep` where the force is small, and so much more for fast slip that the force stays within
+ * the friction. */
 static double compliance(const tyre_t *tyre, double load, double slip)
 {
     const double beyond = slip / (tyre->friction * load);
@@ -38,8 +39,8 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->body.turn = 0;
 }
 
-/* Impulses in h s on surge, sway and yaw, about the middle of the axle, without the tyres'. The velocity of the centre
- * of mass keeps its direction over ground, so it turns in the body's axes: exact, and it feeds no energy. */
+/* Impulses of h s on surge, sway and yaw about the middle of the axle, without those of the tyres. The velocity of the
+ * centre of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no energy. */
 typedef struct {
     double surge, sway, yaw;
 } impulse_t;
@@ -56,7 +57,8 @@ static impulse_t impulse_of(const vehicle_t *vehicle, double h)
                        .yaw = a * sway - c * surge + h * (vehicle->moment_yaw - vehicle->drag_yaw * state->yaw_rate)};
 }
 
-/* The body without tyre force along: its mass at the wheels, sway eliminated, and the speeds it would reach. */
+/* Computes how the body moves without tyre force along the track: its mass as the wheels feel it, with the sway
+ * eliminated, and the speeds that it would reach. */
 static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     const bp_state *state = &vehicle->state;
@@ -86,8 +88,9 @@ static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h)
     wheels->body.free[1] = state->surge - b * state->yaw_rate + inverse->right * right + inverse->cross * left;
 }
 
-/* With the compliance C of the tyres the impulse on the body is (C / h + 1 / B)^-1 times the wheels' speed ahead of the
- * free body: implicit in the slip, and rolling without slip for C = 0. */
+/* With the compliance C of the tyres and the body's mass B, the impulse on the body is (C / h + 1 / B)^-1 times the
+ * speed of the wheels ahead of the free body. That is implicit in the slip, and for C = 0 it is rolling without
+ * slip. */
 static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
 {
     const bp_state *state = &vehicle->state;
@@ -114,7 +117,7 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
     wheels->load[1] = rim[1] * (grip_mass->right * behind[1] + grip_mass->cross * behind[0]) / h;
 }
 
-/* Ground speeds of the body with the tyres' impulses and the body's own dry friction. */
+/* Computes the body's ground speeds with the tyres' impulses and the body's own dry friction. */
 static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, double h, double ground[2])
 {
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];

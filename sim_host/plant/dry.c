@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* Share of a bound by which rounding may exceed it where two cases meet. */
+/* Share by which rounding may exceed a bound where two cases meet. */
 static const double SLACK = 1e-12;
 
 typedef struct {
@@ -11,9 +11,9 @@ typedef struct {
 } vector_t;
 
 static const vector_t MOTION[DRY_COUNT] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-static const vector_t ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* where that motion is zero */
+static const vector_t ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* speeds at which that motion is zero */
 
-/* One speed inside each sector between the lines where a motion is zero. */
+/* One speed inside each sector between the lines on which a motion is zero. */
 static const vector_t SECTOR[] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}, {-2, -1}, {-1, -2}, {1, -2}, {2, -1}};
 
 static double dot(vector_t a, vector_t b)
@@ -32,7 +32,7 @@ static double sign(double value)
     return value > 0 ? 1 : value < 0 ? -1 : 0;
 }
 
-/* Sum of the impulses that oppose the motions in the direction `w`. */
+/* The sum of the impulses that oppose the motions of `w`. */
 static vector_t opposing(vector_t w, const double bound[DRY_COUNT])
 {
     double along[DRY_COUNT];
@@ -42,7 +42,7 @@ static vector_t opposing(vector_t w, const double bound[DRY_COUNT])
                       along[DRY_RIGHT] + along[DRY_SURGE] - along[DRY_YAW]};
 }
 
-/* Everything slips in the directions of `guess`: true if the speeds that follow agree with it. */
+/* Supposes that every motion slips in its direction of `guess`. True where the speeds that follow agree with that. */
 static bool slips(vector_t guess, vector_t *w, vector_t free, const pair_t *inverse, const double bound[DRY_COUNT])
 {
     const vector_t change = multiply(inverse, opposing(guess, bound));
@@ -53,7 +53,7 @@ static bool slips(vector_t guess, vector_t *w, vector_t free, const pair_t *inve
     return true;
 }
 
-/* All stands still if no direction of motion gains more impulse than the bounds hold. */
+/* True where all stands still: in no direction of motion does the impulse exceed what the bounds hold. */
 static bool sticks(vector_t impulse, const double bound[DRY_COUNT])
 {
     for (int j = 0; j < DRY_COUNT; j++) {
@@ -66,7 +66,8 @@ static bool sticks(vector_t impulse, const double bound[DRY_COUNT])
     return true;
 }
 
-/* Motion j is held at zero, the others slip. */
+/* Supposes that motion j is held at zero and the others slip. True where the impulse that holds it is within its
+ * bound. */
 static bool holds(int j, vector_t *w, vector_t impulse, const pair_t *matrix, const double bound[DRY_COUNT])
 {
     const vector_t along = ALONG[j];
@@ -97,7 +98,7 @@ static vector_t solve(vector_t free, const pair_t *matrix, const pair_t *inverse
     for (int i = 0; i < (int)(sizeof SECTOR / sizeof SECTOR[0]); i++)
         if (slips(SECTOR[i], &w, free, inverse, bound))
             return w;
-    return (vector_t){0, 0}; /* only rounding at the edge of sticking leads here */
+    return (vector_t){0, 0}; /* reached only by rounding at the edge of sticking */
 }
 
 void dry_solve(double w[2], const pair_t *matrix, const pair_t *inverse, const double bound[DRY_COUNT])

@@ -144,7 +144,7 @@ static const bp_parameter_info PARAMETER[PARAMETER_COUNT] = {
                                    .preset = 0},
 };
 
-/* What a bare motor lacks: 0 until someone sets it. */
+/* A bare motor has none of these: they are 0 until they are set. */
 static const parameter_t OF_A_VEHICLE[] = {PARAMETER_MASS, PARAMETER_WHEEL_RADIUS, PARAMETER_ROLLING_FRICTION,
                                            PARAMETER_DRAG_AREA};
 

@@ -1,10 +1,10 @@
-/* model.h: a vehicle as the C interface builds it. brickpilot_sim.h documents the functions. */
+/* model.h: what a bp_model holds. brickpilot_sim.h documents its functions. */
 #ifndef BRICKPILOT_PLANT_MODEL_H
 #define BRICKPILOT_PLANT_MODEL_H
 
 #include "effects/effect.h"
 
-enum { MODEL_EFFECTS = 64 }; /* switched on at a time */
+enum { MODEL_EFFECTS = 64 }; /* at most so many are on at a time */
 
 struct bp_model {
     int vehicle;

@@ -11,7 +11,7 @@ typedef struct {
 
 static const phi_t QUASI_STATIC = {.a_phi_1 = 1, .a_phi_2 = 1, .a_phi_3 = 0.5};
 
-/* The closed forms cancel for small a: there phi_3 comes from its series, and the others from it. */
+/* For small a the closed forms lose digits. There phi_3 is summed from its series, and the others follow from it. */
 static phi_t phi_functions(double a)
 {
     phi_t phi;

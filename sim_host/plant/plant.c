@@ -8,7 +8,8 @@
 #include "plant/contact.h"
 #include "plant/output.h"
 
-/* Share of a step by which an interval may exceed a whole number of steps: rounding in sample times adds no step. */
+/* Share of a step by which an interval may exceed a whole number of steps, so that rounding in sample times adds
+ * none. */
 static const double STEP_SLACK = 1e-6;
 
 static void run_hooks(plant_t *plant, site_t site)
@@ -34,7 +35,7 @@ static void gather_hooks(plant_t *plant, const bp_model *model)
     }
 }
 
-/* The nominal motor of either side. Eq. 13 with eq. 14 is a loss linear in the speed: m g sigma r_w abs(w) at the
+/* The nominal motor of one side. Eq. 13 in eq. 14 is a loss that is linear in the speed: m g sigma r_w abs(w) at the
  * radius r_w. */
 static motor_t nominal_motor(const vehicle_t *vehicle, int side)
 {
@@ -66,7 +67,7 @@ static void set_motors(plant_t *plant)
     run_hooks(plant, SITE_MOTOR);
 }
 
-/* Wheels and body of a coupled vehicle start in agreement; where tyres slip they need not. */
+/* Makes wheels and body of a coupled vehicle agree at the start. Where tyres slip they need not agree. */
 static void join_speeds(vehicle_t *vehicle)
 {
     bp_state *state = &vehicle->state;
@@ -168,7 +169,7 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     return 0;
 }
 
-/* Command to voltage at the motors. */
+/* Turns the commands into the voltages at the motors. */
 static void drive(plant_t *plant, const double input[2])
 {
     vehicle_t *vehicle = &plant->vehicle;
@@ -247,7 +248,7 @@ static void body_step(plant_t *plant, const double input[2], double step, double
     sense(plant, step);
 }
 
-/* How many even steps of at most `limit` make up `interval`: at least 1, or -1 beyond 1e9. */
+/* Counts the even steps of at most `limit` that make up `interval`: at least 1, or -1 beyond 1e9. */
 static int even_steps(double interval, double limit)
 {
     const double count = ceil(interval / limit - STEP_SLACK);

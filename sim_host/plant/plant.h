@@ -1,8 +1,8 @@
-/* plant.h: one vehicle, stepped. For closed loops; a whole open-loop run is bp_simulate().
+/* plant.h: one vehicle that its caller advances, for closed loops. bp_simulate() runs a whole free run.
  *
- * Multi-rate as in fig. 3: an interval is divided evenly into body steps, each of them into motor steps. No heap, no
- * globals: a plant_t is the caller's, and the same calls give the same bytes. sim_host/README.md has equations and
- * accuracy.
+ * There are two rates, as in fig. 3: an interval is divided evenly into body steps, and each of those into motor steps.
+ * The plant uses no heap and no globals; a plant_t belongs to its caller, and the same calls give the same bytes.
+ * sim_host/README.md has the equations and their accuracy.
  */
 #ifndef BRICKPILOT_PLANT_PLANT_H
 #define BRICKPILOT_PLANT_PLANT_H
@@ -17,7 +17,7 @@ typedef struct {
     double *memory;
 } plant_hook_t;
 
-/* Read vehicle.state; the rest is the plant's own. */
+/* Callers may read vehicle.state. All else is for the plant alone. */
 typedef struct plant {
     vehicle_t vehicle;
     const bp_model *model; /* must outlive the plant and not change */
@@ -29,18 +29,20 @@ typedef struct plant {
     double memory[EFFECT_MEMORY];
 } plant_t;
 
-/* Puts the vehicle into `initial` (NULL: at rest at the origin). motor_step, body_step: upper limits in s, 0 for 0.0003
- * and 0.003. A coupled vehicle with both wheel speeds 0 gets them from surge and yaw_rate; otherwise the wheel speeds
- * decide, unless tyres slip along and surge or yaw_rate is not 0; sway becomes 0, unless tyres slip across. BP_E_RANGE:
- * a value that is not finite, a negative step, or a motor without inertia. */
+/* Puts the vehicle into the state `initial` (NULL: at rest at the origin).
+ *
+ * motor_step and body_step are upper limits in s; 0 stands for those of models/rcx.toml. A coupled vehicle whose wheel
+ * speeds are both 0 gets them from surge and yaw_rate. Otherwise the wheel speeds decide, unless tyres slip along the
+ * track and surge or yaw_rate is not 0. Sway becomes 0, unless tyres slip sideways. BP_E_RANGE: a value is not finite,
+ * a step is negative, or the motor has no inertia. */
 int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step);
 
-/* Holds the inputs (left, right; V; NaN floats; a motor reads [0] alone) for dt seconds.
- * BP_E_TIME: dt not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
+/* Advances the vehicle by dt seconds with the inputs held: V left and right, NaN floats, and a motor reads [0] alone.
+ * BP_E_TIME: dt is not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
 int plant_advance(plant_t *plant, const double input[2], double dt);
 
-/* The row of OUTPUT_COUNT values of now, in the order of bp_output_name(): without noise, with the sensor effects that
- * are on. */
+/* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor
+ * effects that are on, and without noise. */
 void plant_outputs(const plant_t *plant, double *out);
 
 #endif

@@ -43,7 +43,7 @@ static pair_t scaled(const pair_t *matrix, double left, double right)
     return (pair_t){matrix->left * left * left, matrix->right * right * right, matrix->cross * left * right};
 }
 
-/* Solved in the speeds of the rims, whose sum is the surge and whose difference is the yaw whatever the radii. */
+/* Solves in the speeds of the rims: their sum is the surge and their difference the yaw, whatever the radii. */
 static void solve_rims(double end[2], const wheels_t *wheels, const double rim[2], double bound[DRY_COUNT])
 {
     const double left = rim[0], right = rim[1];

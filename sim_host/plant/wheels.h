@@ -1,8 +1,9 @@
-/* wheels.h: both motors and wheels over one motor step: eq. 14 with whatever the contact adds, and dry friction.
+/* wheels.h: both motors and wheels over one motor step: eq. 14, what the contact adds to it, and dry friction.
  *
- * Implicit midpoint in all that is linear: (M + h/2 D + h K) dw = h (torque(w) + load) + p, where M is the inertia the
- * wheels feel, D the linear losses, K the motors' damping within the step, and p the dry friction's impulse. Where a
- * step does not resolve the motion, 1/2 goes to 1 (implicit Euler): by s^2 / (1 + s^2), s = h (D + K_t K_e / R) / M.
+ * The linear part is integrated by the implicit midpoint rule: (M + h/2 D + h K) dw = h (torque(w) + load) + p. M is
+ * the inertia that the wheels feel, D the linear losses, K the motors' damping within the step, and p the impulse of
+ * dry friction. Where a step does not resolve the motion, 1/2 goes to 1 (implicit Euler) by s^2 / (1 + s^2), with s = h
+ * (D + K_t K_e / R) / M.
  */
 #ifndef BRICKPILOT_PLANT_WHEELS_H
 #define BRICKPILOT_PLANT_WHEELS_H
@@ -12,24 +13,26 @@
 
 typedef struct {
     /* Set by the contact for a body step. */
-    pair_t inertia;            /* kg m^2: M */
-    pair_t drag;               /* N m s/rad: D */
-    double load[2];            /* N m, driving forward */
-    double dry_arm[DRY_COUNT]; /* from vehicle_t.dry to N m at the wheel; 0 where the motion is none of the wheels' */
+    pair_t inertia; /* kg m^2: M */
+    pair_t drag;    /* N m s/rad: D */
+    double load[2]; /* N m, driving forward */
+    double dry_arm
+        [DRY_COUNT]; /* factor from vehicle_t.dry to N m at the wheel; 0 where the wheels do not carry the motion */
 
-    /* Kept by the contact where the body moves on its own. Ground speeds are those of the body at either wheel, m/s. */
+    /* For the contact alone, where the body moves on its own. Ground speeds are those of the body at each wheel,
+     * m/s. */
     struct {
-        pair_t inverse;                   /* ground speeds' change by impulses at the wheels, 1/kg */
+        pair_t inverse;                   /* 1/kg: change of the ground speeds by impulses at the wheels */
         pair_t grip;                      /* kg: impulse on the body by the wheels' speed ahead of `free` */
         pair_t mass;                      /* kg: inverse of `inverse` */
-        double free[2];                   /* ground speeds at the end of the step without tyre force */
+        double free[2];                   /* m/s: ground speeds at the end of the step without tyre force */
         double sway_impulse;              /* N s */
         double sway_mass;                 /* kg */
         double travel_surge, travel_sway; /* m, since the body step began */
         double turn;                      /* rad */
     } body;
 
-    /* Kept by wheels_prepare. */
+    /* Set by wheels_prepare(). */
     double step; /* s */
     bool floats[2];
     motor_step_t motor[2];
@@ -40,14 +43,16 @@ typedef struct {
     double energy[2]; /* J: what the drive fed each motor since the caller set it to 0 */
 } wheels_t;
 
-/* New coefficients, after the contact, the step h, a motor or its floating changed. */
+/* Computes all coefficients anew. Call it when the contact, the step h or a motor has changed, or a motor has begun or
+ * stopped floating. */
 void wheels_prepare(wheels_t *wheels, const vehicle_t *vehicle, double h);
 
-/* Those of them that follow from the inertia alone, after the contact changed it within a body step. */
+/* Computes the coefficients that follow from the inertia alone. Call it when the contact has changed that within a body
+ * step. */
 void wheels_join(wheels_t *wheels);
 
-/* One motor step with vehicle->voltage, wheel_torque and dry: moves current, wheel_speed and wheel_angle of the state.
- */
+/* Does one motor step with vehicle->voltage, wheel_torque and dry: changes current, wheel_speed and wheel_angle of the
+ * state. */
 void wheels_step(wheels_t *wheels, vehicle_t *vehicle);
 
 #endif

@@ -1,22 +1,24 @@
-/* flight.c: one closed loop of plant, sensors and controller: bp_fly() with the firmware in process, bp_loop_ with whatever
- * the caller has at the other end. The manual is brickpilot_sim.h. */
+/* flight.c: one closed loop of plant, sensors and controller. bp_fly() has the firmware in process; with bp_loop_ the
+ * caller carries readings and commands to a controller elsewhere. brickpilot_sim.h is the manual. */
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 
 #include "app/params_gen.h"
 #include "brickpilot_sim.h"
+#include "models/rcx_gen.h"
 #include "run/flight_compensation.h"
 #include "run/flight_log.h"
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
 
-static const double STEP_S = 0.003;
+static const double STEP_S = RCX_BODY_STEP; /* of the plant, and of the firmware that is built for this machine */
+_Static_assert(STEP_MS == (int)(RCX_BODY_STEP * 1e3 + 0.5), "the firmware's step is [rates] body_step of rcx.toml");
 static const double TURN = 6.283185307179586;
 
 typedef struct {
     const bp_flight *request;
-    int step; /* of the control steps: the one that is sensed next, or acted on */
+    int step; /* the control step that comes next, or is under way */
     plant_t plant;
     sil_port_t port;
     loop_state_t loop;
@@ -47,7 +49,7 @@ static uint16_t to_bam16(double angle)
     return (uint16_t)llrint(angle * (65536.0 / TURN));
 }
 
-/* What the robot's sensors say now, into the mailbox. */
+/* Puts the readings of this moment into the port. */
 static void sense(flight_t *flight)
 {
     const int sensors = flight->request->sensors;
@@ -59,7 +61,7 @@ static void sense(flight_t *flight)
     plant_outputs(&flight->plant, flight->output);
     truth = (imu_reading_t){out[OUTPUT_ACCEL_SURGE], out[OUTPUT_ACCEL_SWAY], out[OUTPUT_YAW_RATE]};
     flight->measured = sensors == BP_SENSORS_IDEAL ? truth : imu_read(&flight->imu_config, &flight->imu, &truth);
-    port->clock_ms = (uint32_t)flight->step * 3U;
+    port->clock_ms = (uint32_t)flight->step * STEP_MS;
     port->imu = (hal_imu_t){to_int16(flight->measured.accel_surge * 1e3), to_int16(flight->measured.accel_sway * 1e3),
                             to_int16(flight->measured.yaw_rate * 1e3)};
     port->rotation.left = (uint16_t)encoder_read(&flight->encoder_config, out[OUTPUT_WHEEL_ANGLE_LEFT]);
@@ -96,7 +98,7 @@ static int prepare(flight_t *flight)
     return plant_start(&flight->plant, request->model, &request->initial, request->motor_step, 0);
 }
 
-/* The motors' voltages of a manoeuvre, as its schedule has them until its path is done. */
+/* Sets the voltages of a manoeuvre: those of its schedule, and 0 once its path is done. */
 static void follow_schedule(flight_t *flight, double voltage[2])
 {
     const bp_flight *request = flight->request;
@@ -111,7 +113,7 @@ static void follow_schedule(flight_t *flight, double voltage[2])
     flight->path += fabs(flight->plant.vehicle.state.surge) * STEP_S;
 }
 
-/* The firmware in process. */
+/* Runs one step of the firmware in process. */
 static void control(flight_t *flight)
 {
     flight->port.link_out_size = 0;
@@ -127,7 +129,7 @@ static void commanded_voltage(const flight_t *flight, double voltage[2])
     voltage[1] = flight->port.right_q15 / 32767.0 * battery;
 }
 
-/* Records the step and lets the plant live through it. `loop` is NULL where the controller is not in process. */
+/* Logs the step and advances the plant by it. `loop` is NULL where the controller is not in process. */
 static int act(flight_t *flight, const double voltage[2], const loop_state_t *loop)
 {
     const bp_flight *request = flight->request;

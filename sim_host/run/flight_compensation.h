@@ -1,4 +1,4 @@
-/* flight_compensation.h: what a flight's request says of the robot, for the firmware. */
+/* flight_compensation.h: hands the compensation of a flight's request to the firmware. */
 #ifndef BRICKPILOT_RUN_FLIGHT_COMPENSATION_H
 #define BRICKPILOT_RUN_FLIGHT_COMPENSATION_H
 
@@ -7,10 +7,10 @@
 #include "app/loop.h"
 #include "brickpilot_sim.h"
 
-/* True where every value is within its range; also for NULL, which stands for none. */
+/* Returns true where every value is within its range. NULL stands for no compensation, and is true as well. */
 bool flight_can_compensate(const bp_compensation *given);
 
-/* Puts it into the firmware's constants. */
+/* Writes the compensation into the firmware's configuration. */
 void flight_compensate(const bp_compensation *given, loop_config_t *config);
 
 #endif

@@ -62,7 +62,7 @@ int bp_simulate(bp_run *runs, int count, int threads)
     const int wanted = threads < count ? threads : count;
     while (helpers < wanted - 1 && helpers < THREADS_MAX && pthread_create(&helper[helpers], NULL, work, &queue) == 0)
         helpers++;
-    work(&queue); /* the caller works too, so a thread that cannot be had costs time only */
+    work(&queue); /* the caller works too, so a thread that fails to start costs time only */
     for (int i = 0; i < helpers; i++)
         pthread_join(helper[i], NULL);
 

@@ -1,4 +1,4 @@
-/* encoder.h: a rotation sensor on a wheel. */
+/* encoder.h: how a rotation sensor reads the angle of a wheel. */
 #ifndef BRICKPILOT_SENSORS_ENCODER_H
 #define BRICKPILOT_SENSORS_ENCODER_H
 
@@ -8,11 +8,11 @@ typedef struct {
     double counts_per_turn; /* of the wheel, above 0 */
 } encoder_config_t;
 
-/* The robot's, [sensors.encoder] of models/rcx.toml. */
+/* Returns the robot's values: [sensors.encoder] of models/rcx.toml. */
 encoder_config_t encoder_config_default(void);
 
-/* Free-running count at this wheel angle (rad, unwrapped), forward positive, rounded towards minus infinity.
- * Its low 16 bits are what the HAL delivers. */
+/* Returns the free-running count at this wheel angle (rad, unwrapped): forward positive, rounded towards minus
+ * infinity. The HAL delivers its low 16 bits. */
 int64_t encoder_read(const encoder_config_t *config, double wheel_angle);
 
 #endif

@@ -1,5 +1,5 @@
-/* imu.h: two accelerometers and a gyro behind the brick's converter: bias, white noise, range, resolution, in that
- * order. */
+/* imu.h: two accelerometers and a gyro behind the brick's converter. A reading is the truth with a bias and white
+ * noise, then limited to the range, then rounded to the resolution. */
 #ifndef BRICKPILOT_SENSORS_IMU_H
 #define BRICKPILOT_SENSORS_IMU_H
 
@@ -7,13 +7,13 @@
 
 typedef struct {
     double accel_noise_sd;   /* m/s^2, per reading */
-    double accel_range;      /* m/s^2, both signs; beyond it the reading stays at the end of the scale */
+    double accel_range;      /* m/s^2, both signs; a reading never exceeds it */
     double accel_bias_surge; /* m/s^2 */
     double accel_bias_sway;
     double gyro_noise_sd; /* rad/s */
     double gyro_range;    /* rad/s */
     double gyro_bias;     /* rad/s */
-    int bits; /* of the converter, 1..24: resolution is 2 range / 2^bits, rounded to nearest; 0 does not quantise */
+    int bits;             /* of the converter, 1..24: the resolution is 2 range / 2^bits; 0: readings are not rounded */
 } imu_config_t;
 
 typedef struct {
@@ -26,12 +26,13 @@ typedef struct {
     double yaw_rate; /* rad/s */
 } imu_reading_t;
 
-/* The robot's, [sensors.imu] of models/rcx.toml. */
+/* Returns the robot's values: [sensors.imu] of models/rcx.toml. */
 imu_config_t imu_config_default(void);
 
+/* Starts the noise from any seed. */
 void imu_start(imu_t *imu, uint64_t seed);
 
-/* What the IMU says when the truth is `truth`. Each call draws new noise. */
+/* Returns the reading of `truth`. Each call draws new noise. */
 imu_reading_t imu_read(const imu_config_t *config, imu_t *imu, const imu_reading_t *truth);
 
 #endif
