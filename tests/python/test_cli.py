@@ -1,4 +1,4 @@
-"""The command line as scripts see it: files, keys, exit status, and one line for what a user got wrong."""
+"""The command line as scripts use it: files, keys, exit statuses, and one line for each error of a user."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_run_writes_a_folder_and_prints_nothing_but_json(tmp_path: Path) -> None
     assert log["time_s"][-1] == pytest.approx(59.997)
 
 
-def test_the_page_of_a_run_needs_nothing_from_elsewhere(tmp_path: Path) -> None:
+def test_the_page_of_a_run_is_self_contained(tmp_path: Path) -> None:
     brickpilot("run", "--out", "out", cwd=tmp_path)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "8 of 8 waypoints reached in order" in page
@@ -63,7 +63,7 @@ def test_every_packaged_scenario_runs_in_both_profiles(name: str, profile: str, 
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
 
 
-def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_refused_and_unchanged(tmp_path: Path) -> None:
     assert brickpilot("run", "fig4", "--out", "out", cwd=tmp_path).returncode == 0
     (tmp_path / "out" / "thesis.txt").write_text("all of it\n")
     done = brickpilot("run", "fig4", "--out", "out", cwd=tmp_path)
@@ -75,7 +75,7 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "trouble", [SimulationError("m: the state grew beyond all bounds"), OSError(28, "No space left on device")]
 )
-def test_what_fails_underway_is_told_in_one_line_with_status_1(
+def test_a_failure_during_the_run_is_one_line_and_status_1(
     trouble: Exception, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> None:
@@ -89,7 +89,7 @@ def test_what_fails_underway_is_told_in_one_line_with_status_1(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_mission_that_is_over_at_once_has_a_page_too(tmp_path: Path) -> None:
+def test_a_mission_of_one_step_has_a_page_too(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('name = "s"\nkind = "mission"\nduration_s = 0.003\nwaypoints_m = [[0, 0]]\n')
     done = brickpilot("run", "s.toml", "--json", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -172,11 +172,11 @@ def test_compare_calibrate_and_import_work_together(tmp_path: Path) -> None:
         entry.keys() >= {"value", "unit", "ci95", "identifiable"}
         for entry in json.loads(done.stdout)["parameters"].values()
     )
-    done = brickpilot("compare", "bench", "--model", "fit/model.toml", "--json", "--out", "seen", cwd=tmp_path)
+    done = brickpilot("compare", "bench", "--model", "fit/model.toml", "--json", "--out", "compared", cwd=tmp_path)
     (run,) = json.loads(done.stdout)["runs"]
     assert run["signals"]["speed"].keys() == {"ils", "ils_normalised", "rms_error", "rms_signal"}
     assert run["signals"]["speed"]["rms_error"] < 0.02 * run["signals"]["speed"]["rms_signal"]
-    assert sorted(path.name for path in (tmp_path / "seen").iterdir()) == ["compare.json", "report.html"]
+    assert sorted(path.name for path in (tmp_path / "compared").iterdir()) == ["compare.json", "report.html"]
     assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == ["calibrate.json", "model.toml", "report.html"]
 
 
@@ -197,7 +197,7 @@ def test_a_bad_data_set_is_refused_in_one_line_that_names_the_place(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_the_importer_takes_both_logs_of_a_real_drivetrain(tmp_path: Path) -> None:
+def test_the_importer_reads_both_logs_of_a_real_drivetrain(tmp_path: Path) -> None:
     logs = measured("frc_drivetrain")
     done = brickpilot(
         "import", "wpilib", *map(str, sorted(logs.glob("*.json"))), "--out", "frc", "--json", cwd=tmp_path

@@ -142,7 +142,7 @@ def test_files_and_options_that_do_not_fit(
     assert "No such file" in refused(capsys, str(tmp_path / "none.lx"), "--tty", "/dev/null")
     assert "which travels as .lx" in refused(capsys, str(renamed), "--tty", "/dev/null")
     assert "--tty: is missing" in refused(capsys, image)
-    assert "belong to programs" in refused(capsys, image, "--tty", "/dev/null", "-p", "2")
+    assert "apply to programs" in refused(capsys, image, "--tty", "/dev/null", "-p", "2")
     assert "not in the range 1<=x<=8" in refused(capsys, lx, "--tty", "/dev/null", "-p", "0")
 
 

@@ -356,7 +356,7 @@ def test_a_replay_that_differs_is_told(tmp_path: Path) -> None:
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     done = brickpilot("hil", "--link", "serial:pty", "--replay", "r.log", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert "step 101 otherwise" in done.stderr
+    assert "step 101 differs" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""`brickpilot upload`: a mission and settings over an infrared link that loses some, to the firmware behind a tower."""
+"""`brickpilot upload` over an infrared link that loses bytes: mission and settings reach the firmware."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ waypoints_m = [[1.0, 0.5], [0.0, -0.25]]
 
 @pytest.fixture(autouse=True)
 def _fast_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time-outs in proportion to the pseudo-terminal's byte time."""
+    """Scales the time-outs to the byte time of the pseudo-terminal."""
 
-    def at_once(device: str) -> tower.Tower:
+    def fast_tower(device: str) -> tower.Tower:
         return tower.Tower(device, BYTE_S)
 
-    monkeypatch.setattr(ends, "Tower", at_once)
+    monkeypatch.setattr(ends, "Tower", fast_tower)
 
 
 def upload(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
@@ -44,8 +44,8 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
     (tmp_path / "two.toml").write_text(MISSION)
     brick = Autopilot()
     with RcxBrick(device=brick) as far:
-        told = ("--set", "heading_kp=900", "--set", "acceptance=150", "--start")
-        found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *told)
+        options = ("--set", "heading_kp=900", "--set", "acceptance=150", "--start")
+        found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *options)
         assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
     with RcxBrick(device=brick) as far:  # a pseudo-terminal cannot be set up twice
         session = Session(ends.open_link(f"infrared:{far.path}"), "again")
@@ -57,7 +57,7 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_each_request_is_obeyed_once_whatever_the_line_loses(seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_request_is_obeyed_once_on_a_line_that_loses_bytes(seed: int, capsys: pytest.CaptureFixture[str]) -> None:
     brick = Autopilot(telemetry_after=3)
     faults = Faults(seed=seed, corrupt=0.01, lose=0.01)
     with RcxBrick(device=brick, faults=faults) as far:
@@ -68,7 +68,7 @@ def test_each_request_is_obeyed_once_whatever_the_line_loses(seed: int, capsys: 
     assert len(set(brick.obeyed)) == len(brick.obeyed)
 
 
-def test_a_lost_answer_to_start_is_given_again_and_not_obeyed_again() -> None:
+def test_a_start_whose_reply_is_lost_is_answered_again_and_obeyed_once() -> None:
     brick = Autopilot()
     with RcxBrick(device=brick, lose_replies=frozenset({5})) as far:
         session = Session(ends.open_link(f"infrared:{far.path}"), "infrared")
@@ -79,7 +79,7 @@ def test_a_lost_answer_to_start_is_given_again_and_not_obeyed_again() -> None:
     assert (brick.repeated, len(brick.obeyed)) == (1, 5)
 
 
-def test_no_brick_is_told_in_one_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_brick_is_one_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(infrared_link, "FIRST_TRIES", 1)
     with RcxBrick(device=Autopilot(), on=False) as far, pytest.raises(SystemExit) as left:
         upload(capsys, "mission", "--link", f"infrared:{far.path}")
@@ -94,11 +94,11 @@ def test_no_brick_is_told_in_one_line(capsys: pytest.CaptureFixture[str], monkey
     [
         (("mission", "--link", "infrared:/dev/none"), "/dev/none: no such device"),
         (("mission", "--link", "pigeon:1"), "--link pigeon:1: is no link"),
-        (("forward_1m", "--link", "infrared:/dev/none"), "forward_1m: has no waypoints to fly to"),
+        (("forward_1m", "--link", "infrared:/dev/none"), "forward_1m: has no waypoints"),
         (("mission", "--link", "infrared:/dev/none", "--set", "cruise=fast"), "--set cruise=fast: needs NAME=VALUE"),
     ],
 )
-def test_bad_input_is_told_before_anything_is_sent(
+def test_bad_input_is_refused_before_anything_is_sent(
     options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as left:
@@ -107,8 +107,8 @@ def test_bad_input_is_told_before_anything_is_sent(
     assert said in capsys.readouterr().err
 
 
-def test_hil_says_that_an_rcx_carries_no_plant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_hil_refuses_an_infrared_link(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         main.main(["hil", "--link", f"infrared:{os.devnull}"])
     assert left.value.code == 2
-    assert "carries no plant; `brickpilot upload` speaks to an RCX" in capsys.readouterr().err
+    assert "is too slow for a plant; `brickpilot upload` speaks to an RCX" in capsys.readouterr().err

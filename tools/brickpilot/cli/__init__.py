@@ -1,1 +1,1 @@
-"""The command line: one file a command; nothing else prints."""
+"""The command line. Each command has a file of its own, and no other folder prints."""

@@ -17,25 +17,28 @@ from brickpilot.errors import InputError
     "--target",
     type=click.Choice(["host", "h8", "h8:imu", "h8:rotation"]),
     default="host",
-    help="host: speed beside a peer. h8: instructions and time of a control step on the RCX's processor, counted on "
-    "its simulator while a mission is flown; or of the firmware as an RCX with these sensors gets it.",
+    help="host measures the speed on this machine beside a peer. h8 counts the instructions and states of a control "
+    "step during a mission on the simulator of the RCX's processor. h8:imu and h8:rotation do the same with the "
+    "firmware that is built for an RCX with these sensors.",
 )
 @click.option(
-    "--profile", type=click.Choice(["coupled", "paper"]), default=None, help="h8: the constants; default coupled."
+    "--profile", type=click.Choice(["coupled", "paper"]), help="With h8: the controller's constants; default coupled."
 )
-@click.option("--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="h8: default imu+encoders.")
+@click.option("--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="With h8: default imu+encoders.")
 @click.option(
-    "--seconds", type=click.FloatRange(0.003), help="h8: of the mission; default all of it, in a minute or two."
+    "--seconds",
+    type=click.FloatRange(0.003),
+    help="With h8: fly this much of the mission; the default is all of it, which takes one or two minutes.",
 )
 @as_json
 def bench(target: str, profile: str | None, sensors: str | None, seconds: float | None, as_json: bool) -> None:
-    """Measures speed: side by side with a peer in the same run, or on a brick's processor."""
+    """Measures speed: on this machine beside a peer, or on a brick's processor."""
     if target != "host":
         _h8(target.replace("h8", "h8sim"), profile or "coupled", sensors or "imu+encoders", seconds, as_json)
         return
     for name, value in (("profile", profile), ("sensors", sensors), ("seconds", seconds)):
         if value is not None:
-            raise InputError("is for --target h8", field=f"--{name}")
+            raise InputError("works only with --target h8", field=f"--{name}")
     from brickpilot.benchmark import speed as bench_module
 
     figures = {name: dataclasses.asdict(figure) for name, figure in bench_module.host().items()}

@@ -8,12 +8,12 @@ from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, jobs_option, progress_shown
 
 
 @click.group()
 def benchmark() -> None:
-    """Measures how well discovery does, on data of known truth, beside its peer."""
+    """Measures how often discovery is right, on data whose truth is known, beside a peer."""
 
 
 @benchmark.command("discover")
@@ -22,48 +22,54 @@ def benchmark() -> None:
     type=click.Choice(["single", "pairs", "triples", "none", "odd", "ci", "all"]),
     default="all",
     show_default=True,
-    help="Which sets of tests/hidden; all: without ci.",
+    help="The sets of tests/hidden to run; all leaves out ci.",
 )
 @click.option(
     "--engine",
     type=click.Choice(["mujoco", "planar", "both"]),
     default="mujoco",
     show_default=True,
-    help="Whose physics.",
+    help="The physics engine that simulates the sets.",
 )
-@click.option("--only", multiple=True, metavar="PATTERN", help="These names alone (shell pattern); repeatable.")
-@click.option("--limit", type=click.IntRange(1), metavar="N", help="The first N sets of each suite and engine.")
+@click.option(
+    "--only", multiple=True, metavar="PATTERN", help="Run only sets whose name matches this shell pattern; repeatable."
+)
+@click.option(
+    "--limit", type=click.IntRange(1), metavar="N", help="Run only the first N sets of each suite and engine."
+)
 @click.option(
     "--seed-offset",
     type=click.IntRange(0),
     default=1_000_000,
     show_default=True,
-    help="0 is for setting thresholds, the default for what is reported.",
+    help="Added to each set's seed. Thresholds were set with 0; results are reported with the default.",
 )
-@click.option("--data", metavar="DIR", help="Judge the sets that stand here, their truths beside them; make none.")
-@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
+@click.option("--data", metavar="DIR", help="Run the sets in this folder, which holds their truths too; make none.")
+@jobs_option
 @click.option(
     "--out",
     metavar="DIR",
     default="runs/benchmark-discover",
     show_default=True,
-    help="Where results.jsonl is, or goes.",
+    help="The folder of results.jsonl.",
 )
 @click.option(
     "--peer",
     type=click.Choice(["sindy", "sindy-grid"]),
-    help="PySINDy on the same sets; -grid: at all settings, for tune-peer.",
+    help="Run PySINDy on the same sets; sindy-grid runs it at all settings, for tune-peer.",
 )
-@click.option("--table", "table_alone", is_flag=True, help="Judge nothing; print the table of what is there.")
+@click.option(
+    "--table", "table_alone", is_flag=True, help="Run nothing; print the table of the results that are there."
+)
 @as_json
 def benchmark_discover(
     suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
     out: str, peer: Any, table_alone: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Runs discovery on sets with hidden effects, with several, with none and with what no library names.
+    """Runs discovery on data sets with one hidden effect, with several, with none, and with an effect of no library.
 
-    tests/hidden makes the sets; they are judged one by one and thrown away. Each leaves a line in results.jsonl: a
-    rerun goes on where the last one stopped. The table is computed from those lines.
+    tests/hidden makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun
+    continues where the last one stopped. The table is computed from these lines.
     """
     from brickpilot.benchmark import blind_test, sets, table, table_text
 
@@ -91,7 +97,7 @@ def benchmark_discover(
 @click.argument("results", metavar="RESULTS.jsonl")
 @as_json
 def benchmark_tune_peer(results: str, as_json: bool) -> None:
-    """Tunes PySINDy's window and gates on a benchmark of calibration seeds that was run with --peer sindy-grid."""
+    """Tunes PySINDy's window and gates on the results of calibration seeds that were run with --peer sindy-grid."""
     from brickpilot.benchmark import blind_test, sindy_tune
 
     found = sindy_tune.tune(blind_test.load(Path(results)))

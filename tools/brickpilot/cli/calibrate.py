@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, interval, progress_shown, seed_option
 
 
 @click.command()
@@ -17,20 +17,21 @@ from brickpilot.cli.terminal import as_json, progress_shown
     "effect_names",
     multiple=True,
     metavar="NAME",
-    help="Switch this effect on and fit its size; repeatable.",
+    help="Switch this effect on and fit its parameters; repeatable.",
 )
 @click.option(
     "--free", multiple=True, metavar="NAME", help="Fit this parameter although the data set gives it; repeatable."
 )
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the random starts.")
-@click.option("--out", metavar="DIR", help="Where model.toml and the page go; default runs/calibrate-NAME.")
+@seed_option
+@click.option("--out", metavar="DIR", help="The folder to write; default runs/calibrate-NAME.")
 @as_json
 def calibrate(
     dataset: str, effect_names: tuple[str, ...], free: tuple[str, ...], seed: int, out: str | None, as_json: bool
 ) -> None:
-    """Fits the free nominal parameters of DATASET by simulation from the inputs alone.
+    """Fits the free nominal parameters of DATASET by free runs: simulations from the inputs alone.
 
-    Says how sure each is, and which the data cannot tell apart. Writes model.toml, calibrate.json and report.html.
+    Gives each parameter's confidence interval and lists the parameters that the data do not identify. Writes
+    model.toml, calibrate.json and report.html.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import calibrate as calibrate_module
@@ -52,12 +53,8 @@ def calibrate(
     for note in found.notes:
         click.echo(f"note: {note}")
     for name, estimate in found.parameters.items():
-        span = (
-            "the data do not tell"
-            if estimate.ci95 is None or not estimate.identifiable
-            else "{:.4g}..{:.4g}".format(*estimate.ci95)
-        )
+        span = interval(estimate.ci95 if estimate.identifiable else None)
         click.echo(f"{name:32}{estimate.value:12.5g} {estimate.unit:12} {span}")
     for group in found.cannot_tell_apart:
-        click.echo(f"only together: {', '.join(group)}")
+        click.echo(f"identifiable only in combination: {', '.join(group)}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

@@ -7,30 +7,30 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, progress_shown, seed_option
 
 
 @click.command()
 @click.argument("dataset")
 @click.option(
-    "--model", "model_file", metavar="MODEL.toml", help="Simulate this model; default the data set's nominal values."
+    "--model", "model_file", metavar="MODEL.toml", help="Simulate this model; default: the data set's nominal values."
 )
 @click.option(
     "--window",
     "window_s",
     type=float,
     metavar="S",
-    help="A motor's open-loop windows: length, 10 samples or more; 0: none; default 1.",
+    help="Length of a motor's open-loop windows in seconds, at least 10 samples; default 1; 0: no windows.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the fit's starts.")
-@click.option("--out", metavar="DIR", help="Where the page goes; default runs/compare-NAME.")
+@seed_option
+@click.option("--out", metavar="DIR", help="The folder to write; default runs/compare-NAME.")
 @as_json
 def compare(
     dataset: str, model_file: str | None, window_s: float | None, seed: int, out: str | None, as_json: bool
 ) -> None:
-    """Simulates every run of the measured DATASET with its own inputs and shows the error.
+    """Simulates every run of the measured DATASET from its own inputs and shows the error.
 
-    What neither the data set nor MODEL.toml gives is fitted on the fit runs first, and named.
+    Parameters that neither the data set nor MODEL.toml gives are fitted to the fit runs first, and are listed.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import compare as compare_module

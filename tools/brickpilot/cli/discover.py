@@ -9,24 +9,25 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_shown, seed_option
 
 
 @click.command()
 @click.argument("dataset")
 @click.option(
-    "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default the data set's nominal values."
+    "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default: the data set's nominal values."
 )
-@click.option("--out", metavar="DIR", help="Where everything goes; default runs/discover-NAME.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the random starts.")
-@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="Fits at the same time.")
+@click.option("--out", metavar="DIR", help="The folder to write; default runs/discover-NAME.")
+@seed_option
+@jobs_option
 @as_json
 def discover(dataset: str, model_file: str | None, out: str | None, seed: int, jobs: int, as_json: bool) -> None:
     """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
 
-    Says "none", "these, and here is the experiment that tells them apart" or "something with no name, this term" too.
-    Writes report.html, verdict.json and model.toml, the C source of a composed term, and compensation.toml where the
-    brick can undo what was found.
+    The verdict is "named", "none", "ambiguous" (several effects fit equally well, and an experiment is proposed that
+    separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,
+    verdict.json and model.toml; also the C source of a composed term, and compensation.toml if the brick can
+    compensate the effect.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import pipeline
@@ -57,6 +58,6 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     click.echo(discover_text.verdict(found))
     for effect in found.effects:
         for name, value in effect.parameters.items():
-            span = "the data do not tell" if value.ci95 is None else "{:.4g}..{:.4g}".format(*value.ci95)
-            click.echo(f"{effect.name + '.' + name:40}{value.value:12.5g} {value.unit:12} {span}")
+            shown = f"{value.value:12.5g} {value.unit:12} {interval(value.ci95)}"
+            click.echo(f"{effect.name + '.' + name:40}{shown}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

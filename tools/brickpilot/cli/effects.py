@@ -15,12 +15,12 @@ from brickpilot.errors import InputError
 @click.argument("name", required=False)
 @as_json
 def effects(name: str | None, as_json: bool) -> None:
-    """Lists the effects that can be switched on; with NAME, one of them."""
+    """Lists the effects of the library, or only the effect NAME."""
     from brickpilot import catalogue
 
     known = {effect.name: effect for effect in catalogue.effects()}
     if name is not None and name not in known:
-        raise InputError(f"no such effect; known: {', '.join(known)}", field=name)
+        raise InputError(f"is no effect; known effects: {', '.join(known)}", field=name)
     chosen = list(known.values()) if name is None else [known[name]]
     if as_json:
         click.echo(json.dumps({effect.name: dataclasses.asdict(effect) for effect in chosen}))

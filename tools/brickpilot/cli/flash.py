@@ -28,21 +28,21 @@ def flash() -> None:
     help="The serial port of the infrared tower, such as /dev/ttyUSB0.",
 )
 @click.option(
-    "-p", "--program", "number", type=click.IntRange(1, 8), metavar="1..8", help="Where a program goes; default 1."
+    "-p", "--program", "number", type=click.IntRange(1, 8), metavar="1..8", help="The place of the program; default 1."
 )
 @click.option(
     "-r", "--rcxaddr", "host", type=click.IntRange(0, 15), metavar="0..15", help="The brick's LNP address; default 0."
 )
-@click.option("-e", "--execute", is_flag=True, help="Run the program when it has arrived.")
+@click.option("-e", "--execute", is_flag=True, help="Start the program when it has arrived.")
 @as_json
 def flash_rcx(
     file: str, device: str | None, number: int | None, host: int | None, execute: bool, as_json: bool
 ) -> None:
-    """Puts FILE on a LEGO RCX by its serial infrared tower: firmware (.srec), or a program for brickOS (.lx).
+    """Puts FILE on a LEGO RCX over its serial infrared tower: firmware (.srec) or a program for brickOS (.lx).
 
-    FILE is checked before anything is sent. A packet that is lost or damaged is sent again, shorter each time; 2400
-    baud take two minutes for 11 KB of firmware, one for a program of 12. The options -p, -r and -e are for programs,
-    and as dll has them.
+    FILE is checked before anything is sent. A packet that was lost or damaged is sent again, and is shorter each time.
+    At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r and
+    -e apply to programs and mean the same as for dll.
     """
     from brickpilot.flash import lx, rcx, srec
 
@@ -59,7 +59,7 @@ def flash_rcx(
         what = f"program {number or 1}, {'started' if execute else 'not started'}"
     else:
         if number is not None or host is not None or execute:
-            raise InputError("belong to programs, and this is not one (.lx)", file=file, field="-p, -r and -e")
+            raise InputError("apply to programs (.lx), and this file is not one", file=file, field="-p, -r and -e")
         image = srec.read(path)
         port = _given(device)
         with progress_shown(as_json) as progress:
@@ -85,5 +85,5 @@ def flash_rcx(
 
 def _given(device: str | None) -> str:
     if device is None:
-        raise InputError("is missing: the tower's serial port, here or in the environment as RCXTTY", field="--tty")
+        raise InputError("is missing: name the tower's serial port here or in the environment as RCXTTY", field="--tty")
     return device

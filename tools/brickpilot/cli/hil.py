@@ -8,29 +8,18 @@ import shlex
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 from tqdm import tqdm
 
-from brickpilot.cli.terminal import as_json, flight_options, settings_of
+from brickpilot.cli.flight_request import FlightRequest, flight_options
+from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.errors import InputError, SimulationError
 
-
-def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
-    """What `--link` and `--target` together mean to hil.ends."""
-    from brickpilot.hil import ends
-
-    if target == "host":
-        if spec is None:
-            raise InputError("is missing: which link?", field="--link")
-        if spec.startswith(ends.INFRARED):
-            raise InputError("carries no plant; `brickpilot upload` speaks to an RCX", field=f"--link {spec}")
-        return spec
-    if spec is not None:
-        raise InputError("has a stream of its own: leave --link out", field=f"--target {target}")
-    if not lockstep:
-        raise InputError("runs in lockstep only: a simulator has no clock", field=f"--target {target}")
-    return target
+if TYPE_CHECKING:
+    from brickpilot.hil.fly import HilFlight
+    from brickpilot.vehicle.flight import Plan
 
 
 @click.command()
@@ -39,50 +28,49 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
     "--link",
     "spec",
     metavar="LINK",
-    help="serial:pty, tcp, can:slcan, can:virtual or can:udp_multicast start a brick here; serial:PORT, tcp:HOST:PORT, "
-    "can:slcan:PORT and can:socketcan:CHANNEL meet one that is there.",
+    help="serial:pty, tcp, can:slcan, can:virtual and can:udp_multicast start a brick on this machine. serial:PORT, "
+    "tcp:HOST:PORT, can:slcan:PORT and can:socketcan:CHANNEL connect to a brick that runs already.",
 )
 @click.option(
     "--target",
     type=click.Choice(["host", "h8sim", "h8sim:imu", "h8sim:rotation"]),
     default="host",
-    help="What the brick is: a program of this machine (default), or the same firmware on a simulator of the RCX's "
-    "processor, in lockstep and without --link; or there as it is built for an RCX with these sensors.",
+    help="host (default): the brick is a program of this machine. h8sim: the same firmware on a simulator of the RCX's "
+    "processor, in lockstep and without --link. h8sim:imu, h8sim:rotation: the firmware that is built for an RCX with "
+    "these sensors.",
 )
 @click.option(
-    "--lockstep/--realtime", default=True, help="Simulated time, a step per answer (default); or the clock's."
+    "--lockstep/--realtime",
+    default=True,
+    help="Lockstep (default) simulates one step for each reply. Real time follows the clock.",
 )
 @click.option(
     "--telemetry-every",
     type=click.IntRange(1, 255),
     metavar="N",
-    help="The brick reports every N steps; default 1 in lockstep, 10 in real time.",
+    help="The brick sends telemetry every N steps; default 1 in lockstep, 10 in real time.",
 )
 @click.option(
     "--set",
     "written",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Write this setting before the flight, raw; repeatable.",
+    help="Write this raw value to a setting before the flight; repeatable.",
 )
-@click.option("--settings", "list_settings", is_flag=True, help="Fly nothing: list the brick's settings, raw.")
+@click.option("--settings", "list_settings", is_flag=True, help="List the brick's settings as raw values; do not fly.")
 @click.option(
-    "--record", "record_file", metavar="FILE", help="Write the link's traffic: .asc, .blf or .log (candump's)."
+    "--record", "record_file", metavar="FILE", help="Write the link's traffic to FILE: .asc, .blf or .log (candump's)."
 )
-@click.option("--replay", "replay_file", metavar="FILE", help="Send a recorded flight to the brick again, and compare.")
-@click.option("--out", metavar="DIR", help="The run folder; default runs/hil-SCENARIO-PROFILE-SENSORS.")
+@click.option(
+    "--replay", "replay_file", metavar="FILE", help="Send the traffic of FILE to the brick again and compare."
+)
+@click.option("--out", metavar="DIR", help="The run folder to write; default runs/hil-SCENARIO-PROFILE-SENSORS.")
 @as_json
 def hil(
-    scenario_name: str | None,
+    request: FlightRequest,
     spec: str | None,
     target: str,
     lockstep: bool,
-    scenario_file: str | None,
-    profile: str | None,
-    sensors: str | None,
-    model_file: str | None,
-    compensation_file: str | None,
-    seed: int | None,
     telemetry_every: int | None,
     written: tuple[str, ...],
     list_settings: bool,
@@ -93,45 +81,101 @@ def hil(
 ) -> None:
     """Flies SCENARIO with the plant at one end of a link and the controller at the other.
 
-    Without SCENARIO the paper's eight waypoints are flown. In lockstep the motor commands are those of
+    Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
     `brickpilot run`, bit for bit. The run folder holds log.csv, summary.json and report.html.
     """
-    from brickpilot.hil import ends
-    from brickpilot.hil import fly as hil_fly
-    from brickpilot.hil.traffic_log import RecordingLink
-    from brickpilot.link.session import LOCKSTEP, REALTIME
-    from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import compensation, flight, model, scenario
-
     spec = _link_of(spec, target, lockstep)
     if replay_file is not None:
         _replay(spec, Path(replay_file), as_json)
-        return
-    if list_settings:
-        _list_settings(spec, profile or "coupled", as_json)
-        return
-    settings = settings_of(written)
-    if scenario_name is not None and scenario_file is not None:
-        raise InputError("a scenario is given twice, as argument and as option", field="--scenario")
-    asked = scenario_name or scenario_file or "mission"
-    chosen = scenario.load(scenario.find(asked))
-    vehicle = model.load(Path(model_file)) if model_file else model.rcx()
-    told = compensation.load(Path(compensation_file)) if compensation_file else None
-    plan = flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=told)
-    ends.check_sensors(spec, plan.sensors)
-    folder = Path(out) if out else Path("runs") / f"hil-{chosen.name}-{plan.controller}-{plan.sensors}"
-    pace = LOCKSTEP if lockstep else REALTIME
-    every = telemetry_every or (1 if lockstep else 10)
-    command = ["brickpilot", "hil", asked, "--link", spec, f"--{pace}", "--profile", plan.controller]
-    command += ["--sensors", plan.sensors, "--seed", str(plan.seed)]
-    command += [word for pair in written for word in ("--set", pair)]
-    command += ["--model", model_file] if model_file else []
-    command += ["--compensation", compensation_file] if compensation_file else []
-    quiet = as_json or not sys.stderr.isatty()
-    hurried = not lockstep and ends.claim_priority()
+    elif list_settings:
+        _list_settings(spec, request.profile or "coupled", as_json)
+    else:
+        every = telemetry_every or (1 if lockstep else 10)
+        record = None if record_file is None else Path(record_file)
+        _fly(request, _Session(spec, lockstep, every, written, record, as_json), out)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Session:
+    """The options that `hil` has beside those of a flight."""
+
+    spec: str
+    lockstep: bool
+    telemetry_every: int
+    written: tuple[str, ...]
+    record: Path | None
+    as_json: bool
+
+    @property
+    def pace(self) -> str:
+        from brickpilot.link.session import LOCKSTEP, REALTIME
+
+        return LOCKSTEP if self.lockstep else REALTIME
+
+
+def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
+    """Returns what `--link` and `--target` together name for `hil.ends`."""
+    from brickpilot.hil import ends
+
+    if target == "host":
+        if spec is None:
+            raise InputError("is missing: name the link to the brick", field="--link")
+        if spec.startswith(ends.INFRARED):
+            raise InputError(
+                "is too slow for a plant; `brickpilot upload` speaks to an RCX over it", field=f"--link {spec}"
+            )
+        return spec
+    if spec is not None:
+        raise InputError("has its own link: leave --link out", field=f"--target {target}")
+    if not lockstep:
+        raise InputError("runs in lockstep only, because a simulator has no clock", field=f"--target {target}")
+    return target
+
+
+def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
+    """Flies the mission, writes its run folder and prints its figures."""
+    from brickpilot.hil import ends
+    from brickpilot.report import run_folder, run_page
+    from brickpilot.vehicle import flight
+
+    settings = settings_of(session.written)
+    plan = request.plan()
+    ends.check_sensors(session.spec, plan.sensors)
+    folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
+    priority = not session.lockstep and ends.claim_priority()
+    flown = _fly_over_the_link(plan, session, settings)
+    figures = flight.summary(flown.flight) | {
+        "link": session.spec,
+        "pace": session.pace,
+        "realtime_priority": priority,
+        "late_ticks": flown.late_ticks,
+        "lost_frames": flown.lost_frames,
+        "safe_stops": flown.safe_stops,
+        "broke_off": flown.broke_off,
+    }
+    command = ["brickpilot", "hil", request.scenario, "--link", session.spec, f"--{session.pace}"]
+    command += request.options(plan)
+    command += [word for pair in session.written for word in ("--set", pair)]
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, shlex.join(command)), folder)
+    if session.as_json:
+        click.echo(json.dumps(figures))
+    else:
+        _print_flight(plan, figures, folder, lacks_priority=not session.lockstep and not priority)
+    if flown.broke_off:
+        raise SimulationError(f"{session.spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) -> HilFlight:
+    """Opens the link, flies `plan` over it with a progress bar, and records the traffic where that was asked for."""
+    from brickpilot.hil import ends
+    from brickpilot.hil import fly as hil_fly
+    from brickpilot.hil.traffic_log import RecordingLink
+    from brickpilot.vehicle import flight
+
+    quiet = session.as_json or not sys.stderr.isatty()
     with (
         tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
-        ends.both_ends(spec) as both,
+        ends.both_ends(session.spec) as both,
         ExitStack() as closing,
     ):
 
@@ -139,38 +183,35 @@ def hil(
             bar.n = done
             bar.set_description_str(f"{done * flight.STEP_S:5.1f} s, {text}")
 
-        if record_file:
-            both = dataclasses.replace(both, link=RecordingLink(both.link, Path(record_file)))
+        if session.record is not None:
+            both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
             closing.callback(both.link.close)
-        flown = hil_fly.fly(both, spec, plan, pace=pace, telemetry_every=every, progress=show, settings=settings)
-    figures = flight.summary(flown.flight) | {
-        "link": spec,
-        "pace": pace,
-        "realtime_priority": hurried,
-        "late_ticks": flown.late_ticks,
-        "lost_frames": flown.lost_frames,
-        "safe_stops": flown.safe_stops,
-        "broke_off": flown.broke_off,
-    }
-    page = run_page.page(flown.flight, figures, shlex.join(command))
-    run_folder.write(flown.flight, figures, page, folder)
-    if as_json:
-        click.echo(json.dumps(figures))
-    else:
-        click.echo(
-            f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints in order, {plan.controller}, "
-            f"{plan.sensors}, {spec} in {pace}, {figures['times_real_time']:.1f} times real time\n"
-            f"late ticks: {flown.late_ticks} of {figures['steps']}, lost frames: {flown.lost_frames}, "
-            f"safe stops: {flown.safe_stops}\n"
-            f"motor stream: {figures['motor_stream_sha256']}\nreport: {folder / 'report.html'}"
+        return hil_fly.fly(
+            both,
+            session.spec,
+            plan,
+            pace=session.pace,
+            telemetry_every=session.telemetry_every,
+            progress=show,
+            settings=settings,
         )
-        if not lockstep and not hurried:
-            click.echo("note: the system grants no real-time priority (ulimit -r); other work makes ticks late")
-    if flown.broke_off:
-        raise SimulationError(f"{spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+def _print_flight(plan: Plan, figures: dict[str, Any], folder: Path, *, lacks_priority: bool) -> None:
+    click.echo(
+        f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order, "
+        f"{plan.controller}, {plan.sensors}, {figures['link']} in {figures['pace']}, "
+        f"{figures['times_real_time']:.1f} times real time\n"
+        f"late ticks: {figures['late_ticks']} of {figures['steps']}, lost frames: {figures['lost_frames']}, "
+        f"safe stops: {figures['safe_stops']}\n"
+        f"motor stream: {figures['motor_stream_sha256']}\nreport: {folder / 'report.html'}"
+    )
+    if lacks_priority:
+        click.echo("note: the system grants no real-time priority (see ulimit -r), so other programs can delay ticks")
 
 
 def _list_settings(spec: str, profile: str, as_json: bool) -> None:
+    """Prints every setting of the brick."""
     from brickpilot.hil import ends
     from brickpilot.link.session import LOCKSTEP, Session
 
@@ -185,6 +226,7 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
 
 
 def _replay(spec: str, file: Path, as_json: bool) -> None:
+    """Replays recorded traffic and ends with status 1 if a motor command differs."""
     from brickpilot.hil import ends, traffic_log
 
     with ends.both_ends(spec) as both:
@@ -194,4 +236,4 @@ def _replay(spec: str, file: Path, as_json: bool) -> None:
     else:
         click.echo(f"{found.steps} steps replayed, {found.differing} motor commands differ")
     if found.differing:
-        raise SimulationError(f"{file}: the brick answers step {found.first} otherwise than was recorded")
+        raise SimulationError(f"{file}: the brick's motor command at step {found.first} differs from the recording")

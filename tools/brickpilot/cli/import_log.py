@@ -15,28 +15,28 @@ from brickpilot.errors import InputError
 @click.command("import")
 @click.argument("kind", type=click.Choice(["wpilib", "matlab", "table", "rcx"]))
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--out", required=True, metavar="DATASET", help="The new folder.")
+@click.option("--out", required=True, metavar="DATASET", help="The folder to write.")
 @click.option(
     "--map",
     "mapping",
     multiple=True,
     metavar="SIGNAL=NAME[:UNIT]",
-    help="Where a signal stands: a MATLAB variable, NAME[INDEX] for a matrix's column, a column's name or its number "
-    "from 0. SI unless UNIT says otherwise; repeatable.",
+    help="The place of a signal: a MATLAB variable, NAME[INDEX] for a column of a matrix, a column's name, or a "
+    "column's number from 0. The unit is SI unless UNIT is given; repeatable.",
 )
 @click.option(
-    "--vehicle", type=click.Choice(["diff_drive", "motor"]), help="What was measured; matlab and table need it."
+    "--vehicle", type=click.Choice(["diff_drive", "motor"]), help="The kind of vehicle; matlab and table need it."
 )
 @click.option(
     "--frame",
     type=click.Choice(["FRD", "FLU"]),
     default="FRD",
     show_default=True,
-    help="Of sway and yaw; matlab, table.",
+    help="The frame of sway and yaw; for matlab and table.",
 )
 @click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")
-@click.option("--name", help="Of the data set; default the name of the folder.")
-@click.option("--delimiter", default=",", show_default=True, help="Between the columns of a table.")
+@click.option("--name", help="The name of the data set; default: the name of the folder.")
+@click.option("--delimiter", default=",", show_default=True, help="The character between the columns of a table.")
 @click.option("--header", is_flag=True, help="The table's first line names its columns.")
 @as_json
 def import_log(
@@ -51,7 +51,7 @@ def import_log(
 
     brickpilot import table log.txt --vehicle motor --map time=0:ms --map duty=1 --map speed=2:rpm --out bench
 
-    And what the program record kept on an RCX, over the tower at a serial port:
+    This reads the recording that an RCX holds, over the tower at a serial port:
 
     brickpilot import rcx /dev/ttyUSB0 --out bench
     """
@@ -64,12 +64,12 @@ def import_log(
     paths, known = [Path(file) for file in files], parse_nominal(nominal)
     if kind in ("wpilib", "rcx") and (mapping or vehicle):
         raise InputError(
-            "belongs to matlab and table; a WPILib file and a brick say themselves what they hold",
+            "works only with matlab and table; a WPILib file and a brick describe their own signals",
             field="--map or --vehicle",
         )
     if kind == "rcx":
         if len(paths) > 1:
-            raise InputError("one serial port, that of the tower", field="FILE")
+            raise InputError("needs exactly one serial port, that of the tower", field="FILE")
         with progress_shown(as_json) as progress:
             made = import_rcx(paths[0], Path(out), nominal=known, name=name, progress=progress)
     elif kind == "wpilib":

@@ -1,6 +1,6 @@
-"""`brickpilot`: registers the commands, and turns each error into one line and an exit status.
+"""`brickpilot`: registers the commands and turns each error into one line and an exit status.
 
-Exit status: 0 done, 1 the work failed, 2 bad usage or bad input. Only the files of this folder print.
+Exit status: 0 done; 1 the work failed; 2 bad usage or bad input.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from brickpilot.errors import InputError, SimulationError
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="brickpilot")
 def cli() -> None:
-    """Fly, compare and calibrate a LEGO-RCX-class differential-drive robot."""
+    """Autopilot, simulator and model discovery for a differential-drive robot of the LEGO RCX class."""
 
 
 for command in (run, upload, hil, brick, flash, import_log, compare, calibrate, discover, benchmark, effects, bench):
@@ -38,7 +38,7 @@ for command in (run, upload, hil, brick, flash, import_log, compare, calibrate, 
 
 
 def main(arguments: list[str] | None = None) -> Any:
-    """Entry point; turns every user's error into one line on stderr and status 2."""
+    """Runs the command line and ends with its exit status; an error of the user becomes one line on stderr."""
     try:
         cli.main(arguments, prog_name="brickpilot", standalone_mode=False)
     except InputError as error:
@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> Any:
         click.echo("brickpilot: interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read stdout has gone; nothing is left to say
+        sys.stderr.close()  # the reader of stdout has closed it: there is no one to write to
         sys.exit(1)
     except (SimulationError, OSError) as error:
         click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)

@@ -19,15 +19,19 @@ from brickpilot.errors import InputError
     "spec",
     required=True,
     metavar="LINK",
-    help="infrared:PORT is an RCX at a serial infrared tower; or serial:PORT, tcp:HOST:PORT, can:slcan:PORT, "
-    "can:socketcan:CHANNEL.",
+    help="infrared:PORT is an RCX at a serial infrared tower. The others are serial:PORT, tcp:HOST:PORT, "
+    "can:slcan:PORT and can:socketcan:CHANNEL.",
 )
-@click.option("--profile", type=click.Choice(["coupled", "paper"]), help="The constants; default the scenario's.")
 @click.option(
-    "--compensation", "compensation_file", metavar="FILE", help="What is known of this robot: compensation.toml."
+    "--profile", type=click.Choice(["coupled", "paper"]), help="The controller's constants; default: the scenario's."
 )
-@click.option("--set", "written", multiple=True, metavar="NAME=VALUE", help="Write this setting, raw; repeatable.")
-@click.option("--start", is_flag=True, help="Start the mission when all has arrived.")
+@click.option(
+    "--compensation", "compensation_file", metavar="FILE", help="Send this compensation.toml of the robot too."
+)
+@click.option(
+    "--set", "written", multiple=True, metavar="NAME=VALUE", help="Write this raw value to a setting; repeatable."
+)
+@click.option("--start", is_flag=True, help="Start the mission at the end.")
 @as_json
 def upload(
     scenario_name: str,
@@ -38,10 +42,10 @@ def upload(
     start: bool,
     as_json: bool,
 ) -> None:
-    """Puts another mission and other settings into a brick that runs the autopilot, without a new image.
+    """Sends another mission and other settings to a brick that runs the autopilot; the image stays.
 
-    SCENARIO is a packaged one or a file; default the paper's eight waypoints. The motors stop. What the brick then
-    holds is read back and compared. It is kept until the program ends.
+    SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
+    is read back from the brick and compared. The brick keeps route and settings until its program ends.
     """
     from brickpilot.hil import ends
     from brickpilot.hil.fly import prepare
@@ -52,9 +56,9 @@ def upload(
     settings = settings_of(written)
     chosen = scenario.load(scenario.find(scenario_name))
     if not chosen.waypoints:
-        raise InputError("has no waypoints to fly to", field=scenario_name)
-    told = compensation.load(Path(compensation_file)) if compensation_file else None
-    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=told)
+        raise InputError("has no waypoints", field=scenario_name)
+    undone = compensation.load(Path(compensation_file)) if compensation_file else None
+    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=undone)
     try:
         with closing(ends.open_link(spec)) as link:
             session = Session(link, spec)
@@ -80,6 +84,6 @@ def upload(
         click.echo(json.dumps(figures))
         return
     click.echo(
-        f"{len(route)} waypoints of {chosen.name} and {len(settings)} settings are on the brick, "
-        f"{'started' if start else 'not started'}; {figures['sent_again']} requests sent again"
+        f"{len(route)} waypoints of {chosen.name} and {len(settings)} settings were sent to the brick; the mission was "
+        f"{'started' if start else 'not started'}; {figures['sent_again']} requests were sent again"
     )
