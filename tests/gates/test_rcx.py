@@ -82,7 +82,7 @@ def test_a_recording_comes_back_as_a_data_set(tmp_path: Path, sensors: str) -> N
     lines = [bytes.fromhex(line) for line in done.stdout.splitlines() if line.startswith("f1")]
     tower = Tower({line[4:6]: line for line in lines})
     try:
-        made = rcx.import_rcx(tower.port, tmp_path / "bench", nominal={"mass": 0.9}, byte_s=BYTE_S)
+        made = rcx.import_rcx([tower.port], tmp_path / "bench", nominal={"mass": 0.9}, byte_s=BYTE_S)
     finally:
         tower.close()
     assert tower.asked > 86 + 4, "nothing got lost"
@@ -108,7 +108,7 @@ def test_a_port_without_a_tower_is_refused(tmp_path: Path) -> None:
     tower.thread.join()
     try:
         with pytest.raises(InputError, match="no tower: nothing echoes"):
-            rcx.import_rcx(tower.port, tmp_path / "bench", byte_s=BYTE_S)
+            rcx.import_rcx([tower.port], tmp_path / "bench", byte_s=BYTE_S)
     finally:
         os.close(tower.master)
     assert not (tmp_path / "bench").exists()

@@ -1,4 +1,4 @@
-"""RCX records, and those that come wrong; tests/gates/test_rcx.py has those of the simulated brick."""
+"""Recordings of an RCX, sound and damaged; tests/gates/test_rcx.py has those of the simulated brick."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_numbers_of_ten_bits_come_out_of_five_bytes() -> None:
     assert rcx.unpack(packed + packed).tolist() == [numbers, numbers]
 
 
-def test_a_record_becomes_si_values_in_the_papers_frame() -> None:
+def test_a_recording_becomes_si_values_in_the_papers_frame() -> None:
     one = (500 | 510 << 10 | 522 << 20 | 319 << 30).to_bytes(5, "little")
     description, samples = rcx.fetch(Answers({0: block_0(), 1: 20 * one, 2: 10 * one}), PORT)
     new = rcx.dataset_of(description, samples, "bench", {})
@@ -67,8 +67,8 @@ def test_wheels_turn_on_where_their_ten_bits_wrap() -> None:
     ("blocks", "message"),
     [
         ({}, "/dev/tower: no answer: is the tower plugged in"),
-        ({0: b""}, "/dev/tower: record of version , not 01"),
-        ({0: block_0(version=2)}, "/dev/tower: record of version 02, not 01"),
+        ({0: b""}, "/dev/tower: recorder of version , not 01"),
+        ({0: block_0(version=2)}, "/dev/tower: recorder of version 02, not 01"),
         ({0: block_0(samples=31)}, "/dev/tower: the description is not whole"),
         ({0: block_0()[:-1]}, "/dev/tower: the description is not whole"),
         ({0: block_0()[:12]}, "/dev/tower: the description is not whole"),
@@ -77,7 +77,7 @@ def test_wheels_turn_on_where_their_ten_bits_wrap() -> None:
         ({0: block_0(), 1: bytes(99)}, "/dev/tower: block 1 has 99 bytes, not 100"),
     ],
 )
-def test_a_wrong_answer_is_told_in_one_line(blocks: dict[int, bytes], message: str) -> None:
+def test_a_wrong_reply_is_refused_in_one_line(blocks: dict[int, bytes], message: str) -> None:
     with pytest.raises(InputError) as error:
         rcx.fetch(Answers(blocks), PORT)
     assert str(error.value).startswith(message)
@@ -86,5 +86,5 @@ def test_a_wrong_answer_is_told_in_one_line(blocks: dict[int, bytes], message: s
 
 def test_a_port_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such device"):
-        rcx.import_rcx(tmp_path / "tty", tmp_path / "out")
+        rcx.import_rcx([tmp_path / "tty"], tmp_path / "out")
     assert not (tmp_path / "out").exists()

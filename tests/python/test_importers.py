@@ -72,7 +72,7 @@ def test_an_old_wpilib_log_gives_signed_voltages_metres_and_the_battery(tmp_path
     np.testing.assert_allclose(straight.outputs["wheel_travel_left"], TURN * (0.01 * np.arange(20) + 1))
     np.testing.assert_allclose(spot.raw_outputs["wheel_velocity_left"], -TURN)
     np.testing.assert_array_equal(spot.outputs["battery_voltage"], 12.0)
-    assert sum("voltage_left is turned over" in note for note in imported.notes) == 1
+    assert sum("voltage_left is reversed" in note for note in imported.notes) == 1
 
 
 def test_tests_of_one_wpilib_log_follow_the_robots_clock(tmp_path: Path) -> None:
@@ -231,8 +231,8 @@ def test_nan_in_a_mat_file_becomes_a_blank(tmp_path: Path) -> None:
         ("position=log.z", "a.mat: position: no variable 'log.z'"),
         ("position=log.q", "is a matrix; say which column"),
         ("position=log.q[2]", "has no column 2"),
-        ("position=log", "no real vector"),
-        ("position=word", "no real vector"),
+        ("position=log", "not a vector or matrix of real"),
+        ("position=word", "not a vector or matrix of real"),
         ("position=short", "has 3 values where time has 50"),
         ("position=far", "infinite"),
     ],
@@ -285,7 +285,7 @@ def test_a_table_with_a_header_is_mapped_by_name(tmp_path: Path) -> None:
         (["time=0", "spin=1"], "--map spin=1: unknown signal"),
         (["time=0", "time=1"], "--map time=1: time is mapped already"),
         (["voltage=0"], "--map: time is not mapped"),
-        (["time=0", "voltage=v"], "--map voltage: v is no column number"),
+        (["time=0", "voltage=v"], "--map voltage: v is not a column number"),
         (["time=0", "voltage=9"], "a.csv:1: voltage: no column 9"),
         (["time=0", "voltage=1"], "a.csv: makes no valid data set: dataset.toml:6: signals: no output"),
         (["time=1", "voltage=0", "speed=2"], "a.csv: makes no valid data set: a.csv:3: time: does not increase"),
@@ -348,11 +348,11 @@ def rows_with(change: Callable[[list[Any]], Any]) -> dict[str, Any]:
         (old_log(unitsPerRotation=0), "log.json: unitsPerRotation:"),
         (old_log(unitsPerRotation="1"), "log.json: unitsPerRotation:"),
         ({**old_log(), "slow-forward": [], "track-width": []}, "holds no test"),
-        ({**old_log(), "../evil": old_log()["slow-forward"]}, "is no name for a test"),
+        ({**old_log(), "../evil": old_log()["slow-forward"]}, "is not a valid name of a test"),
         (rows_with(lambda row: row[:9]), "log.json: slow-forward[3]: is not a row of 10 or 9 numbers"),
-        (rows_with(lambda row: [*row[:9], "x"]), "log.json: slow-forward[3]: holds something that is no number"),
+        (rows_with(lambda row: [*row[:9], "x"]), "log.json: slow-forward[3]: holds something that is not a number"),
         (rows_with(lambda row: [*row[:9], math.nan]), "log.json: slow-forward[3]: holds a value that is not finite"),
-        (rows_with(lambda row: [*row[:9], 10**400]), "log.json: slow-forward: holds a number beyond"),
+        (rows_with(lambda row: [*row[:9], 10**400]), "log.json: slow-forward: holds a number that is too large"),
         (rows_with(lambda _: 7), "log.json: slow-forward[3]: is not a row"),
         (old_log(test="Elevator", **{"slow-forward": new_log()["fast-forward"]}), "is not a row of 10 or 4"),
     ],
@@ -411,5 +411,5 @@ def test_a_tab_may_be_spelt_out(delimiter: str, tmp_path: Path) -> None:
 
 
 def test_a_delimiter_that_is_none_is_refused_with_the_spellings_of_a_tab(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"--delimiter: 'tabs' is none of .*tab or \\t"):
+    with pytest.raises(InputError, match=r"--delimiter: 'tabs' is not one of .*tab or \\t"):
         import_table([], tmp_path / "set", ["time=0"], vehicle="motor", delimiter="tabs")

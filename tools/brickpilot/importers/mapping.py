@@ -1,4 +1,4 @@
-"""Options that say where a signal is found in a log: `SIGNAL=SOURCE[INDEX]:UNIT`, and nominal values `NAME=VALUE`."""
+"""Reads two options: where a signal stands in a log, `SIGNAL=SOURCE[INDEX]:UNIT`, and nominal values, `NAME=VALUE`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ _ENTRY = re.compile(r"(?P<signal>\w+)=(?P<name>[^\[\]:=]+)(?:\[(?P<index>\d{1,5}
 
 @dataclass(frozen=True)
 class Source:
-    """Where a signal stands: ``name`` of a variable or column, ``index`` of a matrix's column from 0, ``unit``."""
+    """Where a signal stands in a log.
+
+    Attributes:
+        name: of a variable or column.
+        index: which column of a matrix, from 0; None: the variable is a vector.
+        unit: of the values in the log.
+    """
 
     name: str
     index: int | None
@@ -24,10 +30,10 @@ class Source:
 
 
 def parse_mapping(entries: Sequence[str]) -> dict[str, Source]:
-    """Signal -> source, from entries like ``position=qm:mm`` or ``voltage=data[2]``; without a unit it is the SI unit.
+    """Returns signal -> source from entries like ``position=qm:mm`` or ``voltage=data[2]``. The default is the SI unit.
 
     Raises:
-        InputError: naming the entry: no such form, an unknown signal or unit, a signal twice, no time.
+        InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
     """
     sources: dict[str, Source] = {}
     for entry in entries:
@@ -51,10 +57,12 @@ def parse_mapping(entries: Sequence[str]) -> dict[str, Source]:
 
 
 def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
-    """Parameter -> value in SI, from entries like ``mass=0.6``. Names and ranges are checked on writing the data set.
+    """Returns parameter -> value in SI from entries like ``mass=0.6``.
+
+    Names and ranges are checked later, when the data set is written.
 
     Raises:
-        InputError: naming the entry.
+        InputError: an entry that is not of this form; the message names it.
     """
     nominal: dict[str, float] = {}
     for entry in entries:
@@ -70,5 +78,5 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def units_of(sources: dict[str, Source]) -> dict[str, str]:
-    """Signal -> unit."""
+    """Returns signal -> unit."""
     return {signal: source.unit for signal, source in sources.items()}

@@ -1,4 +1,7 @@
-"""Reads the variables of a .mat file in a process of its own, for a damaged file can crash scipy's reader outright."""
+"""Reads the variables of a .mat file.
+
+This is done in a process of its own, because a damaged file can crash scipy's reader.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,12 @@ from brickpilot.errors import InputError
 
 
 def load(file: Path) -> Mapping[str, Any]:
-    """Variable -> array as MATLAB shows it; a struct is a mapping. v4 to v7.2 by scipy, v7.3 (HDF5) by h5py.
+    """Returns variable -> array as MATLAB shows it; a struct becomes a mapping.
+
+    scipy reads v4 to v7.2, h5py reads v7.3 (HDF5).
 
     Raises:
-        InputError: no such file, or it cannot be read.
+        InputError: no such file, or the file cannot be read.
     """
     if not file.is_file():
         raise InputError("no such file" if not file.exists() else "is not a file", file=file)
@@ -35,14 +40,14 @@ def load(file: Path) -> Mapping[str, Any]:
 
 
 def parse(file: Path) -> dict[str, Any] | None:
-    """Like `load`, in this process; None where the file cannot be read."""
+    """Does the same as `load` in this process; returns None where the file cannot be read."""
     try:
         try:
             return dict(loadmat(str(file), simplify_cells=True))
-        except NotImplementedError:  # scipy's word for v7.3
+        except NotImplementedError:  # scipy raises it for v7.3
             with h5py.File(file, "r") as content:
                 return _tree(content)
-    except Exception:  # both readers meet damage with whatever they stumble over
+    except Exception:  # the readers raise any kind of error on a damaged file
         return None
 
 

@@ -1,4 +1,4 @@
-"""MATLAB .mat files turned into a data set: from v4 to v7.3."""
+"""MATLAB .mat files, v4 to v7.3, turned into a data set."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.mapping import Source, parse_mapping, units_of
 from brickpilot.importers.mat_file import load
-from brickpilot.importers.table import run_names
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 
 def import_matlab(
@@ -27,14 +26,14 @@ def import_matlab(
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
-    """Makes a data set of .mat files; each file is a run named after it.
+    """Makes a data set of .mat files; each file becomes a run of the same name.
 
     Args:
         files: .mat files that hold the same variables.
         out: the new folder.
         mapping: ``SIGNAL=VARIABLE:UNIT``, or ``SIGNAL=VARIABLE[COLUMN]:UNIT`` for a column of a matrix, from 0;
-            ``:UNIT`` may be left out where it is the SI unit; a field of a struct is ``struct.field``.
-        vehicle, frame, nominal, name: as in a data set; the name is by default the folder's.
+            ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
+        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
 
     Raises:
         InputError: naming file and variable, or the option. Nothing is written then.
@@ -66,7 +65,7 @@ def _column(file: Path, signal: str, source: Source, variables: Mapping[str, Any
         value = value[part]
     matrix = np.asarray(value)
     if matrix.dtype.kind not in "fiub" or matrix.ndim not in (1, 2):
-        raise InputError(f"{source.name!r} is no real vector or matrix", file=file, field=signal)
+        raise InputError(f"{source.name!r} is not a vector or matrix of real numbers", file=file, field=signal)
     if source.index is not None:
         if matrix.ndim != 2 or source.index >= matrix.shape[1]:
             raise InputError(f"{source.name!r} has no column {source.index}, counted from 0", file=file, field=signal)

@@ -1,10 +1,14 @@
-"""What firmware/targets/rcx/recorder.c kept on an RCX, fetched over the infrared tower and turned into a data set."""
+"""Recordings of an RCX, fetched through the infrared tower and turned into a data set.
+
+firmware/targets/rcx/recorder.c makes them and sends them in blocks. Block 0 describes the recording; the others hold
+its samples.
+"""
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -17,18 +21,18 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
-PATIENCE = 4.0  # the brick may wait for a quiet line
+PATIENCE = 4.0  # s; the brick may wait for a quiet line
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
 COUNTS_PER_TURN = 48  # sim_host/models/rcx.toml, sensors.encoder
-BATTERY_V = 43.988 / 1560  # brickOS: of a count
+BATTERY_V = 43.988 / 1560  # V per count, from brickOS
 
 Vector = NDArray[np.float64]
 
 
 class Line(Protocol):
-    """What is needed of a Tower."""
+    """The part of `Tower` that is used here."""
 
     def exchange(
         self, packet: bytes, find: Callable[[bytes], bytes | None], reply_bytes: int, patience: float, /
@@ -37,7 +41,7 @@ class Line(Protocol):
 
 @dataclass(frozen=True)
 class Axis:
-    """An analogue sensor: m/s^2 or rad/s are (raw - zero) * scale."""
+    """An analogue sensor, whose value in m/s^2 or rad/s is (raw - zero) * scale."""
 
     zero: int
     scale: float
@@ -47,8 +51,37 @@ class Axis:
 
 
 @dataclass(frozen=True)
+class Manoeuvre:
+    """Constant duty of both motors, -1..1, for a number of samples."""
+
+    left: float
+    right: float
+    samples: int
+
+    @property
+    def rests(self) -> bool:
+        return self.left == 0 and self.right == 0
+
+    @property
+    def label(self) -> str:
+        if self.left == self.right:
+            return "forward" if self.left > 0 else "backward"
+        return "spin" if self.left == -self.right else "turn"
+
+
+@dataclass(frozen=True)
 class Description:
-    """Block 0 of a record. ``manoeuvres``: duty of the left and the right motor, -1..1, and for how many samples."""
+    """Block 0 of a recording.
+
+    Attributes:
+        rotation: whether rotation sensors were logged; else two accelerometers.
+        period_s: s between samples.
+        samples: how many samples were logged.
+        late: how many of them were taken late.
+        gyro, surge, sway: the analogue sensors; None: not logged.
+        reversed_wheels: whether the left and the right rotation sensor count backward.
+        manoeuvres: in order.
+    """
 
     rotation: bool
     period_s: float
@@ -58,11 +91,11 @@ class Description:
     surge: Axis | None
     sway: Axis | None
     reversed_wheels: tuple[bool, bool]
-    manoeuvres: tuple[tuple[float, float, int], ...]
+    manoeuvres: tuple[Manoeuvre, ...]
 
 
 def import_rcx(
-    port: Path,
+    ports: Sequence[Path],
     out: Path,
     *,
     nominal: Mapping[str, float] | None = None,
@@ -70,19 +103,22 @@ def import_rcx(
     progress: Callable[[int, int, str], None] | None = None,
     byte_s: float = BYTE_S,
 ) -> Imported:
-    """Makes a data set of what a brick has recorded.
+    """Fetches the recording of a brick and makes a data set of it.
 
     Args:
-        port: the serial port that the tower is at.
+        ports: the serial port of the tower, one.
         out: the new folder.
         nominal, name: as in a data set.
-        progress: is told blocks fetched, blocks in all, and what is being done.
-        byte_s: seconds that a byte takes.
+        progress: called with the blocks fetched, the number of blocks, and a word on what is done.
+        byte_s: s that the line takes for a byte.
 
     Raises:
-        InputError: no such port, no tower, no answer, an answer that is none, or `out` is taken. Nothing is written
-            then.
+        InputError: no such port, no tower, no reply, a reply that is no recording, or `out` is taken. Nothing is
+            written then.
     """
+    if len(ports) != 1:
+        raise InputError("needs exactly one serial port, that of the tower", field="FILE")
+    (port,) = ports
     check_out(out)
     try:
         with Tower(str(port), byte_s) as tower:
@@ -95,36 +131,37 @@ def import_rcx(
 def fetch(
     line: Line, port: Path, progress: Callable[[int, int, str], None] | None = None
 ) -> tuple[Description, NDArray[np.int64]]:
-    """The description and the samples, four raw numbers each.
+    """Fetches the description and the samples, four raw numbers each.
 
     Raises:
-        InputError: no answer, or one that is none of a record.
+        InputError: no reply, or one that is no part of a recording.
     """
-    description = describe(_ask(line, port, 0), port)
+    description = describe(_request(line, port, 0), port)
     blocks = -(-description.samples // BLOCK_SAMPLES)
     content = b""
     for number in range(1, blocks + 1):
-        block = _ask(line, port, number)
+        block = _request(line, port, number)
         wanted = min(BLOCK_SAMPLES, description.samples - (number - 1) * BLOCK_SAMPLES) * SAMPLE_SIZE
         if len(block) != wanted:
-            raise InputError(f"block {number} has {len(block)} bytes, not {wanted}: run record again", file=port)
+            message = f"block {number} has {len(block)} bytes, not {wanted}: run the recorder again"
+            raise InputError(message, file=port)
         content += block
         if progress is not None:
             progress(number, blocks, "fetching")
     return description, unpack(content)
 
 
-def _ask(line: Line, port: Path, number: int) -> bytes:
-    """Block `number`, asked for until it comes whole."""
+def _request(line: Line, port: Path, number: int) -> bytes:
+    """Requests block `number`, again and again until it comes whole, and returns it."""
     wanted = struct.pack("<H", number)
 
-    def answer(heard: bytes) -> bytes | None:
-        data = lnp.find(heard, lnp.HOST, lnp.BRICK)
+    def block_in(received: bytes) -> bytes | None:
+        data = lnp.find(received, lnp.HOST, lnp.BRICK)
         return data[2:] if data is not None and data[:2] == wanted else None
 
     packet = lnp.packet(wanted, lnp.BRICK, lnp.HOST)
     for _ in range(TRIES):
-        block = line.exchange(packet, answer, BLOCK_SAMPLES * SAMPLE_SIZE + 7, PATIENCE)
+        block = line.exchange(packet, block_in, BLOCK_SAMPLES * SAMPLE_SIZE + 7, PATIENCE)
         if block is not None:
             return block
     if number == 0:
@@ -138,10 +175,11 @@ def describe(block: bytes, port: Path) -> Description:
     """Reads block 0.
 
     Raises:
-        InputError: it is of another version, or not whole.
+        InputError: another version of the recorder wrote it, or a part is missing.
     """
     if block[:1] != bytes([VERSION]):
-        raise InputError(f"record of version {block[:1].hex()}, not {VERSION:02x}: build and load it anew", file=port)
+        message = f"recorder of version {block[:1].hex()}, not {VERSION:02x}: build it and load it again"
+        raise InputError(message, file=port)
     try:
         kind, period_ms, samples, late = struct.unpack_from("<BBHH", block, 1)
         at = 7
@@ -158,14 +196,14 @@ def describe(block: bytes, port: Path) -> Description:
         if kind > 1 or len(rows) != block[at] or sum(row[2] for row in rows) != samples or period_ms == 0:
             raise ValueError
     except (struct.error, IndexError, ValueError) as error:
-        raise InputError("the description is not whole: run record to its end", file=port) from error
-    manoeuvres = tuple((left / 32768, right / 32768, count) for left, right, count in rows)
+        raise InputError("the description is not whole: run the recorder to its end", file=port) from error
+    manoeuvres = tuple(Manoeuvre(left / 32768, right / 32768, count) for left, right, count in rows)
     surge, sway = (axes[1], axes[2]) if kind == 0 else (None, None)
     return Description(kind == 1, period_ms / 1000, samples, late, axes[0], surge, sway, wheels, manoeuvres)
 
 
 def unpack(content: bytes) -> NDArray[np.int64]:
-    """Four numbers of 10 bits from each 5 bytes, the first one lowest."""
+    """Returns (samples, 4): the numbers of 10 bits that each 5 bytes hold, the first one in the lowest bits."""
     packed = np.frombuffer(content, dtype=np.uint8).reshape(-1, SAMPLE_SIZE).astype(np.int64)
     whole: NDArray[np.int64] = (packed << np.arange(0, 8 * SAMPLE_SIZE, 8)).sum(axis=1)
     numbers: NDArray[np.int64] = (whole[:, None] >> np.arange(0, 40, 10)) & 1023
@@ -175,7 +213,7 @@ def unpack(content: bytes) -> NDArray[np.int64]:
 def dataset_of(
     description: Description, samples: NDArray[np.int64], name: str, nominal: Mapping[str, float]
 ) -> NewDataset:
-    """A run for each manoeuvre, with the rest behind it; the first one with the rest before it, too."""
+    """Makes a run of each manoeuvre with the rest that follows it. The first run begins with the rest before it."""
     columns = _columns(description, samples)
     runs = [
         NewRun(label, {"time": _times(end - begin, description.period_s), **_cut(columns, begin, end)})
@@ -192,7 +230,8 @@ def dataset_of(
 
 def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, Vector]:
     first, second, gyro, battery = samples.T.astype(np.float64)
-    duty = np.array([row[:2] for row in description.manoeuvres for _ in range(row[2])], dtype=np.float64)
+    parts = [np.tile([one.left, one.right], (one.samples, 1)) for one in description.manoeuvres]
+    duty = np.concatenate(parts or [np.zeros((0, 2))])
     columns: dict[str, Vector] = {
         "duty_left": duty[:, 0],
         "duty_right": duty[:, 1],
@@ -210,7 +249,7 @@ def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, 
 
 
 def _turned(raw: Vector, mirrored: bool) -> Vector:
-    """Angle of a wheel in rad, from the low 10 bits of its counts; 0 at first."""
+    """Returns the angle of a wheel in rad from the low 10 bits of its counts; it begins at 0."""
     angle: Vector = np.unwrap(raw - raw[0], period=1024) * (2 * math.pi / COUNTS_PER_TURN)
     return -angle if mirrored else angle
 
@@ -225,21 +264,15 @@ def _cut(columns: Mapping[str, Vector], begin: int, end: int) -> dict[str, Vecto
 
 
 def _runs(description: Description) -> Iterator[tuple[str, int, int]]:
-    """Name, first sample and the one behind the last, of each run."""
+    """Yields the name of each run, its first sample, and the sample after its last."""
     begin = at = 0
     label = ""
-    for left, right, count in description.manoeuvres:
-        if (left, right) != (0, 0):
+    for manoeuvre in description.manoeuvres:
+        if not manoeuvre.rests:
             if label:
                 yield label, begin, at
                 begin = at
-            label = _label(left, right)
-        at += count
+            label = manoeuvre.label
+        at += manoeuvre.samples
     if label:
         yield label, begin, at
-
-
-def _label(left: float, right: float) -> str:
-    if left == right:
-        return "forward" if left > 0 else "backward"
-    return "spin" if left == -right else "turn"

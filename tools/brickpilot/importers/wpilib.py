@@ -1,13 +1,14 @@
 """WPILib characterisation logs turned into a data set: frc-characterization JSON and SysId JSON.
 
-A file holds rows per test, positions and velocities in rotations and rotations/s. The row tells the tool that wrote it:
+A file holds rows for each test, with positions in rotations and velocities in rotations/s. The length of a row shows
+which tool wrote it:
 
     10 numbers, frc-characterization: time, battery V, autospeed, |V| left, |V| right, position left, right,
         velocity left, right, gyro rad
     9 numbers, SysId drivetrain: time, V left, right, position left, right, velocity left, right, gyro rad, gyro rad/s
     4 numbers, SysId mechanism: time, V, position, velocity
 
-In rows of 10 the voltage columns have no sign and lag by a sample, so autospeed times battery is taken instead.
+In rows of 10 the voltage columns have no sign and lag by a sample, so autospeed times battery is used instead.
 """
 
 from __future__ import annotations
@@ -25,8 +26,7 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.table import run_names
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 Vector = NDArray[np.float64]
 
@@ -51,12 +51,18 @@ _UNITS = {
     "position": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "yaw_angle": "rad", "yaw_rate": "rad/s",
 }  # fmt: skip
 _TEST_NAME = re.compile(r"\w[\w.+ -]{0,60}", re.ASCII).fullmatch
-_SURE = 0.8  # correlation of gyro and wheels from which the gyro's sense is taken as known
+_SURE = 0.8  # correlation of gyro and wheels; above it, the sign of the gyro is known
 
 
 @dataclass(frozen=True)
 class _Log:
-    """One file: per_rotation is m or rad; tests are (n, width) arrays, in the order of time."""
+    """The content of one file.
+
+    Attributes:
+        names: the columns' names, "position_left" and the like -> the data set's signals.
+        per_rotation: m or rad per rotation.
+        tests: name -> rows (n, width), in the order of time.
+    """
 
     vehicle: Vehicle
     names: Mapping[str, str]
@@ -67,27 +73,27 @@ class _Log:
 def import_wpilib(
     files: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
 ) -> Imported:
-    """Makes a data set of WPILib JSON files, each test a run; with several files a run's name begins with its file's.
+    """Makes a data set of WPILib JSON files; each test becomes a run.
 
-    Runs of one file are put in the order of the robot's clock, with the time between them as ``gap_s``. The sense of
-    the gyro is found from the wheels and written as the data set's frame. Idle rows are kept; rows whose time does not
-    increase are left out.
+    With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
+    clock, and ``gap_s`` is the pause between them. The wheels show which way the gyro counts; the result is written as
+    the data set's frame. Idle rows are kept; rows whose time does not increase are left out.
 
     Args:
         files: JSON files of one robot, all of a drivetrain or all of a mechanism.
         out: the new folder.
         nominal: known parameters, in SI.
-        name: the data set's; by default the folder's.
+        name: the data set's; default the name of the folder.
 
     Raises:
-        InputError: naming file and test. Nothing is written then.
+        InputError: a file or a test is bad; the message names it. Nothing is written then.
     """
     check_out(out)
     logs = dict(zip(run_names(files), (_read(file) for file in files), strict=True))
     first = next(iter(logs.values()))
     for file, log in zip(files, logs.values(), strict=True):
         if log.vehicle != first.vehicle or log.names != first.names:
-            raise InputError(f"is of another mechanism or kind of unit than {files[0]}", file=file)
+            raise InputError(f"is of another mechanism or another kind of unit than {files[0]}", file=file)
     notes: list[str] = []
     runs: list[NewRun] = []
     for stem, log in logs.items():
@@ -112,7 +118,7 @@ def _read(file: Path) -> _Log:
     vehicle: Vehicle = "diff_drive" if test.startswith("Drivetrain") else "motor"
     for key, rows in content.items():
         if isinstance(rows, list) and not _TEST_NAME(key):
-            raise InputError("is no name for a test", file=file, field=repr(key))
+            raise InputError("is not a valid name of a test", file=file, field=repr(key))
     tests = {key: _rows(file, key, rows, vehicle) for key, rows in content.items() if isinstance(rows, list) and rows}
     if not tests:
         raise InputError("holds no test with rows", file=file)
@@ -150,11 +156,11 @@ def _rows(file: Path, test: str, rows: list[Any], vehicle: Vehicle) -> Vector:
             wanted = " or ".join(str(width) for width in widths)
             raise InputError(f"is not a row of {wanted} numbers like the others", file=file, field=f"{test}[{index}]")
         if not all(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row):
-            raise InputError("holds something that is no number", file=file, field=f"{test}[{index}]")
+            raise InputError("holds something that is not a number", file=file, field=f"{test}[{index}]")
     try:
         values = np.array(rows, dtype=np.float64)
     except OverflowError as error:
-        raise InputError("holds a number beyond all bounds", file=file, field=test) from error
+        raise InputError("holds a number that is too large", file=file, field=test) from error
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
         raise InputError("holds a value that is not finite", file=file, field=f"{test}[{int(np.argmin(finite))}]")
@@ -199,27 +205,30 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
 
 
 def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
-    """The voltage with the sign of its wheel: autospeed does not say which side a turning test reverses, and a
-    converted log lists magnitudes. A column that has signs of its own is left alone."""
+    """Returns the voltage with the sign of its wheel's motion, where the log has no sign.
+
+    Autospeed does not say which side a turning test reverses, and a converted log lists magnitudes. A column that has
+    negative values is not changed.
+    """
     unsigned = width == 10 or not (voltage < 0.0).any()
     if unsigned and float(voltage @ turning) < 0.0:
-        notes.append(f"run {run}: the sign of {signal} is turned over, as its wheel turns the other way")
-        return 0.0 - voltage  # unlike -voltage, makes no -0.0
+        notes.append(f"run {run}: the sign of {signal} is reversed, because its wheel turns the other way")
+        return 0.0 - voltage  # -voltage would give -0.0
     return voltage
 
 
 def _shared_columns(runs: list[NewRun], notes: list[str]) -> tuple[list[NewRun], dict[str, str]]:
-    """The same signals in every run: without those that only some have, and without a gyro that never moves."""
+    """Returns the runs with the signals that all of them have, and signal -> unit; without a gyro that never moves."""
     shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
     if "yaw_angle" in shared and all(np.ptp(run.columns["yaw_angle"]) == 0.0 for run in runs):
         shared = [name for name in shared if name not in {"yaw_angle", "yaw_rate"}]
-        notes.append("yaw is left out: its angle never changes, so no gyro was logged")
+        notes.append("yaw is left out: its angle never changes, so the log has no gyro")
     kept = [NewRun(run.name, {name: run.columns[name] for name in shared}, run.gap_s) for run in runs]
     return kept, {name: _UNITS[name] for name in shared}
 
 
 def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
-    """FLU where the gyro counts up while the right wheel outruns the left, FRD where it counts down."""
+    """Returns FLU where the gyro counts up while the right wheel is the faster one, FRD where it counts down."""
     if "yaw_angle" not in runs[0].columns:
         return "FLU"
     wheel = "wheel_travel" if "wheel_travel_left" in runs[0].columns else "wheel_angle"
@@ -228,13 +237,11 @@ def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
     size = float(np.linalg.norm(turns) * np.linalg.norm(gyro))
     correlation = float(turns @ gyro) / size if size > 0.0 else 0.0
     if abs(correlation) < _SURE:
-        notes.append(
-            "gyro and wheels do not agree on a sense of turning: WPILib's is taken, counter-clockwise positive"
-        )
+        notes.append("gyro and wheels do not agree: WPILib's convention is used, counter-clockwise positive")
         return "FLU"
     sense = "counter-clockwise" if correlation > 0.0 else "clockwise"
     notes.append(
-        f"the gyro counts {sense}: its angle goes with right minus left wheel travel (correlation {correlation:.4f})"
+        f"the gyro counts {sense}: its angle follows right minus left wheel travel (correlation {correlation:.4f})"
     )
     return "FLU" if correlation > 0.0 else "FRD"
 

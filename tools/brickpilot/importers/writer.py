@@ -1,4 +1,7 @@
-"""Writes a data-set folder: beside its place first, read back as a check, then renamed."""
+"""Writes a data-set folder.
+
+The folder is first written beside its place and read back as a check. Only then is it renamed.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from brickpilot.errors import InputError
 
 @dataclass(frozen=True)
 class Imported:
-    """What an importer made: the folder, its runs in order, and one sentence each on what a user should know."""
+    """The result of an importer: the folder, its runs' names in order, and notes for the user, a sentence each."""
 
     folder: Path
     runs: tuple[str, ...]
@@ -28,7 +31,12 @@ class Imported:
 
 @dataclass(frozen=True)
 class NewRun:
-    """A run to be written: signal -> values in the signal's stated unit, NaN for a blank cell; all of one length."""
+    """A run to be written.
+
+    Attributes:
+        columns: signal -> values in the unit that the data set states, NaN for a blank cell; all have the same length.
+        gap_s: s of pause between the run before and this one; None: not stated.
+    """
 
     name: str
     columns: Mapping[str, NDArray[np.float64]]
@@ -37,7 +45,7 @@ class NewRun:
 
 @dataclass(frozen=True)
 class NewDataset:
-    """A data set to be written. ``units``: signal -> unit, for every signal and in the order of the columns."""
+    """A data set to be written. `units`: signal -> unit, for every signal, in the order of the columns."""
 
     name: str
     vehicle: Vehicle
@@ -49,7 +57,7 @@ class NewDataset:
 
 
 def check_out(out: Path) -> None:
-    """Refuses a place that holds something already.
+    """Refuses a folder that holds something already.
 
     Raises:
         InputError: `out` is a file, or a folder that is not empty.
@@ -60,16 +68,31 @@ def check_out(out: Path) -> None:
         raise InputError("exists already; name a new folder", file=out, field="--out")
 
 
+def run_names(files: Sequence[Path]) -> list[str]:
+    """Returns a name for the run of each file: the file's name without its ending.
+
+    Raises:
+        InputError: no file is given, or two have the same name.
+    """
+    if not files:
+        raise InputError("no file to import", field="FILE")
+    names = [file.stem for file in files]
+    for position, name in enumerate(names):
+        if name in names[:position]:
+            raise InputError(f"two files would both make run {name!r}", file=files[position])
+    return names
+
+
 def write(new: NewDataset, out: Path, source: Path) -> Imported:
     """Writes `new` to the folder `out`, which does not exist or is empty.
 
     Args:
         new: the data set.
         out: its folder; missing parents are made.
-        source: the log it comes from, named in an error.
+        source: the log it comes from; errors name it.
 
     Raises:
-        InputError: `out` is taken, cannot be written, or the result is no valid data set. Nothing is left behind then.
+        InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
     """
     check_out(out)
     place = out.resolve()

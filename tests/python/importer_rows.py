@@ -1,0 +1,32 @@
+"""Finds files in the room of importers that the table does not name."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+
+def files_without_a_row(room: Path) -> list[str]:
+    """Returns one line for each file that is an importer without a row, or that nothing in the room uses.
+
+    An importer is a file with a public function `import_...`. Other files have to be imported by one in the room.
+    """
+    trees = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(room.glob("*.py"))}
+    listed = set(re.findall(r"brickpilot\.importers\.(\w+):", (room / "__init__.py").read_text(encoding="utf-8")))
+    used = {
+        node.module.rpartition(".")[2]
+        for tree in trees.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module
+    }
+    importers = {
+        name
+        for name, tree in trees.items()
+        if any(isinstance(node, ast.FunctionDef) and node.name.startswith("import_") for node in tree.body)
+    }
+    return [
+        f"{room.name}/{name}.py has no row in IMPORTERS of {room.name}/__init__.py"
+        for name in trees
+        if name != "__init__" and name not in listed and (name in importers or name not in used)
+    ]

@@ -1,0 +1,116 @@
+"""An importer is one file and one row: the command line follows the table, and a file without a row is named."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import brickpilot
+import pytest
+from brickpilot.cli.import_log import import_command
+from brickpilot.importers import IMPORTERS
+from brickpilot.importers.registry import Importer, Option
+from click.testing import CliRunner
+from importer_rows import files_without_a_row
+
+PACKAGE = Path(brickpilot.__file__).parent
+ROOM = Path(__file__).parents[2] / "tools/brickpilot/importers"
+
+# The one file and the one row of a new importer, as CONTRIBUTING.md asks for them.
+FILE = '''
+"""Lines of "time volts speed" turned into a data set."""
+
+from pathlib import Path
+
+import numpy as np
+
+from brickpilot.importers.writer import NewDataset, NewRun, check_out, write
+
+
+def import_lines(files, out, *, nominal=None, name=None, vehicle):
+    check_out(out)
+    rows = np.loadtxt(files[0])
+    columns = dict(zip(("time", "voltage", "speed"), rows.T, strict=True))
+    units = {"time": "s", "voltage": "V", "speed": "rad/s"}
+    new = NewDataset(name or out.name, vehicle, "FRD", units, [NewRun("only", columns)], nominal or {})
+    return write(new, out, files[0])
+'''
+ROW = """
+    Importer(
+        kind="lines",
+        function="brickpilot.importers.lines:import_lines",
+        help="Lines of three numbers.",
+        example="lines log.txt --vehicle motor --out bench",
+        options=(VEHICLE,),
+    ),
+"""
+
+
+def test_each_row_names_a_function_that_takes_its_options() -> None:
+    for row in IMPORTERS:
+        parameters = inspect.signature(row.load()).parameters
+        wanted = {"out", "nominal", "name", *(option.keyword for option in row.options)}
+        assert wanted | ({"progress"} if row.reports_progress else set()) <= parameters.keys(), row.kind
+        needed = {one.name for one in list(parameters.values())[2:] if one.default is one.empty}
+        assert needed <= wanted, row.kind
+        assert row.example.startswith(f"{row.kind} "), row.kind
+
+
+def test_kinds_and_functions_are_in_the_table_once() -> None:
+    assert len({row.kind for row in IMPORTERS}) == len({row.function for row in IMPORTERS}) == len(IMPORTERS)
+
+
+def test_every_file_of_the_room_has_a_row_or_serves_one() -> None:
+    assert files_without_a_row(ROOM) == []
+
+
+def test_a_file_without_a_row_is_named_in_one_line(tmp_path: Path) -> None:
+    room = shutil.copytree(ROOM, tmp_path / "importers")
+    (room / "lines.py").write_text(FILE, encoding="utf-8")
+    (fault,) = files_without_a_row(room)
+    assert fault == "importers/lines.py has no row in IMPORTERS of importers/__init__.py"
+
+
+def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
+    package = shutil.copytree(PACKAGE, tmp_path / "brickpilot", ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "importers/lines.py").write_text(FILE, encoding="utf-8")
+    table = package / "importers/__init__.py"
+    text = table.read_text(encoding="utf-8")
+    assert text.count("IMPORTERS = (\n") == 1
+    table.write_text(text.replace("IMPORTERS = (\n", f"IMPORTERS = ({ROW}"), encoding="utf-8")
+    assert files_without_a_row(package / "importers") == []
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from brickpilot.cli.main import main; main()"
+        command = [sys.executable, "-c", program, "import", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+
+    (tmp_path / "log.txt").write_text("0 6 0\n0.1 6 1\n0.2 6 2\n", encoding="utf-8")
+    assert "lines: Lines of three numbers." in run("--help").stdout
+    refused = run("lines", "log.txt", "--out", "bench")
+    assert (refused.returncode, refused.stderr) == (2, "brickpilot: --vehicle: is needed to import lines\n")
+    refused = run("lines", "log.txt", "--vehicle", "motor", "--map", "time=0", "--out", "bench")
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert refused.stderr.startswith("brickpilot: --map: works only with matlab and table")
+    done = run("lines", "log.txt", "--vehicle", "motor", "--out", "bench", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout) == {"dataset": "bench", "runs": ["only"], "notes": []}
+
+
+def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    rate = Option("rate", "--rate", "Samples per second.", metavar="HZ", required=True)
+    row = Importer("beats", "beats:import_beats", "Beats.", "beats log --rate 5 --out bench", (rate,))
+    given: dict[str, object] = {}
+
+    class Made:
+        folder, runs, notes = Path("bench"), ("a", "b"), ("slow",)
+
+    monkeypatch.setattr(Importer, "load", lambda self: lambda files, out, **rest: given.update(rest) or Made)
+    command = import_command((*IMPORTERS, row))
+    done = CliRunner().invoke(command, ["beats", "log", "--rate", "5", "--nominal", "mass=2", "--out", "bench"])
+    assert done.output == "note: slow\nbench: 2 runs\n"
+    assert given == {"nominal": {"mass": 2.0}, "name": None, "rate": "5"}
