@@ -27,7 +27,7 @@ hour = 60 * minute = h
 inch = 0.0254 * meter = in
 foot = 0.3048 * meter = ft = feet
 degree = 0.017453292519943295 * radian = deg = °
-turn = 6.283185307179586 * radian = turn = rotation = revolution = rev
+turn = 6.283185307179586 * radian = _ = rotation = revolution = rev
 rpm = turn / minute
 percent = 0.01 = %
 standard_gravity = 9.80665 * meter / second ** 2 = g0 = g_0
