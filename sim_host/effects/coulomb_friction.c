@@ -16,7 +16,7 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = 0,
      .maximum = 1000,
      .preset = 0.005,
-     .in_volts = 1},
+     .in_volts = "dry friction in volts"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)

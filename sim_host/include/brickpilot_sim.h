@@ -51,7 +51,8 @@ typedef struct {
     const char *limits;    /* BP_ROLE_LIMIT: an output, or "voltage" for the command */
     const char *arm_of;    /* name of the load of which this is the lever arm; a fit moves the load and their product */
     const char *only_with; /* name of the parameter that this one adds to: it means nothing without it */
-    int in_volts; /* 1: a torque at the wheel that reports also give as a voltage at the motor, torque R / K_t */
+    const char
+        *in_volts; /* of a torque at the wheel: the name of the voltage torque R / K_t, which calibrations report */
     int zero_if_unstated; /* 1: a nominal parameter taken to be 0 where a data set does not give it */
 } bp_parameter_info;
 

@@ -12,7 +12,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
 from brickpilot.discover import harmonics, pipeline
 from brickpilot.discover.band import Band, loosened, settled, windowed, with_rates
-from brickpilot.discover.candidates import candidates, effect_info, sizes_of
+from brickpilot.discover.candidates import candidates, sizes_of
 from brickpilot.discover.experiment import manoeuvres, next_experiment
 from brickpilot.discover.select import enough, needed
 from brickpilot.fit import parameters
@@ -205,7 +205,7 @@ def test_optional_parameters_are_freed_one_at_a_time():
     assert ("drag",) in free
     assert ("gain",) in free
     assert max(map(len, free)) == 1
-    assert len(effect_info("direction_asymmetry").parameters) == 3
+    assert len(catalogue.effect("direction_asymmetry").parameters) == 3
 
 
 def test_what_may_not_be_zero_is_no_size():

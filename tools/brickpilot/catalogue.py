@@ -5,6 +5,7 @@ Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `si
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args
@@ -28,6 +29,7 @@ class ParameterInfo:
         odd: its sign turns over when left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
         limits, arm_of, only_with: a signal, and two parameters of the same effect; empty: none.
+        in_volts: of a torque, the name of the voltage torque R / K_t; empty: it has none.
     """
 
     name: str
@@ -45,7 +47,7 @@ class ParameterInfo:
     limits: str
     arm_of: str
     only_with: str
-    in_volts: bool
+    in_volts: str
     zero_if_unstated: bool
 
 
@@ -107,7 +109,7 @@ def _parameter(info: Any) -> ParameterInfo:
         limits=_text(info.limits),
         arm_of=_text(info.arm_of),
         only_with=_text(info.only_with),
-        in_volts=bool(info.in_volts),
+        in_volts=_text(info.in_volts),
         zero_if_unstated=bool(info.zero_if_unstated),
     )
 
@@ -144,6 +146,25 @@ def effects() -> tuple[EffectInfo, ...]:
             )
         )
     return tuple(found)
+
+
+def effects_of(names: Container[str]) -> list[EffectInfo]:
+    """Returns the effects that are in `names`, in the table's order."""
+    return [effect for effect in effects() if effect.name in names]
+
+
+def effect(name: str) -> EffectInfo:
+    """Returns the effect of that name; raises KeyError where there is none."""
+    found = effects_of((name,))
+    if not found:
+        raise KeyError(name)
+    return found[0]
+
+
+@cache
+def loads() -> frozenset[str]:
+    """Returns, as "effect.parameter", the parameters that another one is the lever arm of."""
+    return frozenset(f"{one.name}.{info.arm_of}" for one in effects() for info in one.parameters if info.arm_of)
 
 
 @cache

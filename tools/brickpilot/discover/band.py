@@ -45,8 +45,6 @@ _KNOWN_TO = {
     "torque_constant": _BENCH,
     "emf_constant": _BENCH,
     "battery_voltage": _RULER,
-    "force_per_volt": _RULER,
-    "torque_per_volt": _RULER,
     "yaw_inertia": _ESTIMATE,
     "wheel_inertia": _ESTIMATE,
     "inductance": _ESTIMATE,
@@ -54,7 +52,6 @@ _KNOWN_TO = {
     "rolling_friction": _GUESS,
     "drag_area": _GUESS,
 }
-_CONSTANTS = frozenset({"gravity", "air_density", "stall_torque", "no_load_speed", "force_per_volt", "torque_per_volt"})
 
 _STRETCH = ", stretch "
 _TURNING = (
@@ -76,7 +73,7 @@ def loosened(dataset: Dataset) -> Dataset:
     """
     nominal = {
         name: Nominal(known.value, abs(known.value) * _KNOWN_TO[name])
-        if known.sd is None and known.value != 0 and name in _KNOWN_TO and name not in _CONSTANTS
+        if known.sd is None and known.value != 0 and name in _KNOWN_TO
         else known
         for name, known in dataset.nominal.items()
     }

@@ -43,21 +43,7 @@ _ROUNDS = tuple(
 _SHARES = (0.95, 0.85, 0.7, 0.5)  # of the largest command or reading: where a limit may be
 _CHUNK = 24  # models simulated at once: what their outputs take of memory
 _NOTHING = 1e-3  # scales: a change that is less everywhere is none
-
-# Effects that limit something: the parameter, and the largest value of what it limits.
-_LIMITS = {"supply_saturation": ("voltage", "V"), "gyro_saturation": ("limit", "yaw_rate")}
-# Effects that come and go with their size, so that it is looked for step by step: the parameter, and where.
-_SCANNED = {
-    "pwm_quantisation": ("step", tuple(np.geomspace(0.003, 0.3, 120).tolist())),
-    "pwm_coast": ("period", tuple(np.geomspace(5e-4, 0.05, 24).tolist())),
-    "gear_backlash": ("gap", tuple(np.geomspace(0.01, 0.5, 16).tolist())),
-}
-SHAPES = frozenset({"order", "phase", "phase_difference", "stribeck_speed", "rotor_share", "friction"})
-"""Parameters that say how an effect acts, not how large it is."""
-_PLACES = {"payload_mass": ("forward", "right"), "caster_drag": ("forward",)}
-_LATER = frozenset({("motor_heating", "time_constant")})
-# A visible size, by unit, of a parameter whose preset is 0 because it is optional.
-_VISIBLE = {"N m": 0.006, "N m s/rad": 5e-4, "m": 0.03, "1": 0.1, "rad": 0.5}
+_COMMAND = "voltage"  # the limited signal that is a command, not a reading
 
 
 @dataclass(frozen=True)
@@ -65,7 +51,7 @@ class Seen:
     """What was driven and read.
 
     Attributes:
-        largest: the largest command, "V", and reading of each signal.
+        largest: the largest command, "voltage", and the largest reading of each signal.
         orders: at which the wheels' acceleration repeats.
         least_order: what repeats less often is no repetition: once a turn, or one and a half times over the way.
         wheels: whether they were measured, so that simulations can begin anew from a measured state every so often.
@@ -94,7 +80,7 @@ class Candidate:
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         """`base` with this candidate switched on at `values`, its free parameters last."""
-        infos = effect_info(self.effect).parameters
+        infos = catalogue.effect(self.effect).parameters
         table = {one.name: values.get(one.name, self.fixed.get(one.name, one.preset)) for one in infos}
         model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
         added = tuple(Free(f"{self.effect}.{one.name}", one, None) for one in infos if one.name in self.free)
@@ -126,46 +112,42 @@ class _Probe:
     free_sign: bool
 
 
-def effect_info(name: str) -> EffectInfo:
-    return next(one for one in catalogue.effects() if one.name == name)
-
-
 def candidates(base: Model) -> list[Candidate]:
     """Every effect that `base` does not hold, once for each set of parameters worth freeing.
 
-    A parameter whose preset is 0 is optional: it is freed beside the others, and alone where it needs none of them.
+    An optional parameter is freed beside the others, and alone where it needs none of them.
     """
     found = []
     for info in catalogue.effects():
-        if info.name in base.effects or info.name == "composed_term":
+        if info.name in base.effects or info.composed:
             continue
         if info.acts_on == "supply" and base.parameters.get("force_per_volt", 0) + base.parameters.get(
             "torque_per_volt", 0
         ):
             continue  # a drive that closes a current loop has its supply behind it
         usable = [one for one in info.parameters if base.vehicle == "diff_drive" or not one.odd]
-        main = tuple(one.name for one in usable if (one.preset != 0 or one.name == "phase"))
-        optional = [one.name for one in usable if one.preset == 0 and one.name != "phase" and not _is_switch(one)]
+        main = tuple(one.name for one in usable if not one.optional and one.role != "switch")
+        optional = [one.name for one in usable if one.optional]
         signed = all(_is_signed(one) for one in usable)
         sets = [main, *((name,) for name in optional if signed)]
         if not signed or len(usable) == 2:  # of three laws in one effect each is tried for itself
             sets += [(*main, name) for name in optional]
         for free in dict.fromkeys(one for one in sets if one):
-            off = {one.name: one.preset if one.name in SHAPES else 0.0 for one in usable if one.name not in free}
+            off = {one.name: one.preset if one.role == "shape" else 0.0 for one in usable if one.name not in free}
             found.append(Candidate(info.name, free, off))
     return found
 
 
 def sizes_of(candidate: Candidate) -> list[str]:
     """Its free parameters that say how large it is, and may be zero."""
-    lowest = {one.name: one.minimum for one in effect_info(candidate.effect).parameters}
-    return [name for name in candidate.free if name not in SHAPES and lowest[name] <= 0]
+    infos = {one.name: one for one in catalogue.effect(candidate.effect).parameters}
+    return [name for name in candidate.free if infos[name].role != "shape" and infos[name].minimum <= 0]
 
 
 def read_limits(candidate: Candidate) -> list[tuple[str, str]]:
     """The parameters of a candidate that limit what a signal can read, each with that signal."""
-    parameter, of = _LIMITS.get(candidate.effect, ("", "V"))
-    return [] if of == "V" else [(parameter, of)]
+    infos = catalogue.effect(candidate.effect).parameters
+    return [(one.name, one.limits) for one in infos if one.limits not in ("", _COMMAND)]
 
 
 def screen(band: Band, point: Array, chosen: Sequence[Candidate], *, seen: Seen) -> list[Trial]:
@@ -192,7 +174,7 @@ def signatures(
 
     Arguments as of `screen`. Not of what comes and goes with its size, as one size says nothing of another there.
     """
-    few = [one for one in chosen if len(one.free) == 1 and one.effect not in _SCANNED]
+    few = [one for one in chosen if len(one.free) == 1 and _scanned(one) is None]
     probed = _probed(band, point, few, seen)[1]
     return [(probe.candidate, probe.values[0], float(np.sum(columns**2)) / 2) for probe, columns in probed]
 
@@ -262,7 +244,7 @@ def _ends(probe: _Probe, amplitudes: Array) -> dict[str, float]:
         first["phase"] = float(np.angle(np.exp(1j * (right + apart / 2))))
         if "phase_difference" in first:
             first["phase_difference"] = apart
-    elif probe.candidate.effect in (*_LIMITS, *_SCANNED):
+    elif _limited(probe.candidate) or _scanned(probe.candidate):
         pass  # the tighter, the more it changes: its amplitude says nothing of where it is
     elif probe.free_sign:
         for values, amplitude in zip(probe.values, amplitudes, strict=True):
@@ -282,7 +264,7 @@ def _sides(amplitudes: Array) -> NDArray[np.complex128]:
 
 
 def _within(effect: str, values: Mapping[str, float]) -> dict[str, float]:
-    infos = {one.name: one for one in effect_info(effect).parameters}
+    infos = {one.name: one for one in catalogue.effect(effect).parameters}
     return {name: float(np.clip(value, infos[name].minimum, infos[name].maximum)) for name, value in values.items()}
 
 
@@ -291,18 +273,15 @@ def _size_of(candidate: Candidate) -> str:
 
 
 def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
-    effect = effect_info(candidate.effect)
+    effect = catalogue.effect(candidate.effect)
     infos = {one.name: one for one in effect.parameters if one.name in candidate.free}
-    if candidate.effect in _LIMITS:
-        name, of = _LIMITS[candidate.effect]
-        largest = seen.largest.get(of, 0.0)
-        return [_Probe(candidate, ({name: share * largest},), False) for share in _SHARES if largest > 0]
-    if candidate.effect in _SCANNED:
-        name, values = _SCANNED[candidate.effect]
-        return [_Probe(candidate, ({name: value, **on},), False) for value in values for on in _switched(effect)]
-    natural = {
-        name: (one.preset or _VISIBLE.get(one.unit, 1.0)) * scale_of(one.unit, base) for name, one in infos.items()
-    }
+    if limit := _limited(candidate):
+        largest = seen.largest.get(limit.limits, 0.0)
+        return [_Probe(candidate, ({limit.name: share * largest},), False) for share in _SHARES if largest > 0]
+    if scanned := _scanned(candidate):
+        on_off = _switched(effect)
+        return [_Probe(candidate, ({scanned.name: v, **on},), False) for v in scanned.scan for on in on_off]
+    natural = {name: (one.preset or one.trial) * scale_of(one.unit, base) for name, one in infos.items()}
     if "order" in infos:
         orders = [order for order in (*seen.orders, *_ORDERS) if order >= seen.least_order]
         waves = [_wave(candidate, natural, order, _TURNS) for order in orders]
@@ -319,9 +298,8 @@ def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
     if all(_is_signed(one) for one in infos.values()):
         zero = dict.fromkeys(infos, 0.0)
         return [_Probe(candidate, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True)]
-    sized = [name for name in infos if name not in SHAPES and name not in _PLACES.get(candidate.effect, ())]
-    sized = [name for name in sized if (candidate.effect, name) not in _LATER]
-    sides = [name for name in infos if infos[name].minimum < 0 and name not in SHAPES]
+    sized = [name for name in infos if infos[name].role not in ("shape", "place")]
+    sides = [name for name in infos if _is_signed(infos[name])]
     probes = []
     for size in _SIZES:
         for signs in itertools.product((1.0, -1.0), repeat=len(sides)):
@@ -346,16 +324,21 @@ def _wave(
 
 def _switched(effect: EffectInfo) -> list[dict[str, float]]:
     """Every choice that an effect leaves, as values beside its sizes: none, or one switch at its other end."""
-    return [{}, *({one.name: one.maximum} for one in effect.parameters if _is_switch(one))]
+    return [{}, *({one.name: one.maximum} for one in effect.parameters if one.role == "switch")]
 
 
 def _is_signed(one: ParameterInfo) -> bool:
-    return one.minimum < 0 and one.name not in SHAPES
+    return one.minimum < 0 and one.role != "shape"
 
 
-def _is_switch(one: ParameterInfo) -> bool:
-    """Whether a parameter is a choice, to be tried at both ends and not fitted."""
-    return one.preset == 0 and one.minimum == 0 and one.maximum == 1
+def _limited(candidate: Candidate) -> ParameterInfo | None:
+    """The parameter that is the end of a range."""
+    return next((one for one in catalogue.effect(candidate.effect).parameters if one.role == "limit"), None)
+
+
+def _scanned(candidate: Candidate) -> ParameterInfo | None:
+    """The parameter whose sizes are tried one by one, because what the effect changes comes and goes with it."""
+    return next((one for one in catalogue.effect(candidate.effect).parameters if one.scan), None)
 
 
 def scale_of(unit: str, model: Model) -> float:

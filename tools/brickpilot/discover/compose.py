@@ -48,7 +48,7 @@ class Composed:
     Attributes:
         terms: with their coefficients and sds, SI; in the order of the table.
         settings: what else shapes them, such as a frequency, and `settings_sd`.
-        model: the base model refitted, with the term in ``effects["composed_term"]``; only what is not preset.
+        model: the base model refitted, with the term in ``effects[EFFECT]``; only what is not preset.
         equation: the term written out.
         cost_before, cost_after: half the sum of the residual's loss and priors, in scales, over the fitted runs.
         rms_before, rms_after: of the whitened residual.

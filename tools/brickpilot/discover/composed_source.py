@@ -77,7 +77,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     """The text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
 
     Args:
-        settings: the other parameters of composed_term that shape the terms, by name.
+        settings: the other parameters of the composed effect, which shape the terms, by name.
         name: of the effect and the file; a C identifier in lower case.
         vehicle: "diff_drive" or "motor": the only kind it acts on.
 
@@ -191,7 +191,7 @@ def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
 
 
 def _laws(terms: Sequence[Term]) -> list[str]:
-    """The terms as they stand in composed_term's table, with their parameters' names."""
+    """The terms as they stand in the plant's table, with their parameters' names."""
     return [
         f"{one.target} += {one.sign.replace('c *', f'{one.name} *')}{_bracketed(one.expression)}{one.factor}"
         for one in (term.basis for term in terms)

@@ -1,7 +1,7 @@
 """The basis of composed terms, as the plant's table tells it, and terms of it written as equations.
 
-The effect ``composed_term`` has one coefficient c for each term; its meaning reads ``X += -c * [fabs(u)] * u``. The
-expression in brackets is C and, as it happens, Python too: it is parsed, not listed here a second time.
+The composed effect of the plant's table has one coefficient c for each term, whose meaning reads
+``X += -c * [fabs(u)] * u``. The expression in brackets is C, and Python as well: it is parsed, not listed here again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from functools import cache
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 
-EFFECT = "composed_term"
+EFFECT = next(effect.name for effect in catalogue.effects() if effect.composed)
+"""The effect that holds the terms."""
 
 PLACES = {
     "drive": "drive voltage",
@@ -160,7 +161,7 @@ def basis() -> tuple[Basis, ...]:
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
     """The effect's rows: coefficients first, then what shapes their terms."""
-    return next(effect.parameters for effect in catalogue.effects() if effect.name == EFFECT)
+    return catalogue.effect(EFFECT).parameters
 
 
 def terms_of(values: Mapping[str, float]) -> tuple[Term, ...]:

@@ -20,7 +20,7 @@ from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Nominal, motor_inputs
 from brickpilot.discover import harmonics, locate, power
 from brickpilot.discover.band import Band, angles_of, loosened, run_of, settled, windowed, with_rates
-from brickpilot.discover.candidates import Seen, effect_info
+from brickpilot.discover.candidates import Seen
 from brickpilot.discover.composition import Composition, composed, term_of
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.finding import (
@@ -145,7 +145,7 @@ def _prepared(dataset: Dataset, model: Model | None, jobs: int) -> _Data:
     fitted = _played(judged, roles, "fit")
     coarse = Band(judged, plan, fitted, coarse=True, threads=jobs)
     fine = Band(judged, plan, fitted, threads=jobs)
-    largest = {"V": max(float(np.nanmax(np.abs(values), initial=0.0)) for values in inputs.values())}
+    largest = {"voltage": max(float(np.nanmax(np.abs(values), initial=0.0)) for values in inputs.values())}
     for name in dict.fromkeys(name for run in ready.runs for name in run.outputs):
         values = [run.outputs[name] for run in ready.runs if name in run.outputs]
         largest[name] = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in values)
@@ -367,7 +367,7 @@ def _effects(
     ]
     found = []
     for candidate in judged.best.chosen if named else ():
-        info = effect_info(candidate.effect)
+        info = catalogue.effect(candidate.effect)
         values = {}
         for name in candidate.free:
             estimate = estimates[f"{candidate.effect}.{name}"]
@@ -384,7 +384,7 @@ def _apart_from_zero(effect: Effect) -> bool:
 
 
 def _unit(model: Model, effect: str, parameter: str) -> str:
-    return unit_on(model, next(one for one in effect_info(effect).parameters if one.name == parameter))
+    return unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == parameter))
 
 
 def _nominal_changes(plan: Plan, model: Model) -> dict[str, NominalChange]:
@@ -402,7 +402,7 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, NominalChange]:
 
 def _experiment(data: _Data, judged: Judged) -> Experiment:
     rivals = {" + ".join(one.names): one.model for one in (judged.best, *judged.rivals)}
-    return next_experiment(rivals, list(data.fine.sample_noise), data.fine.sample_noise, data.seen.largest["V"])
+    return next_experiment(rivals, list(data.fine.sample_noise), data.fine.sample_noise, data.seen.largest["voltage"])
 
 
 def _ranking(judged: Judged, selection: Selection) -> tuple[Rank, ...]:

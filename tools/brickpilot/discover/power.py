@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from brickpilot import catalogue
 from brickpilot.discover.band import Band
-from brickpilot.discover.candidates import Seen, candidates, effect_info, signatures
+from brickpilot.discover.candidates import Seen, candidates, signatures
 from brickpilot.discover.finding import Visible
 from brickpilot.discover.select import Fitted, needed
 
@@ -23,7 +24,7 @@ def smallest(band: Band, best: Fitted, seen: Seen) -> dict[str, Visible]:
         name = candidate.free[0]
         size = abs(values[name]) * math.sqrt(gate / max(strength, 1e-12))
         away = abs(math.log(size / abs(values[name]))) if values[name] and size else math.inf
-        info = next(one for one in effect_info(candidate.effect).parameters if one.name == name)
+        info = next(one for one in catalogue.effect(candidate.effect).parameters if one.name == name)
         if size > info.maximum or not math.isfinite(away):
             continue
         if candidate.effect not in found or away < found[candidate.effect][0]:

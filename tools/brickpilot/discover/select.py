@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot import catalogue
 from brickpilot.discover.band import Band
 from brickpilot.discover.candidates import (
     PARAMETER_COST,
@@ -49,7 +50,7 @@ _MOST = 4  # effects, before needless ones are removed
 _BENT_SD = 5.0  # that a nominal value was moved by, to hide something
 _BEYOND = 0.9  # of the largest reading: what limits a sensor is not less
 _TIED = 0.05  # of the best one's charged cost
-_RUBBING = 0.1  # of the breakaway torque
+_LEAST_BESIDE = 0.1  # of a parameter: the least that the parameter which it adds to has to be
 _CLOSE = 0.2  # of the best one's gain: those nearer to it than that are fitted to the end
 _HOPE = 0.3  # of what an effect has to take away: a screened candidate that promises less is not fitted
 _HELD = 0.25  # of the share it takes away from the fitted runs: what an effect has to take from the held-out ones
@@ -297,11 +298,16 @@ def _possible(found: Fitted, seen: Seen) -> bool:
     tables = found.model.effects
     repeats = all(tables[one.effect]["order"] >= seen.least_order for one in found.chosen if one.repeats)
     limits = [(tables[one.effect][name], of) for one in found.chosen for name, of in read_limits(one)]
-    rubs = [table for name, table in tables.items() if name == "stiction_stribeck"]
+    additions = [
+        (table[info.only_with], table[info.name])
+        for name, table in tables.items()
+        for info in catalogue.effect(name).parameters
+        if info.only_with
+    ]
     return (
         repeats
         and all(limit > _BEYOND * seen.largest.get(of, 0.0) for limit, of in limits)
-        and all(table["coulomb"] > _RUBBING * table["breakaway"] for table in rubs)
+        and all(other > _LEAST_BESIDE * added for other, added in additions)
     )
 
 

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
+
 Values = Mapping[str, float]
 
 
@@ -49,11 +52,16 @@ def _motor_time(p: Values) -> float:
     return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2) / _steady(p)
 
 
-def _dry_voltage(p: Values) -> float:
-    return p.get("coulomb_friction.torque", np.nan) * p["resistance"] / p["torque_constant"]
+def _in_volts(effect: str, torque: ParameterInfo) -> Formula:
+    """The voltage at the motor that holds a torque at the wheel."""
+
+    def value_at(p: Values) -> float:
+        return p.get(f"{effect}.{torque.name}", np.nan) * p["resistance"] / p["torque_constant"]
+
+    return Formula(torque.in_volts, f"{effect} R / K_t", "V", value_at)
 
 
-_DRY = Formula("dry friction in volts", "coulomb_friction R / K_t", "V", _dry_voltage)
+_TORQUES = tuple(_in_volts(e.name, info) for e in catalogue.effects() for info in e.parameters if info.in_volts)
 
 FORMULAS: dict[str, tuple[Formula, ...]] = {
     "diff_drive": (
@@ -62,11 +70,11 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
         Formula("straight time constant", "R (J + m r^2 / 2) / D", "s", _straight_time),
         Formula("spin rate per volt", "r K_t / (half_track D)", "rad/s/V", lambda p: _turn(p) * _wheel_gain(p)),
         Formula("spin time constant", "R (J + J_z (r / half_track)^2 / 2) / D", "s", _spin_time),
-        _DRY,
+        *_TORQUES,
     ),
     "motor": (
         Formula("speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
         Formula("time constant", "R (J + m r^2) / D", "s", _motor_time),
-        _DRY,
+        *_TORQUES,
     ),
 }

@@ -20,11 +20,6 @@ from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
 
-# Never fitted when absent: constants of nature, laws of the paper's profile, and what says that a drive commands force.
-_FIXED = frozenset({"gravity", "air_density", "stall_torque", "no_load_speed", "force_per_volt", "torque_per_volt"})
-# Taken to be 0 when absent: a slow indoor robot does not show air drag, and without currents L/R hides in the inertia.
-_ZERO = frozenset({"drag_area", "inductance"})
-
 WIDE_SD = 3.0
 """Of a parameter nobody said anything about, in its logarithm: a factor of e^3 = 20 each way. For intervals alone."""
 
@@ -33,12 +28,6 @@ _EXACT = 1e-6
 
 # A parameter that may be zero moves in its logarithm too; this far below its natural size it has no effect.
 _FLOOR = 1e-9
-
-# Masses and torques are straight in a load and its moments, not its arms: in other coordinates the valley of a fit that
-# also moves the vehicle's own mass and motors is curved, and a descent creeps along it without an end.
-_STRAIGHT = frozenset({"payload_mass.mass"})
-_MOMENTS = {"payload_mass.forward": "payload_mass.mass", "payload_mass.right": "payload_mass.mass"}
-
 
 # What is a phase when multiplied by the way gone: a hundredth of it is turns after a few revolutions.
 _TURNING = {"order": 1e-2}
@@ -78,8 +67,17 @@ class Free:
         return _TURNING.get(self.info.name, 1.0) if self.effect else 1.0
 
     @property
+    def load(self) -> str:
+        """The parameter that this one is the lever arm of, as "effect.parameter"; empty: none.
+
+        Masses and torques are linear in a load and its moments, not in its arms. In other coordinates the valley of a
+        fit that also moves the vehicle's own mass and motors is curved, and a descent creeps along it without an end.
+        """
+        return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
+
+    @property
     def _straight(self) -> bool:
-        return self.signed or self.name in _STRAIGHT
+        return self.signed or self.name in catalogue.loads()
 
     def to_coordinate(self, value: float) -> float:
         return value / self.size if self._straight else math.log(max(value, self.size * _FLOOR))
@@ -103,19 +101,14 @@ class Plan:
     def at(self, coordinates: Array) -> Model:
         values = {free.name: free.to_value(float(x)) for free, x in zip(self.free, coordinates, strict=True)}
         for free, x in zip(self.free, coordinates, strict=True):
-            if (load := _load(free.name, values)) > 0:
+            if (load := values.get(free.load, 0.0)) > 0:
                 values[free.name] = free.to_value(float(x) / load)
         return with_values(self.model, values)
 
     def start(self) -> Array:
         values = {free.name: value_of(self.model, free.name) for free in self.free}
-        loads = np.array([_load(free.name, values) or 1.0 for free in self.free])
+        loads = np.array([values.get(free.load, 0.0) or 1.0 for free in self.free])
         return loads * [free.to_coordinate(values[free.name]) for free in self.free]
-
-
-def _load(name: str, values: Mapping[str, float]) -> float:
-    """What a coordinate is multiplied by: of an arm the load on it, in the same fit; 0 where there is none."""
-    return values.get(_MOMENTS.get(name, ""), 0.0)
 
 
 def value_of(model: Model, name: str) -> float:
@@ -153,7 +146,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
         if name not in effect_infos:
             raise InputError(f"no such effect; known: {', '.join(effect_infos)}", field=name)
     for name in free:
-        if name not in infos or name in _FIXED:
+        if name not in infos or infos[name].role == "fixed":
             raise InputError("no nominal parameter that can be fitted", field=name)
     values = _absent_values(dataset, infos) | {name: nominal.value for name, nominal in dataset.nominal.items()}
     stated = dataset.nominal_effects
@@ -181,7 +174,8 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 
 def _absent_values(dataset: Dataset, infos: Mapping[str, ParameterInfo]) -> dict[str, float]:
     """A vehicle nobody said anything about. A motor has one load: a mass where force drives it, else an inertia."""
-    values = catalogue.presets(dataset.vehicle) | dict.fromkeys(_ZERO, 0.0)
+    absent = [info.name for info in infos.values() if info.zero_if_unstated]
+    values = catalogue.presets(dataset.vehicle) | dict.fromkeys(absent, 0.0)
     if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:
         values |= {"mass": infos["mass"].preset, "wheel_inertia": 0.0}
     elif dataset.vehicle == "motor" and {"position", "velocity", "force"} & dataset.signals.keys():
@@ -204,7 +198,7 @@ def _is_free(info: ParameterInfo, model: Model, dataset: Dataset, asked: Sequenc
         return _is_open(known, info)
     if name == "inductance":
         return any(signal.startswith("current") for signal in dataset.signals)
-    return name not in _FIXED and name != "battery_voltage" and model.parameters[name] != 0
+    return info.role != "fixed" and name != "battery_voltage" and model.parameters[name] != 0
 
 
 def _notes(dataset: Dataset, model: Model, entering: set[str]) -> tuple[str, ...]:
@@ -226,7 +220,7 @@ def _entering(model: Model, dataset: Dataset) -> set[str]:
     names = {
         info.name: _beside(base.parameters[info.name], info)
         for info in catalogue.parameters()
-        if info.name not in _FIXED or info.name in dataset.nominal
+        if info.role != "fixed" or info.name in dataset.nominal
     }
     changed = [with_values(base, {name: value}) for name, value in names.items()]
     run = OpenLoopRun(time=time, inputs=inputs)

@@ -35,12 +35,6 @@ RATE_OF = {"position": "velocity", "angle": "speed"}
 # A run whose first samples all move one way starts in motion.
 _START_SAMPLES = 9
 
-# Effects by which the charge drawn or the heat left by one run changes the next; age alone is known beforehand.
-_REMEMBERED = frozenset({"battery_discharge", "motor_heating"})
-
-# s: the longest motor step with an effect that is over sooner than what a fit needs otherwise.
-_SHORTER = {"cogging": 0.003, "gear_backlash": 0.001, "pwm_coast": 0.001, "torque_ripple": 0.003, "wheel_slip": 0.003}
-
 _LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
 _FINEST = 20  # interpolated samples per measured one, where the measured crowd
 _SECANT_STEPS = 4
@@ -83,7 +77,7 @@ class Replay:
             signals: the outputs to keep; None: all that the vehicle has.
         """
         results: list[dict[str, Outputs]] = [{} for _ in models]
-        remembering = [bool(_REMEMBERED & model.effects.keys()) for model in models]
+        remembering = [any(one.carries_over for one in catalogue.effects_of(model.effects)) for model in models]
         runs = self._aged(only)
         batches = [(remembering, [one]) for one in runs]
         forgetful = [not one for one in remembering]
@@ -159,7 +153,8 @@ class Replay:
 
     def _open_loop(self, run: Run, stretch: slice, start: State, model: Model) -> OpenLoopRun:
         motor_step, body_step = self._steps
-        motor_step = min([motor_step, *(_SHORTER[name] for name in _SHORTER.keys() & model.effects.keys())])
+        needed = [one.motor_step for one in catalogue.effects_of(model.effects) if one.motor_step > 0]
+        motor_step = min([motor_step, *needed])
         return OpenLoopRun(
             time=run.time[stretch],
             inputs=self.inputs[run.name][stretch],
@@ -173,7 +168,7 @@ def is_judged(signal: str, outputs: Container[str], model: Model) -> bool:
     """Whether the model says something of a measured signal. The battery is what drives, unless an effect loads it."""
     if signal != "battery_voltage":
         return signal in outputs
-    return any(effect.acts_on == "supply" and effect.name in model.effects for effect in catalogue.effects())
+    return any(effect.acts_on == "supply" for effect in catalogue.effects_of(model.effects))
 
 
 def judged(dataset: Dataset, model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from brickpilot import catalogue
 from brickpilot.discover.finding import Effect, Finding, Gap, Parameter
 
 ROLES = {"fit": "fitted", "held_out": "held out"}
@@ -18,53 +19,6 @@ _DASH = "\N{EN DASH}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 _TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
-
-
-_LACKS = {
-    "start_delay": "a delay between the start of a recording and that of the drive",
-    "input_delay": "a delay from command to motor",
-    "battery_discharge": "a battery that loses voltage as it is drained",
-    "battery_sag": "a battery whose voltage sags under load",
-    "pwm_quantisation": "the coarse steps of the drive's power levels",
-    "actuator_lag": "a lag of the drive behind its command",
-    "actuator_deadband": "a dead band of the drive around zero volts",
-    "motor_asymmetry": "a difference between the left and the right drive",
-    "direction_asymmetry": "a difference between forward and backward",
-    "supply_saturation": "a drive that cannot reach the voltage commanded",
-    "pwm_coast": "motors that float or brake between the drive's pulses",
-    "torque_constant_asymmetry": "a difference between the left and the right motor's torque constant",
-    "motor_heating": "windings that grow warm, and so resist more",
-    "torque_ripple": "a torque that ripples with the wheel's angle",
-    "cogging": "motors that cog, pulled towards rest positions",
-    "gear_backlash": "play in the gears",
-    "coulomb_friction": "dry friction at the wheels",
-    "stiction_stribeck": "dry friction at the wheels that is larger near standstill",
-    "rolling_sqrt": "a rolling loss that grows with the root of the speed",
-    "constant_offset": "a constant load or offset",
-    "carpet_nap": "the lean of a carpet's pile",
-    "caster_drag": "the friction of a caster that is dragged along",
-    "yaw_scrub": "tyres that scrub when the vehicle turns",
-    "curve_scrub": "tyres that scrub in curves",
-    "quadratic_drag": "a drag that grows with the square of the speed",
-    "floor_slope": "a slope of the floor",
-    "com_forward_offset": "a centre of mass ahead of or behind the axle",
-    "com_lateral_offset": "a centre of mass to the side of the middle",
-    "payload_mass": "a load that it carries",
-    "wheel_radius_mismatch": "a difference between the left and the right wheel's radius",
-    "wheel_slip": "wheels that slip along the track",
-    "side_slip": "wheels that slip sideways",
-    "imu_lever_arm": "an accelerometer away from the middle of the axle",
-    "accel_misalignment": "an accelerometer mounted askew",
-    "imu_lag": "a lag of the inertial sensors",
-    "accel_bias": "an offset of the accelerometers",
-    "gyro_scale": "a gyro that reads too much or too little",
-    "gyro_bias": "an offset of the gyro",
-    "gyro_drift": "an offset of the gyro that drifts",
-    "gyro_saturation": "a gyro that meets the end of its range",
-    "encoder_scale": "rotation sensors that read too much or too little",
-    "sensor_delay": "a delay of the sensors",
-    "composed_term": "a composed term",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,7 +42,8 @@ def say(name: str) -> str:
 
 def words(effect: str) -> str:
     """What the simulator lacks, in plain English; the name itself where nobody wrote any."""
-    return _LACKS.get(effect, effect.replace("_", " "))
+    known = catalogue.effects_of((effect,))
+    return known[0].words if known else say(effect)
 
 
 def explanation(names: str | Sequence[str]) -> str:

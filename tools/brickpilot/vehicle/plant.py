@@ -113,6 +113,42 @@ def build(model: Model) -> Any:
     return built
 
 
+@dataclass(frozen=True)
+class Undoable:
+    """What of a model's effects the firmware can undo; the fields are explained at `bp_undoable` in the C interface.
+
+    Pairs are left and right.
+    """
+
+    flux: tuple[float, float]
+    rim: tuple[float, float]
+    drive_gain: tuple[float, float]
+    dry_torque: tuple[float, float]
+    root_torque: tuple[float, float]
+    load: tuple[float, float]
+    lost_voltage: float
+    supply_resistance: float
+    gyro_bias: float
+    gyro_gain: float
+    travel_gain: float
+
+
+def undoable(model: Model) -> Undoable:
+    """Returns what of the model's effects the firmware can undo, added up over them.
+
+    Raises:
+        InputError: as of `build`.
+    """
+    ffi, library = interface()
+    found = ffi.new("bp_undoable *")
+    library.bp_model_undoable(build(model), found)
+    return Undoable(**{name: _number_or_pair(getattr(found, name)) for name in Undoable.__dataclass_fields__})
+
+
+def _number_or_pair(value: Any) -> Any:
+    return value if isinstance(value, float) else (value[0], value[1])
+
+
 @cache
 def _effect_presets() -> dict[str, dict[str, float]]:
     """effect -> parameter -> preset, in the table's order."""
