@@ -21,7 +21,7 @@ static const bp_parameter_info PARAMETERS[] = {
 
 static void undo(const double *value, bp_undoable *undoable)
 {
-    undoable->gyro_bias += value[0];
+    undoable->gyro_offset += value[0];
 }
 
 const effect_t effect_gyro_bias = {

@@ -105,7 +105,7 @@ typedef struct {
     double load[2];           /* N m: constant, against forward motion */
     double lost_voltage;      /* V that each drive loses, whichever way it drives */
     double supply_resistance; /* ohm */
-    double gyro_bias;         /* rad/s */
+    double gyro_offset;       /* rad/s that the gyro reads at rest */
     double gyro_gain;         /* factor of the gyro's reading */
     double travel_gain;       /* factor of the rotation sensors' reading */
 } bp_undoable;

@@ -57,7 +57,7 @@ class Calibration:
 
     Attributes:
         model: the start's model with the fitted values: what is written to model.toml.
-        parameters: by name, "mass" or "coulomb_friction.torque".
+        parameters: by name, "mass" or "effect.parameter".
         cannot_tell_apart: groups of parameters of which the data give combinations alone.
         combinations: those combinations, where they have a plain meaning.
         scales: how each signal was weighed.

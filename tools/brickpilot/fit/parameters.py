@@ -117,7 +117,7 @@ def value_of(model: Model, name: str) -> float:
 
 
 def with_values(model: Model, values: Mapping[str, float]) -> Model:
-    """A copy of `model` with some nominal ("mass") or effect ("coulomb_friction.torque") values replaced."""
+    """A copy of `model` with some nominal ("mass") or effect ("effect.parameter") values replaced."""
     parameters = dict(model.parameters)
     effects = {name: dict(table) for name, table in model.effects.items()}
     for name, value in values.items():

@@ -47,7 +47,7 @@ def words(effect: str) -> str:
 
 
 def explanation(names: str | Sequence[str]) -> str:
-    """Effects in words, each with its name: "dry friction at the wheels (coulomb_friction)". Names may be joined."""
+    """Effects in words, each with its name behind it in parentheses. Names may be joined by " + "."""
     chosen = names.split(" + ") if isinstance(names, str) else names
     return " with ".join(f"{words(name)} ({name})" for name in chosen)
 

@@ -101,7 +101,7 @@ def values(model: Model, nominal: Model) -> dict[str, float]:
         "reserve_mv": min(max(reserve, 0.0), battery / 2),
         "half_track_m_q14": robot["half_track"] if turning else 0.0,
         "battery_sags": float(found.supply_resistance > 0),
-        "gyro_bias_mrad_s": found.gyro_bias,
+        "gyro_bias_mrad_s": found.gyro_offset,
         "gyro_scale_q15": 1 / found.gyro_gain - 1,
         "travel_scale_q15": radius / found.travel_gain - 1,
         "count_mismatch_q15": (found.rim[LEFT] - found.rim[RIGHT]) / 2,

@@ -32,7 +32,7 @@ _TOP_KEYS = (
 )
 _ENTRY_KEYS = ("value", "unit", "basis")
 
-# Of an effect with more parameters, such as composed_term, a file holds those that are not at their presets.
+# Of an effect with more parameters a file holds only those that are not at their presets.
 _SPELT_OUT = 8
 
 

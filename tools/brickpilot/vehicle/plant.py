@@ -128,7 +128,7 @@ class Undoable:
     load: tuple[float, float]
     lost_voltage: float
     supply_resistance: float
-    gyro_bias: float
+    gyro_offset: float
     gyro_gain: float
     travel_gain: float
 

@@ -1,0 +1,43 @@
+"""Finds the names of effects that stand outside the C table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+TABLE = Path("sim_host/effects/effects.c")
+# The models that discovery is compared with spell out their own library of laws; the README's picture shows one example.
+MAY_NAME = frozenset(
+    {Path("tools/brickpilot/benchmark/sindy_library.py"), Path("tools/brickpilot/gen/discovery_picture.py")}
+)
+# Documents report what was found in which data set.
+DOCUMENTS = frozenset({".md", ".svg"})
+
+
+def names(root: Path) -> list[str]:
+    """Returns the names of the rows of the table."""
+    return re.findall(r"^ +EFFECT\((\w+)\)", (root / TABLE).read_text(), re.MULTILINE)
+
+
+def sources(root: Path) -> Iterator[Path]:
+    """Yields the files of `tools` that must not name an effect."""
+    for path in sorted((root / "tools").rglob("*")):
+        hidden = any(part.startswith((".", "__pycache__", "build")) for part in path.relative_to(root).parts)
+        if path.is_file() and not hidden and path.suffix not in DOCUMENTS and path.relative_to(root) not in MAY_NAME:
+            yield path
+
+
+def faults(root: Path) -> list[str]:
+    """Returns one line for each place in `tools` that names an effect."""
+    known = names(root)
+    word = re.compile(rf"(?<![\w])({'|'.join(known)})(?![\w])") if known else re.compile(r"(?!)")
+    found = []
+    for path in sources(root):
+        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+            found += [
+                f"{path.relative_to(root)}:{number} names the effect {name}; "
+                f"read what it is for from an attribute of its row in sim_host/effects/{name}.c"
+                for name in dict.fromkeys(word.findall(line))
+            ]
+    return found

@@ -1,0 +1,106 @@
+"""Effects are listed once, in the C table: a name in `tools`, and a file or a row that lacks the other, is reported."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from brickpilot import catalogue
+from effect_names import MAY_NAME, TABLE, faults, names, sources
+
+ROOT = Path(__file__).resolve().parents[2]
+EFFECT = "motor_heating"
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A checkout with the real table and one tool."""
+    (tmp_path / TABLE).parent.mkdir(parents=True)
+    shutil.copy(ROOT / TABLE, tmp_path / TABLE)
+    (tmp_path / "tools/brickpilot").mkdir(parents=True)
+    (tmp_path / "tools/brickpilot/tool.py").write_text('"""A tool."""\n')
+    return tmp_path
+
+
+def test_no_tool_names_an_effect() -> None:
+    assert len(list(sources(ROOT))) > 100
+    assert faults(ROOT) == []
+
+
+def test_the_gate_knows_every_effect_of_the_plant() -> None:
+    assert names(ROOT) == [effect.name for effect in catalogue.effects()]
+
+
+def test_the_gate_would_find_names_in_what_it_leaves_out() -> None:
+    for path in MAY_NAME:
+        assert any(re.search(rf"\b{name}\b", (ROOT / path).read_text()) for name in names(ROOT))
+
+
+@pytest.mark.parametrize(
+    "line", [f'SLOW = {{"{EFFECT}": 0.003}}', f"# as {EFFECT} does", f'"{EFFECT}.time_constant"', f"'{EFFECT}'"]
+)
+def test_a_tool_that_names_an_effect_is_reported_in_one_line(tree: Path, line: str) -> None:
+    tool = tree / "tools/brickpilot/tool.py"
+    tool.write_text(f"{tool.read_text()}\n{line}\n")
+    (fault,) = faults(tree)
+    assert fault.startswith(f"tools/brickpilot/tool.py:3 names the effect {EFFECT}; ")
+
+
+@pytest.mark.parametrize("line", [f"{EFFECT}s = 3", f"my_{EFFECT} = 3", "motor heating"])
+def test_a_longer_word_is_no_name(tree: Path, line: str) -> None:
+    (tree / "tools/brickpilot/tool.py").write_text(f"{line}\n")
+    assert faults(tree) == []
+
+
+def configured(root: Path) -> str:
+    """The errors of CMake for the sources at `root`."""
+    command = ["cmake", "-S", str(root), "-B", str(root / "build")]
+    return subprocess.run(command, capture_output=True, text=True).stderr
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what CMake configures, with only the effects of the plant left to it."""
+    root = tmp_path_factory.mktemp("checkout")
+    shutil.copytree(ROOT / "sim_host", root / "sim_host", ignore=shutil.ignore_patterns("*.svg"))
+    (root / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.25)\nproject(plant LANGUAGES C)\n"
+        "add_library(firmware INTERFACE)\nadd_library(hal_sil INTERFACE)\nadd_library(hal_link INTERFACE)\n"
+        "add_subdirectory(sim_host)\n"
+    )
+    assert configured(root) == ""
+    return root
+
+
+def test_an_effect_file_without_a_row_stops_the_build(checkout: Path) -> None:
+    new = checkout / "sim_host/effects/new_law.c"
+    new.write_text((checkout / f"sim_host/effects/{EFFECT}.c").read_text().replace(EFFECT, "new_law"))
+    errors = configured(checkout)
+    new.unlink()
+    says = "sim_host/effects/new_law.c has no row: add EFFECT(new_law) to the table in sim_host/effects/effects.c"
+    assert says in [line.strip() for line in errors.splitlines()]
+
+
+def test_a_row_without_an_effect_file_stops_the_build(checkout: Path) -> None:
+    table = checkout / TABLE
+    text = table.read_text()
+    table.write_text(text.replace(f"    EFFECT({EFFECT})", f"    EFFECT(new_law) \\\n    EFFECT({EFFECT})"))
+    errors = configured(checkout)
+    table.write_text(text)
+    says = "sim_host/effects/effects.c has a row without a file that defines it: new_law"
+    assert says in [line.strip() for line in errors.splitlines()]
+
+
+def test_every_effect_has_a_unit_test() -> None:
+    files = [Path(f"tests/unit/effects/test_{effect.name}.c") for effect in catalogue.effects()]
+    assert [f"{path} is missing" for path in files if not (ROOT / path).exists()] == []
+
+
+def test_every_effect_has_a_law_of_another_engine() -> None:
+    laws = Path("tests/hidden/effects.py")
+    text = (ROOT / laws).read_text()
+    named = [effect.name for effect in catalogue.effects() if not effect.composed]
+    assert [f"{laws} has no row for {name}" for name in named if f'"{name}":' not in text] == []
