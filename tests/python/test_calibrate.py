@@ -13,7 +13,7 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.output_error import correlation_time, noise_sd
 from brickpilot.fit.replay import Replay
-from brickpilot.report.compare_page import calibrate_page
+from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.vehicle import model
 from synthetic import motor, robot, write
 

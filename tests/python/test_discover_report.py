@@ -1,4 +1,4 @@
-"""The page that discovery writes: what it says is what was found."""
+"""The page that discovery writes shows what the finding holds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
 from brickpilot.fit.replay import Replay
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_plots import Curve, superimposed
-from brickpilot.report.discover_text import quantity, verdict, words
+from brickpilot.report.discover_text import verdict, words
+from brickpilot.report.quantities import quantity
 from brickpilot.vehicle.model import unit_on
 from findings import (
     COMMAND,
@@ -39,7 +40,7 @@ def found(tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
-def test_the_page_is_sound_and_stands_alone(found, kind):
+def test_the_page_is_well_formed_and_self_contained(found, kind):
     html = page(found[kind], COMMAND)
     read = Page(html)
     ids = [attributes["id"] for _, attributes in read.elements if "id" in attributes]
@@ -53,7 +54,7 @@ def test_the_page_is_sound_and_stands_alone(found, kind):
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
-def test_figures_and_tables_say_what_they_are(found, kind):
+def test_figures_and_tables_have_accessible_names(found, kind):
     read = Page(page(found[kind], COMMAND))
     for svg in read.all("svg"):
         assert svg.get("aria-hidden") == "true" or (svg["role"] == "img" and len(svg["aria-label"]) > 20)
@@ -65,76 +66,78 @@ def test_figures_and_tables_say_what_they_are(found, kind):
     assert named <= {heading.get("id") for heading in read.all("h2")}
 
 
-def test_named_is_said_with_its_size_and_the_proof(found):
-    told = dataclasses.replace(found["named"], gap={"fit": Gap(26.1, 1.02), "held_out": Gap(24.8, 1.03)})
-    assert verdict(told).replace("\N{NO-BREAK SPACE}", " ") == (
-        "The simulator lacks dry friction at the wheels (coulomb_friction), 6.1 mN m (5.8 to 6.4); with it the error "
-        "on runs it has not seen falls from 24.8 to 1.03 times the noise."
+def test_a_named_effect_is_given_with_its_size_and_its_validation(found):
+    made = dataclasses.replace(found["named"], gap={"fit": Gap(26.1, 1.02), "held_out": Gap(24.8, 1.03)})
+    assert verdict(made).replace("\N{NO-BREAK SPACE}", " ") == (
+        "The simulator lacks dry friction at the wheels (coulomb_friction), 6.1 mN m (5.8 to 6.4). With it, the gap "
+        "on the held-out runs falls from 24.8 to 1.03 times the noise."
     )
 
 
 def test_values_that_were_not_stated_are_shown_as_fitted(found):
     basis = {"mass": "fitted to bench-7: data", "half_track": "fitted to bench-7: not narrowed by the data"}
     basis |= {"wheel_radius": "fitted to bench-7: prior alone", "resistance": "fitted to bench-7: data and prior"}
-    told = dataclasses.replace(found["named"], augmented=dataclasses.replace(TRUTH, basis=basis))
-    read = Page(page(told, COMMAND))
-    assert read.row("mass") == ["mass", "not stated", "0.900 kg", "", "", "give it"]
-    assert read.row("half track") == ["half track", "not stated", "70.0 mm", "", "", "do not narrow it"]
-    assert read.row("wheel radius")[-1] == "say nothing of it"
+    made = dataclasses.replace(found["named"], augmented=dataclasses.replace(TRUTH, basis=basis))
+    read = Page(page(made, COMMAND))
+    assert read.row("mass") == ["mass", "not stated", "0.900 kg", "", "", "determine it"]
+    assert read.row("half track") == ["half track", "not stated", "70.0 mm", "", "", "do not determine it"]
+    assert read.row("wheel radius")[-1] == "do not determine it"
     assert read.row("resistance")[-1] == "contradict it"
 
 
-def test_two_effects_are_both_said(found):
+def test_two_effects_are_both_named(found):
     bias = Effect("gyro_bias", "sensor", "r + bias", 0.9, {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))})
-    said = verdict(dataclasses.replace(found["named"], effects=(FRICTION, bias))).replace("\N{NO-BREAK SPACE}", " ")
-    assert said.startswith("The simulator lacks two effects: dry friction at the wheels (coulomb_friction), 6.1 mN m")
-    assert "and an offset of the gyro (gyro_bias), 21.3 mrad/s (20.1 to 22.5); with them the error" in said
+    sentence = verdict(dataclasses.replace(found["named"], effects=(FRICTION, bias))).replace("\N{NO-BREAK SPACE}", " ")
+    assert sentence.startswith(
+        "The simulator lacks two effects: dry friction at the wheels (coulomb_friction), 6.1 mN m"
+    )
+    assert "and an offset of the gyro (gyro_bias), 21.3 mrad/s (20.1 to 22.5). With them, the gap" in sentence
 
 
-def test_ambiguous_names_every_rival_and_what_to_drive(found):
-    said = verdict(found["ambiguous"])
-    assert "three explanations alike: dry friction at the wheels (coulomb_friction), a dead band" in said
-    assert "(rolling_sqrt) with an offset of the gyro (gyro_bias)." in said
-    assert said.endswith("Drive a slow ramp.")
+def test_ambiguous_names_every_rival_and_the_next_experiment(found):
+    sentence = verdict(found["ambiguous"])
+    assert (
+        "three explanations fit these data equally well: dry friction at the wheels (coulomb_friction), a" in sentence
+    )
+    assert "(rolling_sqrt) with an offset of the gyro (gyro_bias)." in sentence
+    assert sentence.endswith("Drive a slow ramp.")
 
 
 def test_unknown_gives_the_equation_and_its_share(found):
-    said = verdict(found["unknown"]).replace("\N{NO-BREAK SPACE}", " ")
-    assert "no effect of the library explains" in said
-    assert f"ΔT = {MINUS}0.006 sgn(w), takes away 92 % of the gap on runs it has not seen" in said
+    sentence = verdict(found["unknown"]).replace("\N{NO-BREAK SPACE}", " ")
+    assert "no effect of the library explains it" in sentence
+    assert f"ΔT = {MINUS}0.006 sgn(w), explains 92 % of the gap above the noise on the held-out runs" in sentence
 
 
-def test_none_says_how_near_the_simulator_is_and_does_not_boast_where_it_is_not(found):
+def test_none_gives_the_gap_and_says_so_when_it_is_large(found):
     near = dataclasses.replace(found["none"], gap={"fit": Gap(1.0, 1.0), "held_out": Gap(1.02, 1.02)})
-    assert "Nothing is missing that these data could show" in verdict(near)
+    assert "These data show no missing effect" in verdict(near)
     assert "1.02 times the noise" in verdict(near)
     far = dataclasses.replace(near, gap={"fit": Gap(3.0, 3.0), "held_out": Gap(3.1, 3.1)})
     assert verdict(far).startswith("No effect is named")
 
 
-def test_without_held_out_runs_the_page_says_that_nothing_is_proved(found):
-    told = dataclasses.replace(
-        found["named"],
-        roles=dict.fromkeys(ROLES, "fit"),
-        gap={"fit": Gap(26.1, 1.02), "held_out": Gap(None, None)},
+def test_without_held_out_runs_the_page_says_that_nothing_is_validated(found):
+    made = dataclasses.replace(
+        found["named"], roles=dict.fromkeys(ROLES, "fit"), gap={"fit": Gap(26.1, 1.02), "held_out": Gap(None, None)}
     )
-    assert verdict(told).endswith("falls from 26.1 to 1.02 times the noise, and no run was held out to prove it.")
-    read = Page(page(told, COMMAND))
-    assert read.row("runs held out") == ["runs held out", DASH, DASH]
+    assert verdict(made).endswith("falls from 26.1 to 1.02 times the noise, and no held-out run confirms it.")
+    read = Page(page(made, COMMAND))
+    assert read.row("held-out runs") == ["held-out runs", DASH, DASH]
     assert 'role = "held_out"' in read.sections["proof"]
 
 
 def test_the_numbers_are_those_of_the_finding(found):
-    told = found["named"]
-    read = Page(page(told, COMMAND))
+    made = found["named"]
+    read = Page(page(made, COMMAND))
     assert read.row("torque")[:5] == ["torque", "6.1", "5.8", "6.4", "mN m"]
     assert "99 %" in read.sections["verdict"]
-    for role, label in (("fit", "runs fitted"), ("held_out", "runs held out")):
+    for role, label in (("fit", "fit runs"), ("held_out", "held-out runs")):
         assert [float(cell) for cell in read.row(label)[1:]] == pytest.approx(
-            [told.gap[role].before, told.gap[role].after], rel=0.005
+            [made.gap[role].before, made.gap[role].after], rel=0.005
         )
     assert read.row("resistance")[1:5] == ["22 ± 1.1 Ω", "27.3 Ω", "+24.1", "+4.8"]
-    assert "22.0 Ω stated, 27.3 Ω fitted, 4.8 of its standard deviations away" in read.text
+    assert "22.0 Ω, does not fit these data: the fit gives 27.3 Ω, which is 4.8 standard deviations away" in read.text
     assert read.row("wheel radius")[1:5] == ["40.8 ± 0.3 mm", "40.6 mm", f"{MINUS}0.5", f"{MINUS}0.7"]
     assert read.row("viscous friction")[1:3] == ["0 N m s/rad", "18.0 µN m s/rad"]
     assert read.row("spin", "yaw rate") == ["spin", "yaw rate", "0.20", "1.31", "turning", "44 %"]
@@ -144,39 +147,39 @@ def test_the_numbers_are_those_of_the_finding(found):
     assert read.row("battery_sag")[2:] == ["resistance", "0.410 Ω"]
     assert len([row for row in read.rows if row[2:3] == ["frozen"]]) == 23
     assert read.row("curve", "yaw rate", "frozen", "0.100") == ["curve", "yaw rate", "frozen", "0.100", "0.130"]
-    assert "14 of 20 lags outside" in read.sections["left"]
+    assert "14 of 20 lags lie outside" in read.sections["left"]
     assert "seed 7" in read.sections["reproduce"]
     assert COMMAND in read.sections["reproduce"]
 
 
 def test_the_map_holds_each_runs_error_in_each_signal(found):
-    told = found["named"]
-    read = Page(page(told, COMMAND))
-    for run in told.dataset.runs:
-        cells = read.row(run.name, "held out" if ROLES[run.name] == "held_out" else "fitted")[2:]
+    made = found["named"]
+    read = Page(page(made, COMMAND))
+    for run in made.dataset.runs:
+        cells = read.row(run.name, "held-out run" if ROLES[run.name] == "held_out" else "fit run")[2:]
         for signal, cell in zip(NOISE, cells, strict=True):
             expected = []
             for which in ("nominal", "augmented"):
-                error = run.outputs[signal] - told.simulated[which][run.name][signal]
+                error = run.outputs[signal] - made.simulated[which][run.name][signal]
                 error = error - error[0] if signal == "wheel_travel_right" else error
                 expected.append(np.sqrt(np.mean(error**2)) / NOISE[signal])
             assert [float(one) for one in cell.split(" → ")] == pytest.approx(expected, rel=0.005, abs=0.006)
 
 
 def test_every_run_and_signal_is_drawn_once(found):
-    for told in found.values():
-        read = Page(page(told, COMMAND))
+    for made in found.values():
+        read = Page(page(made, COMMAND))
         drawn = [
             svg["aria-label"] for svg in read.all("svg") if "measured and simulated, and" in svg.get("aria-label", "")
         ]
         assert len(drawn) == len(set(drawn)) == len(ROLES) * len(NOISE)
 
 
-def test_a_position_is_drawn_by_the_velocity_that_it_is_judged_by(found, tmp_path):
+def test_a_position_is_compared_and_drawn_by_its_velocity(found, tmp_path):
     truth = motor(force_per_volt=30.0, mass=90.0, wheel_inertia=0.0, viscous_friction=200.0)
     axis = dataset.read(write(tmp_path / "set", truth, {"position": 0.0}, "force_per_volt = 30.0"))
     simulated = dict(zip(("nominal", "augmented"), Replay(axis).simulate([truth, truth]), strict=True))
-    told = dataclasses.replace(
+    made = dataclasses.replace(
         found["named"],
         dataset=axis,
         simulated=simulated,
@@ -186,17 +189,17 @@ def test_a_position_is_drawn_by_the_velocity_that_it_is_judged_by(found, tmp_pat
         gap={"fit": Gap(None, None), "held_out": Gap(None, None)},
         by_signal={"velocity": Gap(None, None)},
     )
-    read = Page(page(told, COMMAND))
-    assert all(float(read.row(name, "fitted")[2].split(" → ")[1]) < 1.0 for name in ROLES)
-    assert "how far the error falls could not be measured" in read.sections["verdict"]
+    read = Page(page(made, COMMAND))
+    assert all(float(read.row(name, "fit run")[2].split(" → ")[1]) < 1.0 for name in ROLES)
+    assert "the gap could not be measured" in read.sections["verdict"]
 
 
-def test_what_was_gone_by_the_gap_stands_open_and_so_does_a_held_out_run(found):
+def test_the_places_of_the_gap_and_a_held_out_run_are_open(found):
     html = page(found["named"], COMMAND)
     shown = html[html.index('id="before-after"') : html.index("<details")]
-    assert re.findall(r'aria-label="(\w+), (fitted|held out): ([\w ]+) measured', shown) == [
-        ("spin", "held out", "yaw rate"),
-        ("curve", "fitted", "yaw rate"),
+    assert re.findall(r'aria-label="(\w+), (fit run|held-out run): ([\w ]+) measured', shown) == [
+        ("spin", "held-out run", "yaw rate"),
+        ("curve", "fit run", "yaw rate"),
     ]
 
 
@@ -207,15 +210,15 @@ def test_the_experiment_is_drawn_with_its_voltages(found):
         *(["left", f"{t:g}", f"{v:g}"] for t, v in RAMP.voltage_left),
         *(["right", f"{t:g}", f"{v:g}"] for t, v in RAMP.voltage_right),
     ]
-    assert "14.2 times the noise, rms, in yaw rate" in read.sections["next"]
+    assert "yaw rate differ by 14.2 times the noise (rms)" in read.sections["next"]
     assert read.row("a dead band of the drive around zero volts (actuator_deadband)")[1:] == ["voltage 0.430 V", "3.2"]
 
 
-def test_without_a_manoeuvre_the_advice_stands_alone(found):
+def test_an_experiment_without_a_manoeuvre_shows_its_advice_alone(found):
     asked = Experiment("Measure current_left as well.", ("gyro_bias", "gyro_drift"), 0.1, "current_left", None)
     read = Page(page(dataclasses.replace(found["ambiguous"], next_experiment=asked), COMMAND))
     assert "Measure current_left as well." in read.sections["next"]
-    assert "what to drive with" not in read.sections["next"]
+    assert "the motor voltages" not in read.sections["next"]
 
 
 def test_the_term_comes_with_its_equation_and_source(found):
@@ -307,7 +310,7 @@ def test_no_peak_is_lost_by_thinning():
     assert x[np.argmin(y)] == pytest.approx(left + (right - left) * 1234 / 3299, abs=0.1)
 
 
-def test_a_gap_in_the_data_is_a_gap_in_the_curve():
+def test_a_dropout_in_the_data_breaks_the_curve():
     measured = np.sin(np.arange(200.0))
     measured[50:80] = np.nan
     assert [len(stroke) for stroke in path(draw(measured), "measured")[:2]] == [50, 120]
@@ -321,8 +324,8 @@ def test_curves_without_a_spread_are_drawn_within_the_chart(measured):
 
 
 def test_twelve_long_runs_stay_below_three_megabytes(found):
-    told = found["named"]
-    base = told.dataset.runs[0]
+    made = found["named"]
+    base = made.dataset.runs[0]
     random, time = np.random.default_rng(0), np.arange(3300) * 0.003
     signals = ("accel_surge", "accel_sway", "yaw_rate", "wheel_speed_left", "wheel_speed_right")
     runs = tuple(
@@ -331,8 +334,8 @@ def test_twelve_long_runs_stay_below_three_megabytes(found):
     )
     silent = {run.name: dict.fromkeys(signals, np.zeros(3300)) for run in runs}
     long = dataclasses.replace(
-        told,
-        dataset=dataclasses.replace(told.dataset, runs=runs),
+        made,
+        dataset=dataclasses.replace(made.dataset, runs=runs),
         roles={run.name: "fit" for run in runs},
         simulated={"nominal": silent, "augmented": silent},
         noise_sd=dict.fromkeys(signals, 1.0),

@@ -25,11 +25,11 @@ const reached = stops.filter(one => {
 document.querySelector(".skip").focus();
 const skip = document.querySelector(".skip").getBoundingClientRect();
 const root = document.documentElement;
-const seen = [innerWidth, root.scrollWidth, document.hasFocus(), stops.length, reached.length, skip.left, skip.width];
-document.title = JSON.stringify(seen);
-parent.postMessage(JSON.stringify(seen), "*");
+const found = [innerWidth, root.scrollWidth, document.hasFocus(), stops.length, reached.length, skip.left, skip.width];
+document.title = JSON.stringify(found);
+parent.postMessage(JSON.stringify(found), "*");
 </script>"""
-NARROW = """<!doctype html><title>not heard</title><script>onmessage = told => { document.title = told.data; };</script>
+NARROW = """<!doctype html><title>nothing</title><script>onmessage = event => { document.title = event.data; };</script>
 <iframe src="inner.html" style="border: 0; width: 400px; height: 900px"></iframe>"""
 
 
@@ -39,7 +39,7 @@ def found(tmp_path_factory):
 
 
 def browse(folder: Path, html: str, *flags: str, scheme: str = "") -> tuple[str, str]:
-    """What headless Chromium writes to either stream about the page; no name is resolved."""
+    """Opens the page in headless Chromium without network; returns its standard output and error."""
     if BROWSER is None:
         pytest.skip("no chromium or google-chrome is installed: the page was not tested in a browser")
     (folder / "page.html").write_text(html, encoding="utf-8")
@@ -58,7 +58,7 @@ def probed(dom: str) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
-def test_in_a_browser_nothing_runs_over_the_edge_and_the_keyboard_reaches_all(found, tmp_path, kind):
+def test_the_page_fits_its_window_and_the_keyboard_reaches_everything(found, tmp_path, kind):
     html = page(found[kind], COMMAND).replace("</body>", f"{PROBE}</body>")
     for _ in range(8):  # on a busy machine the window may get its focus too late
         dom, log = browse(tmp_path, html, "--window-size=1000,900", "--dump-dom")
@@ -73,7 +73,7 @@ def test_in_a_browser_nothing_runs_over_the_edge_and_the_keyboard_reaches_all(fo
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
-def test_on_a_narrow_screen_nothing_runs_over_the_edge(found, tmp_path, kind):
+def test_the_page_fits_a_narrow_screen(found, tmp_path, kind):
     html = page(found[kind], COMMAND).replace("</body>", f"{PROBE}</body>")
     (tmp_path / "inner.html").write_text(html, encoding="utf-8")
     dom, log = browse(tmp_path, NARROW, "--virtual-time-budget=10000", "--dump-dom")
@@ -82,7 +82,7 @@ def test_on_a_narrow_screen_nothing_runs_over_the_edge(found, tmp_path, kind):
     assert "CONSOLE" not in log
 
 
-def test_light_and_dark_are_both_drawn(found, tmp_path):
+def test_light_and_dark_mode_are_both_drawn(found, tmp_path):
     shots = {}
     for name, scheme in (("dark", "0"), ("light", "1")):
         shot = tmp_path / f"{name}.png"
@@ -97,7 +97,7 @@ def test_light_and_dark_are_both_drawn(found, tmp_path):
         assert np.ptp(chart, axis=(0, 1)).min() > 0.3  # curves, not a blank
 
 
-def test_it_prints(found, tmp_path):
+def test_the_page_prints(found, tmp_path):
     browse(tmp_path, page(found["named"], COMMAND), f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer")
     pdf = (tmp_path / "page.pdf").read_bytes()
     assert pdf.startswith(b"%PDF")

@@ -35,7 +35,7 @@ def calibrate(
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import calibrate as calibrate_module
-    from brickpilot.report import compare_page, run_folder
+    from brickpilot.report import calibrate_page, run_folder
     from brickpilot.vehicle import model
 
     data = dataset_module.read(Path(dataset))
@@ -45,7 +45,7 @@ def calibrate(
             found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
-        (beside / "report.html").write_text(compare_page.calibrate_page(found), encoding="utf-8")
+        (beside / "report.html").write_text(calibrate_page.calibrate_page(found), encoding="utf-8")
         model.save(found.model, beside / "model.toml")
     if as_json:
         click.echo(json.dumps(figures))

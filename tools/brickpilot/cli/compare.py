@@ -35,6 +35,7 @@ def compare(
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import compare as compare_module
     from brickpilot.report import compare_page, run_folder
+    from brickpilot.report.quantities import error_percent
     from brickpilot.vehicle import model
 
     data = dataset_module.read(Path(dataset))
@@ -56,5 +57,5 @@ def compare(
         windows = {f"{name}, {found.window_s:g} s windows": error for name, error in run.windows.items()}
         for name, error in {**run.signals, **windows}.items():
             size = "-" if error.rms_error is None else f"{error.rms_error:.4g}"
-            click.echo(f"{run.name:24}{run.role:10}{name:34}{size:>12}{compare_page.per_cent(error.share):>12}")
+            click.echo(f"{run.name:24}{run.role:10}{name:34}{size:>12}{error_percent(error.share):>12}")
     click.echo(f"report: {folder / 'report.html'}")

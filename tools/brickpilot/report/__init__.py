@@ -1,1 +1,1 @@
-"""Pages and plots: what the commands write for people to read."""
+"""Pages and plots that the commands write."""

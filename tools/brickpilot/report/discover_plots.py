@@ -1,7 +1,7 @@
-"""Charts of discovery's page, as SVG elements that live inside it.
+"""Charts of discovery's page, as SVG elements inside it.
 
-Written directly, not by matplotlib: twelve runs of five signals are sixty figures, which would take longer to draw than
-to find the effect. So they also take their colours from the page's style sheet, for light, dark and printed paper.
+They are written directly and not by matplotlib, which would take longer to draw the sixty figures of twelve runs than
+discovery takes to find the effect. Their colours come from the page's style sheet: light, dark or printed.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from brickpilot.discover.finding import Manoeuvre, Whiteness
-from brickpilot.report.discover_text import plain, scaled
 from brickpilot.report.plot import thin
+from brickpilot.report.quantities import plain, scaled
 
 Array = NDArray[np.float64]
 Style = Literal["measured", "nominal", "augmented", "left", "right"]
 
-_WIDTH, _LEFT, _RIGHT = 800.0, 76.0, 12.0  # of a chart, in its own units; about a pixel each on a wide screen
+_WIDTH, _LEFT, _RIGHT = 800.0, 76.0, 12.0  # of a chart, in its own units of about one pixel on a wide screen
 _TOP, _BETWEEN, _BOTTOM = 6.0, 12.0, 40.0
 _VALUES, _ERRORS, _VOLTAGES = 150.0, 100.0, 130.0  # heights of panels
-_SMALL_WIDTH, _SMALL_LEFT = 300.0, 48.0  # of a chart among others in a row
+_SMALL_WIDTH, _SMALL_LEFT = 300.0, 48.0  # of a chart in a row of charts
 _ROW = 26.0
-_ERROR_SD = 2.0  # half width of the band that noise alone fills
+_ERROR_SD = 2.0  # half the width of the noise band, in standard deviations
 
 
 @dataclass(frozen=True)
 class Curve:
-    """`value` against `time`, (n,) each; NaN is a gap."""
+    """`value` against `time`, both of shape (n,); NaN is a dropout."""
 
     style: Style
     time: Array
@@ -43,7 +43,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Maps `low`..`high` onto `start`..`end`, in units of the chart."""
+    """Maps values from `low` to `high` onto chart positions from `start` to `end`."""
 
     low: float
     high: float
@@ -55,7 +55,7 @@ class _Axis:
         return self.start + share * (self.end - self.start)
 
     def ticks(self, most: int) -> list[float]:
-        """Round values within the axis, about `most` of them."""
+        """Returns about `most` round values within the axis."""
         values = MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(self.low, self.high)
         return [float(one) for one in values if self.low <= one <= self.high]
 
@@ -70,16 +70,16 @@ def superimposed(
     title: str,
     points: int,
 ) -> Markup:
-    """Analogue matching, as the paper's figs 4 and 5: values superimposed, the error of each simulation below.
+    """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and the residuals below.
 
     Args:
-        unit: of the signal.
-        above: its values, measured and simulated.
-        below: measured minus simulated, in the style of the simulation.
-        noise_sd: of a sample, in `unit`: the band of the error panel is two of it either side.
-        stretch: (from, to) in s, shaded: where the gap was.
-        title: the chart's accessible name.
-        points: about as many are drawn of each curve.
+        unit: unit of the signal.
+        above: the measured and simulated values.
+        below: the residuals, each in the style of its simulation.
+        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two of it on each side.
+        stretch: (from, to) in s of the place that is shaded.
+        title: accessible name of the chart.
+        points: about how many points are drawn of each curve.
     """  # fmt: skip
     origin, label = _clock(above[0].time)
     x = _time_axis(above[0].time - origin)
@@ -95,14 +95,14 @@ def superimposed(
         parts.append(_box("stretch", start, upper.end, end, lower.start))
     band = lower.at(np.array([_ERROR_SD * noise_sd, -_ERROR_SD * noise_sd]))
     parts.append(_box("noise", x.start, float(band[0]), x.end, float(band[1])))
-    parts += _sides(upper, x, "{}", unit) + _sides(lower, x, "error ({})", unit) + _feet(x, upper, lower, label)
+    parts += _sides(upper, x, "{}", unit) + _sides(lower, x, "residual ({})", unit) + _feet(x, upper, lower, label)
     for axis, curves in ((upper, above), (lower, below)):
         parts += [_line(x, axis, one, origin, points) for one in curves]
     return _svg(_WIDTH, lower.start + _BOTTOM, title, parts)
 
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
-    """What to drive the motors with. `single`: a vehicle with one motor, whose voltage is the left one."""
+    """Draws the motor voltages of a manoeuvre. `single` vehicles have one motor, whose voltage is the left one."""
     sides: list[tuple[Style, Sequence[tuple[float, float]]]] = [("left", manoeuvre.voltage_left)]
     if not single:
         sides.append(("right", manoeuvre.voltage_right))
@@ -115,7 +115,7 @@ def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
 
 
 def autocorrelation(one: Whiteness, *, title: str) -> Markup:
-    """Correlation of what is left with itself, some time later, and the band that white noise stays in."""
+    """Draws the autocorrelation of a residual over the lag, with the 95 % band of white noise."""
     rho = np.array(one.correlation)
     lags = one.lag_s * np.arange(1.0, len(rho) + 1.0)
     x = _Axis(0.0, one.lag_s * (len(rho) + 1), _SMALL_LEFT, _SMALL_WIDTH - _RIGHT)
@@ -123,14 +123,14 @@ def autocorrelation(one: Whiteness, *, title: str) -> Markup:
     y = _Axis(low, high, 116.0, 8.0)
     top, bottom = y.at(np.array([one.bound, -one.bound]))
     parts = [_box("noise", x.start, max(float(top), y.end), x.end, min(float(bottom), y.start))]
-    parts += _sides(y, x, "", "", most=4) + _feet(x, y, y, "later by (s)", most=5)
+    parts += _sides(y, x, "", "", most=4) + _feet(x, y, y, "lag (s)", most=5)
     zero = float(y.at(0.0))
     stems = "".join(f"M{a:.1f} {zero:.1f}V{b:.1f}" for a, b in zip(x.at(lags), y.at(rho), strict=True))
     return _svg(_SMALL_WIDTH, y.start + _BOTTOM, title, [*parts, f'<path class="stem" d="{stems}"/>'])
 
 
 def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, title: str) -> Markup:
-    """A row for each (label, gap before, gap after), over noise sd, on a log scale with the noise as a line."""
+    """Draws a row for each (label, gap before, gap after) on a log scale; a line marks the noise, 1."""
     known = [max(one, 0.01) for _, *pair in rows for one in pair if one is not None and np.isfinite(one)]
     low, high = 0.85 * min(1.0, *known, 1.0), 1.15 * max(2.0, *known, 2.0)
     left = 200.0
@@ -144,9 +144,7 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, title: str) 
         at = float(x.at(math.log10(tick)))
         parts += [f'<path class="{"one" if tick == 1 else "grid"}" d="M{at:.1f} 10V{bottom:.1f}"/>']
         parts += [_text(at, bottom + 15.0, plain(tick), "middle")]
-    parts.append(
-        _text((x.start + x.end) / 2, bottom + 32.0, "gap: rms of measured minus simulated, over noise", "middle")
-    )
+    parts.append(_text((x.start + x.end) / 2, bottom + 32.0, "gap: rms residual over noise", "middle"))
     for number, (label, *pair) in enumerate(rows):
         middle = 10.0 + _ROW * (number + 0.5)
         parts.append(_text(left - 14.0, middle + 4.0, label, "end"))
@@ -159,7 +157,7 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, title: str) 
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """A dot with its whiskers beside 0, drawn within `inside`. Decoration: the numbers stand beside it."""
+    """Draws a dot with its interval and a line at 0, within `inside`. It is decoration: the numbers stand beside it."""
     x = _Axis(*inside, 4.0, 116.0)
     start, middle, end, zero = (float(np.clip(x.at(one), 2.0, 118.0)) for one in (low, value, high, 0.0))
     return Markup(
@@ -170,7 +168,7 @@ def interval(low: float, value: float, high: float, *, inside: tuple[float, floa
 
 
 def _clock(time: Array) -> tuple[float, str]:
-    """What is taken off a run's clock, and what its axis is called: seconds since 1970 have no room at a tick."""
+    """Returns the origin of a run's time axis and its label; times since 1970 are too long for a tick."""
     origin = float(time[0])
     if abs(origin) <= 10.0 * float(time[-1] - time[0]):
         return 0.0, "time (s)"
@@ -182,15 +180,15 @@ def _time_axis(time: Array) -> _Axis:
 
 
 def _values_axis(values: Sequence[Array], top: float, height: float) -> _Axis:
-    """Wide enough for all of `values`, with a little air."""
+    """Returns an axis with room for all of `values` and a small margin."""
     known = np.concatenate([one[np.isfinite(one)] for one in values])
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
-    air = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
-    return _Axis(low - air, high + air, top + height, top)
+    margin = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
+    return _Axis(low - margin, high + margin, top + height, top)
 
 
 def _sides(y: _Axis, x: _Axis, label: str, unit: str, most: int = 4) -> list[str]:
-    """Horizontal grid, its numbers in a unit that keeps them short, and `label` with that unit in it at the left."""
+    """Draws the horizontal grid with numbers in a short unit, and `label` with that unit at the left."""
     factor, shown = scaled(max(abs(y.low), abs(y.high)), unit)
     parts = []
     for tick in y.ticks(most):
@@ -205,7 +203,7 @@ def _sides(y: _Axis, x: _Axis, label: str, unit: str, most: int = 4) -> list[str
 
 
 def _feet(x: _Axis, upper: _Axis, lower: _Axis, label: str, most: int = 8) -> list[str]:
-    """Vertical grid through all panels, and the numbers of the time axis below the last."""
+    """Draws the vertical grid through all panels, and the time axis below the last."""
     parts = []
     for tick in x.ticks(most):
         at = float(x.at(tick))

@@ -1,4 +1,4 @@
-"""The runs on discovery's page: measured and simulated superimposed, and the map of what either simulation leaves."""
+"""The runs on discovery's page: measured and simulated superimposed, and the table of gaps by run and signal."""
 
 from __future__ import annotations
 
@@ -16,20 +16,22 @@ from brickpilot.discover.finding import Finding, Place
 from brickpilot.discover.locate import residual
 from brickpilot.fit.replay import SUMMED, measured_rates
 from brickpilot.report.discover_plots import Curve, superimposed
-from brickpilot.report.discover_text import OVER_NOISE, ROLES, gap_text, say
+from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
+from brickpilot.report.quantities import ROLES, gap_text
 
 Array = NDArray[np.float64]
 
-_SHOWN = 4  # figures that stand open; the others are folded away
-_POINTS, _POINTS_FOLDED = 700, 300  # drawn of a curve
+_SHOWN = 4  # figures that are open; the others are folded
+_POINTS, _POINTS_FOLDED = 700, 300  # points that are drawn of a curve
 
 
 @dataclass(frozen=True)
-class Left:
-    """One signal of one run and what either simulation leaves of it, (n,) each, SI; NaN is a gap.
+class Compared:
+    """One signal of one run with its simulations and residuals, each of shape (n,), in SI; NaN is a dropout.
 
-    `measured`, `nominal`, `augmented`: as drawn, a signal that sums up from its first sample. `before`, `after`:
-    measured minus simulated.
+    Attributes:
+        measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
+        before, after: the residuals of the calibrated and of the augmented model.
     """
 
     run: Run
@@ -43,7 +45,7 @@ class Left:
 
     @property
     def gaps(self) -> tuple[float, float]:
-        """rms over noise sd, before and after."""
+        """Returns the gap before and after."""
         before, after = (float(np.sqrt(np.nanmean(one**2))) / self.noise_sd for one in (self.before, self.after))
         return before, after
 
@@ -52,8 +54,8 @@ Key = tuple[str, str]
 """Run and signal."""
 
 
-def left_over(finding: Finding) -> dict[Key, Left]:
-    """What either simulation leaves of all that was judged: measured, or the rate of a position that was."""
+def compared_signals(finding: Finding) -> dict[Key, Compared]:
+    """Returns the residuals of every compared signal; a measured position is compared by its velocity."""
     found = {}
     for run in finding.dataset.runs:
         run = dataclasses.replace(run, outputs={**measured_rates(run), **run.outputs})
@@ -62,7 +64,7 @@ def left_over(finding: Finding) -> dict[Key, Left]:
             if signal not in run.outputs or signal not in nominal or not np.isfinite(run.outputs[signal]).any():
                 continue
             measured, before, after = run.outputs[signal], nominal[signal], augmented[signal]
-            found[run.name, signal] = Left(
+            found[run.name, signal] = Compared(
                 run=run,
                 signal=signal,
                 measured=_drawn(run, signal, measured),
@@ -82,27 +84,27 @@ def _drawn(run: Run, signal: str, values: Array) -> Array:
 
 
 def figures(
-    finding: Finding, left: Mapping[Key, Left]
+    finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
-    """The figures that stand open, and the others as (run, role, figures)."""
+    """Returns the figures that are open, and the folded ones as (run, role, figures)."""
     places = {(one.run, one.signal): one for one in finding.where}
-    by_gap = sorted(left, key=lambda key: -left[key].gaps[0])
-    chosen = _varied([key for key in places if key in left] or by_gap)
-    unseen = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
-    if unseen and not any(key in unseen for key in chosen):
-        chosen.append(unseen[0])  # the proof belongs in sight
-    shown = [_figure(finding, left[key], places.get(key), _POINTS) for key in chosen]
+    by_gap = sorted(compared, key=lambda key: -compared[key].gaps[0])
+    chosen = _varied([key for key in places if key in compared] or by_gap)
+    held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
+    if held_out and not any(key in held_out for key in chosen):
+        chosen.append(held_out[0])  # at least one open figure shows the validation
+    shown = [_figure(finding, compared[key], places.get(key), _POINTS) for key in chosen]
     folded = []
     for run in finding.dataset.runs:
-        keys = [key for key in left if key[0] == run.name and key not in chosen]
+        keys = [key for key in compared if key[0] == run.name and key not in chosen]
         if keys:
-            drawn = [_figure(finding, left[key], places.get(key), _POINTS_FOLDED) for key in keys]
+            drawn = [_figure(finding, compared[key], places.get(key), _POINTS_FOLDED) for key in keys]
             folded.append((run.name, ROLES[finding.roles[run.name]], drawn))
     return shown, folded
 
 
 def _varied(order: Sequence[Key]) -> list[Key]:
-    """The first few (run, signal) of which no two show the same, as far as there are: new signals and runs first."""
+    """Returns the first few of `order`, and prefers signals and runs that are not chosen yet."""
     chosen: list[Key] = []
     while len(chosen) < min(_SHOWN, len(order)):
         runs, signals = ([key[part] for key in chosen] for part in (0, 1))
@@ -111,51 +113,43 @@ def _varied(order: Sequence[Key]) -> list[Key]:
     return sorted(chosen, key=order.index)
 
 
-def _figure(finding: Finding, left: Left, place: Place | None, points: int) -> dict[str, Any]:
-    """One signal of one run, measured and simulated, and the errors below."""
-    above, below = [Curve("measured", left.run.time, left.measured)], []
+def _figure(finding: Finding, one: Compared, place: Place | None, points: int) -> dict[str, Any]:
+    """Returns the figure of one signal of one run, with its caption."""
+    above, below = [Curve("measured", one.run.time, one.measured)], []
     if finding.verdict != "none":
-        above.append(Curve("nominal", left.run.time, left.nominal))
-        below.append(Curve("nominal", left.run.time, left.before))
-    above.append(Curve("augmented", left.run.time, left.augmented))
-    below.append(Curve("augmented", left.run.time, left.after))
-    role = ROLES[finding.roles[left.run.name]]
-    before, after = left.gaps
+        above.append(Curve("nominal", one.run.time, one.nominal))
+        below.append(Curve("nominal", one.run.time, one.before))
+    above.append(Curve("augmented", one.run.time, one.augmented))
+    below.append(Curve("augmented", one.run.time, one.after))
+    role = ROLES[finding.roles[one.run.name]]
+    before, after = one.gaps
     chart = superimposed(
-        catalogue.outputs()[left.signal],
+        catalogue.outputs()[one.signal],
         above,
         below,
-        left.noise_sd,
+        one.noise_sd,
         None if place is None else (place.from_s, place.to_s),
-        title=f"{left.run.name}, {role}: {say(left.signal)} measured and simulated, and the error below: "
-        f"{gap_text(before)} times the noise before, {gap_text(after)} after",
+        title=f"{one.run.name}, {role}: {say(one.signal)} measured and simulated, and the residual below: "
+        f"the gap is {gap_text(before)} times the noise before and {gap_text(after)} after",
         points=points,
     )
     return {
-        "run": left.run.name,
+        "run": one.run.name,
         "role": role,
-        "signal": say(left.signal),
-        "error": _change(finding, before, after),
+        "signal": say(one.signal),
+        "change": f"the gap {gap_change(None if finding.verdict == 'none' else before, after)}",
         "chart": chart,
     }
 
 
-def _change(finding: Finding, before: float, after: float) -> str:
-    """What became of an error, in words."""
-    start, end = gap_text(before), gap_text(after)
-    if finding.verdict == "none" or start == end:
-        return f"the error is {end} times the noise"
-    return f"the error {'falls' if after < before else 'grows'} from {start} to {end} times the noise"
-
-
-def gap_map(finding: Finding, left: Mapping[Key, Left]) -> dict[str, Any]:
-    """Every run and signal with its gap before and after. `shade`: 0 at the noise to 1 at the largest gap."""
-    most = max((np.log(max(one.gaps[0], 1.0)) for one in left.values()), default=0.0) or 1.0
+def gap_map(finding: Finding, compared: Mapping[Key, Compared]) -> dict[str, Any]:
+    """Returns each run's gap in each signal, before and after. `shade` is 0 at the noise and 1 at the largest gap."""
+    most = max((np.log(max(one.gaps[0], 1.0)) for one in compared.values()), default=0.0) or 1.0
     rows = []
     for run in finding.dataset.runs:
         cells: list[dict[str, Any] | None] = []
         for signal in finding.noise_sd:
-            one = left.get((run.name, signal))
+            one = compared.get((run.name, signal))
             if one is None:
                 cells.append(None)
                 continue
@@ -167,5 +161,5 @@ def gap_map(finding: Finding, left: Mapping[Key, Left]) -> dict[str, Any]:
 
 
 def _kind(signal: str) -> str:
-    """What a signal measures, whichever the side."""
+    """Returns a signal's name without its side."""
     return signal.removesuffix("_left").removesuffix("_right")

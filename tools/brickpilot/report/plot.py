@@ -1,4 +1,4 @@
-"""Figures as SVG that lives inside a page: small, sharp in print, and readable on light and dark paper."""
+"""Figures as SVG elements of a page: small, sharp in print, readable in light and dark."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Told apart by lightness as well as hue (Okabe & Ito 2008), and visible on white and on near-black.
+# These differ in lightness as well as in hue (Okabe & Ito 2008), and show on white and on near-black.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#808080"
 
 _STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text: selectable, searchable, small
+    "svg.fonttype": "none",  # text stays text, which can be selected and searched
     "svg.hashsalt": "brickpilot",  # the same figure gives the same bytes
     "font.family": "sans-serif",
     "font.size": 9.0,
@@ -35,7 +35,7 @@ _STYLE: Any = {
 def figure(
     rows: int = 1, *, width: float = 8.0, row_height: float = 1.8, sharex: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` panels on top of each other, `width` x `row_height` inches each."""
+    """Returns a figure with `rows` panels, one above the other, each `width` by `row_height` inches."""
     with matplotlib.rc_context(_STYLE):
         drawn = Figure(figsize=(width, rows * row_height + 0.4), layout="constrained")
         axes = drawn.subplots(rows, 1, sharex=sharex, squeeze=False)
@@ -43,10 +43,10 @@ def figure(
 
 
 def to_svg(drawn: Figure, title: str) -> str:
-    """The figure as an `<svg>` element, `title` its accessible name. Black becomes the page's own text colour."""
+    """Returns the figure as an `<svg>` element with the accessible name `title`. Black becomes the text colour."""
     buffer = io.StringIO()
     for legend in filter(None, (axis.get_legend() for axis in drawn.axes)):
-        legend.set_frame_on(False)  # its box would be white on dark paper
+        legend.set_frame_on(False)  # its box would be white in dark mode
     with matplotlib.rc_context(_STYLE):
         drawn.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
@@ -57,9 +57,9 @@ def to_svg(drawn: Figure, title: str) -> str:
 
 
 def thin(time: Array, value: Array, points: int = 1200) -> tuple[Array, Array]:
-    """At most about `points` samples that keep each stretch's smallest and largest value, so that no peak is lost.
+    """Returns about `points` samples that keep the smallest and the largest value of each stretch, so all peaks stay.
 
-    `time` and `value` are (n,); rows whose value is NaN are kept as gaps.
+    `time` and `value` have the shape (n,). NaN stays as a dropout.
     """
     if len(time) <= points:
         return time, value
@@ -67,9 +67,9 @@ def thin(time: Array, value: Array, points: int = 1200) -> tuple[Array, Array]:
     padded = np.full(points // 2 * width, np.nan)
     padded[: len(value)] = value
     stretches = padded.reshape(-1, width)
-    gaps, starts = np.isnan(stretches), width * np.arange(points // 2)
-    least = starts + np.where(gaps, np.inf, stretches).argmin(axis=1)
-    most = starts + np.where(gaps, -np.inf, stretches).argmax(axis=1)
+    dropouts, starts = np.isnan(stretches), width * np.arange(points // 2)
+    least = starts + np.where(dropouts, np.inf, stretches).argmin(axis=1)
+    most = starts + np.where(dropouts, -np.inf, stretches).argmax(axis=1)
     kept = np.unique(np.concatenate([[0, len(time) - 1], least, most]))
     kept = kept[kept < len(time)]
     return time[kept], value[kept]

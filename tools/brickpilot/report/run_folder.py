@@ -1,4 +1,4 @@
-"""A run's folder: log, figures of merit, page. Written beside its place, then renamed: it is whole or absent."""
+"""Output folders. A folder is written beside its place and then renamed, so that it is complete or absent."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from brickpilot.vehicle.flight import Flight
 
 @contextmanager
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
-    """Yields an empty folder beside `out` and renames it to `out` at the end; on an error nothing is left.
+    """Yields an empty folder beside `out` and renames it to `out` at the end; an error leaves nothing behind.
 
-    An older `out` is replaced only where it holds nothing but `files`, the ones that this command writes.
+    An older `out` is replaced only if it holds no other files than `files`, those that the command writes.
 
     Raises:
-        InputError: `out` is no folder, or one with anything else in it, or cannot be written.
+        InputError: `out` is no folder, holds other files, or cannot be written.
     """
     if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise InputError("is not a folder, and one is to be written there", file=out)
+        raise InputError("is not a folder, so no results can be written there", file=out)
     try:
         others = sorted({path.name for path in out.iterdir()} - set(files)) if out.is_dir() else []
         if others:
-            raise InputError(f"holds other things, such as {others[0]}; name an empty or a new folder", file=out)
+            raise InputError(f"holds other files, such as {others[0]}; name a new or an empty folder", file=out)
         made = not out.parent.exists()
         out.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -50,7 +50,7 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
 
 
 def write_log(flight: Flight, path: Path) -> None:
-    """The log as CSV: a header, then one row per control step. Nine digits: below every sensor's resolution."""
+    """Writes the log as CSV: a header, then a row for each control step, with nine digits."""
     columns = flight.log
     np.savetxt(
         path, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments=""
@@ -58,7 +58,7 @@ def write_log(flight: Flight, path: Path) -> None:
 
 
 def write(flight: Flight, figures: dict[str, Any], page: str, out: Path) -> None:
-    """Writes `log.csv`, `summary.json` and `report.html` into `out`; errors as `fresh_folder`."""
+    """Writes `log.csv`, `summary.json` and `report.html` into `out`. Raises InputError as `fresh_folder` does."""
     with fresh_folder(out, {"log.csv", "summary.json", "report.html"}) as folder:
         write_log(flight, folder / "log.csv")
         (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n")

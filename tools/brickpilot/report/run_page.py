@@ -1,32 +1,22 @@
-"""The page of a flight: the track over the waypoints, the signals, and the controller's inside."""
+"""The page of a flight: its track, its signals, and the signals inside the controller."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from brickpilot import __version__
 from brickpilot.report.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, figure, thin, to_svg
+from brickpilot.report.template import render
 from brickpilot.vehicle.flight import ACCEPTANCE_M, Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
 
 
-def environment() -> Environment:
-    """Jinja2 over the package's templates; everything but a figure is escaped."""
-    return Environment(
-        loader=PackageLoader("brickpilot.report"),
-        autoescape=select_autoescape(["html", "j2"]),
-        undefined=StrictUndefined,
-    )
-
-
 def _lines(axis: Axes, flight: Flight, lines: list[tuple[str, str, str]], label: str, scale: float = 1.0) -> None:
-    """Draws log columns, given as (column, legend, colour), times `scale`, against time."""
+    """Draws columns of the log, given as (column, legend, colour) and multiplied by `scale`, against time."""
     time = flight.log["time_s"]
     for column, legend, colour in lines:
         axis.plot(*thin(time, flight.log[column] * scale), color=colour, label=legend)
@@ -35,7 +25,7 @@ def _lines(axis: Axes, flight: Flight, lines: list[tuple[str, str, str]], label:
 
 
 def track(flight: Flight, figures: dict[str, Any]) -> str:
-    """The track from above, x up and y to the right as the frame has them, over waypoints and acceptance circles."""
+    """Draws the track from above, x up and y to the right, over the waypoints and their acceptance circles."""
     log, scenario = flight.log, flight.plan.scenario
     drawn, (axis,) = figure(width=7.0, row_height=6.2)
     if scenario.waypoints:
@@ -53,7 +43,7 @@ def track(flight: Flight, figures: dict[str, Any]) -> str:
             color=ORANGE,
             linestyle="--",
             linewidth=0.9,
-            label="as the robot believes",
+            label="estimated track",
         )
     axis.plot(log["true_y_m"][0], log["true_x_m"][0], marker="o", color=BLUE, markersize=5)
     axis.set_xlabel("y, to the right (m)")
@@ -64,7 +54,7 @@ def track(flight: Flight, figures: dict[str, Any]) -> str:
 
 
 def motion(flight: Flight) -> str:
-    """True motion, and what the sensors made of it."""
+    """Draws the true motion and its measurement."""
     drawn, axes = figure(4)
     mission = flight.plan.scenario.kind == "mission"
     speed = [("true_speed_m_s", "true", BLUE)]
@@ -84,7 +74,7 @@ def motion(flight: Flight) -> str:
 
 
 def electrical(flight: Flight) -> str:
-    """What the motors got."""
+    """Draws the voltages and currents of the motors."""
     drawn, axes = figure(2)
     _lines(axes[0], flight, [("left_voltage_v", "left", BLUE), ("right_voltage_v", "right", ORANGE)], "voltage (V)")
     _lines(
@@ -99,7 +89,7 @@ def electrical(flight: Flight) -> str:
 
 
 def inside(flight: Flight) -> str:
-    """The controller: phase, demands against estimates, the PIDs' parts, cross-track error, error of the estimate."""
+    """Draws the phase, demand and estimate, the parts of the PIDs, the cross-track error and the estimate's error."""
     drawn, axes = figure(6)
     degrees = 180.0 / np.pi
     axes[0].plot(flight.log["time_s"], flight.log["phase"], color=PURPLE, drawstyle="steps-post")
@@ -123,13 +113,13 @@ def inside(flight: Flight) -> str:
     log = flight.log
     error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
     axes[5].plot(*thin(log["time_s"], error * 1000.0), color=ORANGE)
-    axes[5].set_ylabel("position\nbelief (mm)")
+    axes[5].set_ylabel("estimate's\nerror (mm)")
     axes[5].set_xlabel("time (s)")
-    return to_svg(drawn, "the controller's inside over time")
+    return to_svg(drawn, "signals inside the controller over time")
 
 
 def verdict(flight: Flight, figures: dict[str, Any]) -> str:
-    """One sentence on how it went."""
+    """Returns the result of the flight in one sentence."""
     plan = flight.plan
     if plan.scenario.kind == "manoeuvre":
         return (
@@ -145,30 +135,26 @@ def verdict(flight: Flight, figures: dict[str, Any]) -> str:
 
 
 def rim_speed(flight: Flight) -> float:
-    """Speed of the wheels' rims over the last 0.9 s, mean of the left one, m/s."""
+    """Returns the mean rim speed of the left wheel over the last 0.9 s, in m/s."""
     return flight.plan.model.parameters["wheel_radius"] * float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))
 
 
 def page(flight: Flight, figures: dict[str, Any], command: str) -> str:
-    """The whole page as HTML, self-contained; `command` is what made it."""
+    """Returns the page as one self-contained HTML text; `command` is the command line that repeats the flight."""
     mission = flight.plan.scenario.kind == "mission"
-    return (
-        environment()
-        .get_template("run.html.j2")
-        .render(
-            title=flight.plan.scenario.title,
-            verdict=verdict(flight, figures),
-            figures=figures,
-            mission=mission,
-            waypoints=flight.plan.scenario.waypoints,
-            track=track(flight, figures),
-            motion=motion(flight),
-            electrical=electrical(flight),
-            inside=inside(flight) if mission else None,
-            rim_speed=rim_speed(flight),
-            effects=flight.plan.model.effects,
-            packaged=flight.plan.scenario.packaged,
-            command=command,
-            version=__version__,
-        )
+    return render(
+        "run",
+        title=flight.plan.scenario.title,
+        verdict=verdict(flight, figures),
+        figures=figures,
+        mission=mission,
+        waypoints=flight.plan.scenario.waypoints,
+        track=track(flight, figures),
+        motion=motion(flight),
+        electrical=electrical(flight),
+        inside=inside(flight) if mission else None,
+        rim_speed=rim_speed(flight),
+        effects=flight.plan.model.effects,
+        packaged=flight.plan.scenario.packaged,
+        command=command,
     )

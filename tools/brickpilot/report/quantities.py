@@ -1,0 +1,122 @@
+"""Values as text: a handy unit, as many digits as their uncertainty allows, and true minus signs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+DASH = "\N{EN DASH}"
+"""Stands where there is no value."""
+
+ROLES = {"fit": "fit run", "held_out": "held-out run"}
+"""A run's role as pages show it."""
+
+_SPACE = "\N{NO-BREAK SPACE}"
+
+_PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
+_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A value as text. `low` and `high` are empty if it has no interval, `unit` if it has no unit."""
+
+    value: str
+    low: str
+    high: str
+    unit: str
+
+    def __str__(self) -> str:
+        unit = f"{_SPACE}{self.unit}" if self.unit else ""
+        return f"{self.value}{unit}" + (f" ({self.low} to {self.high})" if self.low else "")
+
+
+def unit_text(unit: str) -> str:
+    """Returns a unit as text: "N m s/rad" with spaces that do not break, "m/s²", "Ω"; nothing for a plain number."""
+    if unit == "1":
+        return ""
+    return unit.replace("ohm", "Ω").replace("^2", "²").replace("^3", "³").replace(" ", _SPACE)
+
+
+def scaled(size: float, unit: str) -> tuple[float, str]:
+    """Returns (factor, unit text): divide a value of about `size` by the factor to show it in that unit."""
+    shown = unit_text(unit)
+    first = shown.split(_SPACE)[0].split("/")[0]
+    if shown in ("kg", f"kg{_SPACE}m²") and 0 < abs(size) < 0.1:
+        return 1e-3, shown[1:]
+    if first not in _TAKES_PREFIX or shown == "s/m" or not (size and math.isfinite(size)) or 0.1 <= abs(size) < 1e4:
+        return 1.0, shown
+    if first == "s" and abs(size) >= 1.0:
+        return 1.0, shown
+    factor, prefix = max((one for one in _PREFIXES if one[0] <= abs(size) * (1 + 1e-9)), default=_PREFIXES[0])
+    return factor, prefix + shown
+
+
+def plain(value: float, digits: int = 6) -> str:
+    """Returns a number without trailing zeros and with a true minus sign."""
+    text = f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e")
+    return ("0" if text == "-0" else text).replace("-", "\N{MINUS SIGN}")
+
+
+def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -> Shown:
+    """Returns a value in a handy unit, with the digits that its interval supports, or with three."""
+    factor, shown = scaled(value, unit)
+    ends = [] if ci95 is None else [one / factor for one in ci95]
+    width = (ends[1] - ends[0]) / 2 if ends and all(math.isfinite(one) for one in ends) else 0.0
+    value /= factor
+    if width > 0:
+        size = math.floor(math.log10(width) + 1e-9)
+        decimals = (1 if width / 10**size < 2 - 1e-9 else 0) - size
+    else:
+        decimals = 2 - math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+
+    def text(one: float) -> str:
+        if not math.isfinite(one):
+            return "without limit"
+        rounded = round(one, decimals) + 0.0  # no minus zero
+        return f"{rounded:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+
+    low, high = [text(one) for one in ends] or ("", "")
+    return Shown(text(value), low, high, shown)
+
+
+def trusted(value: float, sd: float | None, unit: str) -> str:
+    """Returns a value with its standard deviation, both in one unit: "28.4 ± 0.9 mm"."""
+    if not sd:
+        return str(quantity(value, unit))
+    factor, shown = scaled(value, unit)
+    return f"{plain(value / factor, 4)} ± {plain(sd / factor, 2)}" + (f"{_SPACE}{shown}" if shown else "")
+
+
+def signed(value: float, decimals: int) -> str:
+    """Returns a change with its sign; a change that rounds to zero has no sign."""
+    rounded = round(value, decimals) + 0.0
+    return f"{rounded:+.{decimals}f}".replace("-", "\N{MINUS SIGN}") if rounded else f"{0:.{decimals}f}"
+
+
+def gap_text(gap: float | None) -> str:
+    """Returns a gap in multiples of the noise, with three digits and at most two decimals."""
+    if gap is None or not math.isfinite(gap):
+        return DASH
+    return f"{gap:.2f}" if gap < 10 else f"{gap:.1f}" if gap < 100 else f"{gap:.0f}" if gap < 1e4 else plain(gap, 3)
+
+
+def percent(share: float) -> str:
+    """Returns a share as "44 %"; "under 1 %" and "over 99 %" where rounding would give 0 or 100 %."""
+    if 0 < share < 0.01:
+        return f"under 1{_SPACE}%"
+    return f"over 99{_SPACE}%" if 0.99 < share < 1 else f"{100 * share:.0f}{_SPACE}%"
+
+
+def error_percent(share: float | None) -> str:
+    """Returns an error as a share of its signal: "16 %", two digits below 10 %; a dash if the signal was zero."""
+    if share is None:
+        return DASH
+    if share >= 10:
+        return f"> 1000{_SPACE}%"
+    return f"{100 * share:.2g}{_SPACE}%" if share < 0.1 else f"{100 * share:.0f}{_SPACE}%"
+
+
+def number(value: float | None) -> str:
+    """Returns a number with four digits; a dash if there is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
