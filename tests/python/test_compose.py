@@ -16,12 +16,12 @@ import pytest
 import reference_ode
 from brickpilot import catalogue
 from brickpilot.data.dataset import Nominal
-from brickpilot.discover import composed_source
-from brickpilot.discover.compose import Composed, compose
-from brickpilot.discover.composed_fit import FINE, fit
-from brickpilot.discover.composed_periods import Segment
-from brickpilot.discover.composed_screen import with_terms
-from brickpilot.discover.composed_terms import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
+from brickpilot.discover.segment import Segment
+from brickpilot.discover.terms import c_source
+from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
+from brickpilot.discover.terms.fit import FINE, fit
+from brickpilot.discover.terms.screen import with_terms
+from brickpilot.discover.terms.search import ComposedTerms, find_terms
 from brickpilot.fit.parameters import Free, value_of, with_values
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
@@ -61,7 +61,7 @@ def binned(values: np.ndarray) -> np.ndarray:
 
 
 class Data:
-    """Noisy runs as a `composed_screen.Problem`, with some nominal parameters calibrated to them."""
+    """Noisy runs as a `terms.screen.Problem`, with some nominal parameters calibrated to them."""
 
     def __init__(self, measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> None:
         noise = np.random.default_rng(5)
@@ -148,7 +148,7 @@ def by_reference(mass: float = 0.92) -> Data:
     return Data(measured, robot(inductance=1e-3))
 
 
-def coefficient(found: Composed | None, name: str) -> float:
+def coefficient(found: ComposedTerms | None, name: str) -> float:
     assert found is not None
     assert [term.basis.name for term in found.terms] == [name], found.equation.text
     return found.terms[0].coefficient
@@ -157,7 +157,7 @@ def coefficient(found: Composed | None, name: str) -> float:
 def test_a_cubic_drag_of_other_equations_is_found_and_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_ode, "_air", lambda _, speed: 1.2 * speed**3)
     data = by_reference()
-    found = compose(data)
+    found = find_terms(data)
     assert coefficient(found, "surge_loss_u2") == pytest.approx(1.2, rel=0.05)
     assert found.rms_before > 3
     assert found.rms_after < 1.1
@@ -168,11 +168,11 @@ def test_a_cubic_drag_of_other_equations_is_found_and_measured(monkeypatch: pyte
 
 def test_a_square_drag_is_told_from_a_cubic_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_ode, "_air", lambda _, speed: 0.9 * speed * abs(speed))
-    assert coefficient(compose(by_reference()), "surge_loss_abs_u") == pytest.approx(0.9, rel=0.05)
+    assert coefficient(find_terms(by_reference()), "surge_loss_abs_u") == pytest.approx(0.9, rel=0.05)
 
 
 def test_a_harmonic_of_the_wheel_is_found_with_its_order() -> None:
-    found = compose(by_plant(cogging={"torque": 0.004, "order": 2.5, "phase": 0.6}))
+    found = find_terms(by_plant(cogging={"torque": 0.004, "order": 2.5, "phase": 0.6}))
     assert found is not None
     assert {term.basis.name for term in found.terms} == {"wheel_push_sin_angle", "wheel_push_cos_angle"}
     amplitude = np.hypot(*(term.coefficient for term in found.terms))
@@ -185,15 +185,15 @@ def test_a_harmonic_of_the_wheel_is_found_with_its_order() -> None:
 def test_a_linear_axis_is_composed_for_too() -> None:
     axis = {"force_per_volt": 35.0, "wheel_inertia": 0.0, "viscous_friction": 150.0}
     data = by_plant(motor(**axis, mass=96.0), motor(**axis, mass=94.0), quadratic_drag={"drag": 90.0})
-    assert coefficient(compose(data), "surge_loss_abs_u") == pytest.approx(90.0, rel=0.05)
+    assert coefficient(find_terms(data), "surge_loss_abs_u") == pytest.approx(90.0, rel=0.05)
 
 
 def test_wrong_nominal_values_alone_are_no_term() -> None:
-    assert compose(by_plant()) is None
+    assert find_terms(by_plant()) is None
 
 
 def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
-    found = compose(by_plant(composed_term={"drive_add_sin_time": 0.15, "frequency": 1.3}))
+    found = find_terms(by_plant(composed_term={"drive_add_sin_time": 0.15, "frequency": 1.3}))
     assert found is not None
     rivals = [{term.basis.name for term in rival.terms} for rival in found.rivals]
     names = [{term.basis.name for term in found.terms}, *rivals]
@@ -202,7 +202,7 @@ def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
 
 
 def test_a_fit_starts_anywhere_near_and_ends_at_the_truth() -> None:
-    from brickpilot.discover.composed_screen import Atom
+    from brickpilot.discover.terms.screen import Atom
 
     data = by_plant(composed_term={"surge_push_sprung": 0.08, "frequency": 2.0, "damping": 0.1})
     start = with_terms(data.base, {"surge_push_sprung": 0.05, "frequency": 2.15, "damping": 0.15})
@@ -340,7 +340,7 @@ COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
 
 def source(name: str) -> str:
     vehicle, coefficients, settings = COMPOSED[name]
-    return composed_source.render(terms(**coefficients), settings, name=name, vehicle=vehicle)
+    return c_source.render(terms(**coefficients), settings, name=name, vehicle=vehicle)
 
 
 @pytest.mark.parametrize(
@@ -355,7 +355,7 @@ def source(name: str) -> str:
 )
 def test_what_makes_no_effect_is_refused(chosen: dict[str, float], name: str, vehicle: str) -> None:
     with pytest.raises(ValueError, match=r"no effect can be made|does not act on a motor|no value for patch"):
-        composed_source.render(terms(**chosen), {}, name=name, vehicle=vehicle)
+        c_source.render(terms(**chosen), {}, name=name, vehicle=vehicle)
 
 
 def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
@@ -364,7 +364,7 @@ def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
     alike = [[one] for one in basis() if not one.sided] + [[one for one in basis() if one.sided]]
     for number, chosen in enumerate(alike):
         values = [Term(one, 0.5) for one in chosen]
-        text = composed_source.render(values, settings_of(chosen, {}), name="alone", vehicle="diff_drive")
+        text = c_source.render(values, settings_of(chosen, {}), name="alone", vehicle="diff_drive")
         (tmp_path / f"alone_{number}.c").write_text(text, encoding="utf-8")
     compiled = subprocess.run(
         ["cc", *flags, *include, *map(str, sorted(tmp_path.glob("*.c")))], capture_output=True, text=True

@@ -11,10 +11,13 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
 from brickpilot.discover import harmonics, pipeline
-from brickpilot.discover.band import Band, loosened, settled, windowed, with_rates
+from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import candidates, sizes_of
+from brickpilot.discover.default_sd import with_default_sds
 from brickpilot.discover.experiment import manoeuvres, next_experiment
-from brickpilot.discover.select import enough, needed
+from brickpilot.discover.gates import gains_enough, required_gain
+from brickpilot.discover.start_state import with_averaged_starts, with_rates
+from brickpilot.discover.windows import cut_into_windows
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from synthetic import motor, robot, write
@@ -62,11 +65,11 @@ def hidden(folder, effects, *, signals=None, seed=1, error=0.02, **options):
 
 def bands(folder):
     """The full and the coarse band over the fit runs, and the nominal model."""
-    data = loosened(dataset.read(folder))
+    data = with_default_sds(dataset.read(folder))
     inputs = {run.name: dataset.motor_inputs(run, data) for run in data.runs}
-    ready = settled(data, inputs)
+    ready = with_averaged_starts(data, inputs)
     plan, fitted = parameters.plan(ready), holdout.assign(ready, inputs).fit()
-    return Band(ready, plan, fitted), Band(ready, plan, fitted, coarse=True), plan
+    return BinnedOutputError(ready, plan, fitted), BinnedOutputError(ready, plan, fitted, coarse=True), plan
 
 
 @pytest.fixture(scope="module")
@@ -111,14 +114,14 @@ def test_the_moments_of_a_load_are_what_a_fit_moves(tmp_path):
 
 def test_every_nominal_value_may_be_wrong(tmp_path):
     data = dataset.read(hidden(tmp_path / "set", {}))
-    known = loosened(data).nominal
+    known = with_default_sds(data).nominal
     assert all(known[name].sd > 0.02 * abs(known[name].value) for name in NOMINAL)
     assert data.nominal["mass"].sd is None
 
 
 def test_a_run_starts_from_what_its_first_samples_say_together(tmp_path):
     data = dataset.read(hidden(tmp_path / "set", {}))
-    ready = settled(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs})
+    ready = with_averaged_starts(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs})
     single = [run.outputs["wheel_speed_left"][0] for run in data.runs]
     together = [run.outputs["wheel_speed_left"][0] for run in ready.runs]
     assert np.std(together) < 0.6 * np.std(single)
@@ -141,7 +144,7 @@ def test_a_motor_is_judged_by_its_velocity(tmp_path):
 
 def test_a_stretch_starts_from_the_measured_state(tmp_path):
     data = dataset.read(hidden(tmp_path / "set", {}))
-    cut = windowed(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs}, 0.5)
+    cut = cut_into_windows(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs}, 0.5)
     ahead = [run for run in cut.runs if run.name.startswith("ahead, stretch")]
     assert len(ahead) == 4
     travelled = data.runs[0].outputs["wheel_speed_left"][: len(data.runs[0].time) // 2].sum() * 0.01
@@ -216,10 +219,10 @@ def test_what_may_not_be_zero_is_no_size():
 
 
 def test_more_has_to_go_where_more_is_left_unexplained():
-    assert needed(1000.0, 2000.0) == pytest.approx(60.0)
-    assert needed(10000.0, 2000.0) > 0.15 * 10000.0
-    assert not enough(1000.0, 950.0, 2000.0)
-    assert enough(1000.0, 900.0, 2000.0)
+    assert required_gain(1000.0, 2000.0) == pytest.approx(60.0)
+    assert required_gain(10000.0, 2000.0) > 0.15 * 10000.0
+    assert not gains_enough(1000.0, 950.0, 2000.0)
+    assert gains_enough(1000.0, 900.0, 2000.0)
 
 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):

@@ -30,7 +30,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     compensate the effect.
     """
     from brickpilot.data import dataset as dataset_module
-    from brickpilot.discover import pipeline
+    from brickpilot.discover import conclude, pipeline
     from brickpilot.report import discover_page, discover_text, run_folder
     from brickpilot.vehicle import compensation, model
 
@@ -38,7 +38,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
-    with run_folder.fresh_folder(folder, pipeline.files(data)) as beside:
+    with run_folder.fresh_folder(folder, conclude.file_names(data)) as beside:
         with progress_shown(as_json) as progress:
             found = pipeline.discover(data, given, seed=seed, jobs=jobs, progress=progress)
         figures = found.to_json()

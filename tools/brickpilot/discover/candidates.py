@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.catalogue import EffectInfo, ParameterInfo
-from brickpilot.discover.band import Band
+from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.excitation import Excitation
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model, rcx
 
 Array = NDArray[np.float64]
-
-PARAMETER_COST = 12.0
-"""A parameter has to take away so much of the cost to be worth having."""
 
 _SIZES = (0.03, 0.2, 1.0, 3.0)  # of what is natural for the vehicle: for effects that are not smooth in their size
 _SMALL = 0.1  # the one size of those that are
@@ -47,25 +45,6 @@ _COMMAND = "voltage"  # the limited signal that is a command, not a reading
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What was driven and read.
-
-    Attributes:
-        largest: the largest command, "voltage", and the largest reading of each signal.
-        orders: at which the wheels' acceleration repeats.
-        least_order: what repeats less often is no repetition: once a turn, or one and a half times over the way.
-        wheels: whether they were measured, so that simulations can begin anew from a measured state every so often.
-        closely: whether they do, so that the wheels keep their phase.
-    """
-
-    largest: Mapping[str, float]
-    orders: tuple[float, ...] = ()
-    least_order: float = 0.9
-    wheels: bool = False
-    closely: bool = False
-
-
-@dataclass(frozen=True)
 class Candidate:
     """An effect with the parameters that are fitted; those not named stay at `fixed`."""
 
@@ -74,7 +53,7 @@ class Candidate:
     fixed: Mapping[str, float]
 
     @property
-    def repeats(self) -> bool:
+    def is_periodic(self) -> bool:
         """Whether it repeats with a wheel's angle, so often as is fitted."""
         return "order" in self.free
 
@@ -150,15 +129,17 @@ def read_limits(candidate: Candidate) -> list[tuple[str, str]]:
     return [(one.name, one.limits) for one in infos if one.limits not in ("", _COMMAND)]
 
 
-def screen(band: Band, point: Array, chosen: Sequence[Candidate], *, seen: Seen) -> list[Trial]:
+def screen(
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], *, excitation: Excitation
+) -> list[Trial]:
     """Every candidate from each of its sizes, best first; those of which nothing shows are left out.
 
     Args:
-        band: with the plan of what is in the model already, its sensitivities kept at `point`.
+        error: with the plan of what is in the model already, its sensitivities kept at `point`.
         point: where that plan's fit ended.
-        seen: what the vehicle was driven to.
+        excitation: what the vehicle was driven to.
     """
-    left, probed = _probed(band, point, chosen, seen)
+    left, probed = _probed(error, point, chosen, excitation)
     before, trials = float(np.sum(left**2)) / 2, []
     for probe, columns in probed:
         amplitudes = _amplitudes(columns, left, free_sign=probe.free_sign)
@@ -168,31 +149,31 @@ def screen(band: Band, point: Array, chosen: Sequence[Candidate], *, seen: Seen)
 
 
 def signatures(
-    band: Band, point: Array, chosen: Sequence[Candidate], *, seen: Seen
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], *, excitation: Excitation
 ) -> list[tuple[Candidate, Mapping[str, float], float]]:
     """Each candidate with one free size at the values it is simulated at, and half the squares of what that changes.
 
     Arguments as of `screen`. Not of what comes and goes with its size, as one size says nothing of another there.
     """
     few = [one for one in chosen if len(one.free) == 1 and _scanned(one) is None]
-    probed = _probed(band, point, few, seen)[1]
+    probed = _probed(error, point, few, excitation)[1]
     return [(probe.candidate, probe.values[0], float(np.sum(columns**2)) / 2) for probe, columns in probed]
 
 
 def _probed(
-    band: Band, point: Array, chosen: Sequence[Candidate], seen: Seen
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], excitation: Excitation
 ) -> tuple[Array, list[tuple[_Probe, Array]]]:
     """The residual, and of each probe that shows (rows, simulations) its changes; both with the rest projected out."""
-    base = band.plan.at(point)
-    plan = dataclasses.replace(band.plan, model=base)
-    residual = band.whitened(band.predict([base])[0])
-    projection = Projection(band, point)
-    probes = [probe for candidate in chosen for probe in _probes(candidate, base, seen)]
+    base = error.plan.at(point)
+    plan = dataclasses.replace(error.plan, model=base)
+    residual = error.whiten(error.predict([base])[0])
+    projection = Projection(error, point)
+    probes = [probe for candidate in chosen for probe in _probes(candidate, base, excitation)]
     models = [probe.candidate.starting(plan, values).model for probe in probes for values in probe.values]
-    simulated = (row for chunk in _chunks(models) for row in band.predict(chunk))
+    simulated = (row for chunk in _chunks(models) for row in error.predict(chunk))
     found = []
     for probe in probes:
-        changes = np.array([residual - band.whitened(next(simulated)) for _ in probe.values])
+        changes = np.array([residual - error.whiten(next(simulated)) for _ in probe.values])
         if not np.isfinite(changes).all() or np.abs(changes).max() < _NOTHING:
             continue
         columns = np.array([projection.project(np.append(one, np.zeros(len(point)))) for one in changes]).T
@@ -201,14 +182,14 @@ def _probed(
 
 
 class Projection:
-    """What remains of a whitened residual once the parameters of `band.plan` have taken up what they can, from `point`.
+    """Removes from a whitened residual what the parameters of `error.plan` can take up, from `point`.
 
     To first order, priors included.
     """
 
-    def __init__(self, band: Band, point: Array) -> None:
-        prior, slopes = band.prior_rows(point)
-        whitened = band.sensitivity(point) * band.weight()[:, np.newaxis]
+    def __init__(self, error: BinnedOutputError, point: Array) -> None:
+        prior, slopes = error.prior_rows(point)
+        whitened = error.sensitivity(point) * error.weight()[:, np.newaxis]
         self._prior = -prior
         self._basis, _ = np.linalg.qr(np.vstack([whitened, slopes]))
 
@@ -272,22 +253,22 @@ def _size_of(candidate: Candidate) -> str:
     return candidate.free[0]
 
 
-def _probes(candidate: Candidate, base: Model, seen: Seen) -> list[_Probe]:
+def _probes(candidate: Candidate, base: Model, excitation: Excitation) -> list[_Probe]:
     effect = catalogue.effect(candidate.effect)
     infos = {one.name: one for one in effect.parameters if one.name in candidate.free}
     if limit := _limited(candidate):
-        largest = seen.largest.get(limit.limits, 0.0)
+        largest = excitation.largest.get(limit.limits, 0.0)
         return [_Probe(candidate, ({limit.name: share * largest},), False) for share in _SHARES if largest > 0]
     if scanned := _scanned(candidate):
         on_off = _switched(effect)
         return [_Probe(candidate, ({scanned.name: v, **on},), False) for v in scanned.scan for on in on_off]
     natural = {name: (one.preset or one.trial) * scale_of(one.unit, base) for name, one in infos.items()}
     if "order" in infos:
-        orders = [order for order in (*seen.orders, *_ORDERS) if order >= seen.least_order]
+        orders = [order for order in (*excitation.orders, *_ORDERS) if order >= excitation.least_order]
         waves = [_wave(candidate, natural, order, _TURNS) for order in orders]
         bites = [
             _Probe(candidate, (one,), False)
-            for order in (seen.orders if seen.closely else ())
+            for order in (excitation.orders if excitation.windowed else ())
             if order in orders
             for size in _BITES
             for one in _wave(

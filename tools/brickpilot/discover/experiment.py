@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
+from brickpilot.discover.compose import Composed
 from brickpilot.discover.finding import Experiment, Manoeuvre
+from brickpilot.discover.gates import SEPARATES_NOISE_SD, SEPARATES_SIGNAL_SHARE
+from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.verdict import Verdict
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
@@ -17,8 +21,6 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01
-_TELLS = 0.5  # noise sd, rms over the manoeuvre: what a run of ten seconds at 100 samples a second tells with ease
-_UNMEASURED_SHARE = 0.02  # of its rms, between rivals: what another signal has to show to be worth measuring
 
 
 def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
@@ -78,6 +80,15 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
     )
 
 
+def plan_experiment(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Experiment | None:
+    """Returns the experiment that separates the rivals of an ambiguous verdict; None for other verdicts."""
+    if composed is not None or verdict.kind != "ambiguous":
+        return None
+    rivals = {" + ".join(one.names): one.model for one in (verdict.best, *verdict.rivals)}
+    noise_sd = prepared.fine.sample_noise
+    return next_experiment(rivals, list(noise_sd), noise_sd, prepared.excitation.largest["voltage"])
+
+
 def next_experiment(
     rivals: Mapping[str, Model], measured: Sequence[str], noise_sd: Mapping[str, float], volts: float
 ) -> Experiment:
@@ -107,13 +118,13 @@ def next_experiment(
                 unmeasured = (share, name)
     names = tuple(rivals)
     separation = best[0] if best else 0.0
-    if best is not None and separation >= _TELLS:
+    if best is not None and separation >= SEPARATES_NOISE_SD:
         _, signal, manoeuvre = best
         advice = (
             f'Drive "{manoeuvre.name}", add the run to the data set and run discover again: {signal} tells them apart.'
         )
         return Experiment(advice, names, separation, signal, manoeuvre)
-    if unmeasured[1] is not None and unmeasured[0] > _UNMEASURED_SHARE:
+    if unmeasured[1] is not None and unmeasured[0] > SEPARATES_SIGNAL_SHARE:
         advice = f"No way of driving tells them apart in what is measured. Measure {unmeasured[1]} as well."
         return Experiment(advice, names, separation, unmeasured[1], None)
     advice = (

@@ -12,7 +12,7 @@ from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
 
-Verdict = Literal["none", "named", "ambiguous", "unknown"]
+VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Finding:
     """
 
     dataset: Dataset
-    verdict: Verdict
+    verdict: VerdictKind
     effects: tuple[Effect, ...]
     where: tuple[Place, ...]
     gap: Mapping[str, Gap]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, motor_inputs
-from brickpilot.discover.band import angles_of
+from brickpilot.discover.windows import wheel_angles
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     together: dict[tuple[str, bool], NDArray[np.complex128]] = {}
     for run in dataset.runs:
         driven = np.nan_to_num(motor_inputs(run, dataset))
-        for wheel, (name, angle) in enumerate((angles_of(run) or {}).items()):
+        for wheel, (name, angle) in enumerate((wheel_angles(run) or {}).items()):
             speed = np.gradient(angle, run.time)
             jerked = np.gradient(speed, run.time) * np.gradient(run.time)
             volts = driven[:, min(wheel, driven.shape[1] - 1)]

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.discover.band import BIN_S, Band, run_of
+from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.finding import Gap, Place, Whiteness
+from brickpilot.discover.gates import BIN_S
+from brickpilot.discover.windows import run_of
 from brickpilot.fit.replay import SUMMED, Outputs
 
 Array = NDArray[np.float64]
@@ -74,12 +76,12 @@ def residual(run: Run, signal: str, simulated: Array) -> Array:
 
 
 def places(
-    band: Band, dataset: Dataset, before: Array, after: Array, moving: Mapping[str, Outputs]
+    error: BinnedOutputError, dataset: Dataset, before: Array, after: Array, moving: Mapping[str, Outputs]
 ) -> tuple[Place, ...]:
     """The runs and signals that most of the gap came from, the largest first.
 
     Args:
-        band: over all runs; `before`, `after`: (samples,) its losses with the nominal and the augmented model.
+        error: over all runs; `before`, `after`: (samples,) its losses with the nominal and the augmented model.
         moving: run -> outputs of the augmented model, for what the vehicle was doing.
     """
     fall = before - after
@@ -88,7 +90,7 @@ def places(
         return ()
     clock = {run.name: run for run in dataset.runs}
     found = []
-    for block in band.blocks:
+    for block in error.blocks:
         part = np.maximum(fall[block.place], 0.0)
         share = float(part.sum()) / total
         if share < _LEAST_SHARE:
@@ -135,11 +137,11 @@ def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
     return best
 
 
-def whiteness(band: Band, left: Array) -> dict[str, Whiteness]:
+def whiteness(error: BinnedOutputError, left: Array) -> dict[str, Whiteness]:
     """Autocorrelation of what is left, by signal, over the bins. `left`: (samples,), whitened."""
     found = {}
-    for signal in band.signals:
-        parts = [left[block.place] for block in band.blocks if block.signal == signal]
+    for signal in error.signals:
+        parts = [left[block.place] for block in error.blocks if block.signal == signal]
         parts = [part - part.mean() for part in parts if len(part) > 2 * _LAGS]
         if not parts:
             continue

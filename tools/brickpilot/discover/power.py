@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 
 from brickpilot import catalogue
-from brickpilot.discover.band import Band
-from brickpilot.discover.candidates import Seen, candidates, signatures
+from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.candidates import candidates, signatures
+from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.finding import Visible
-from brickpilot.discover.select import Fitted, needed
+from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.gates import required_gain
 
 
-def smallest(band: Band, best: Fitted, seen: Seen) -> dict[str, Visible]:
+def smallest(error: BinnedOutputError, best: FittedModel, excitation: Excitation) -> dict[str, Visible]:
     """effect -> the size at which it would have taken away enough to be named, beside what is in `best` already.
 
     Extrapolated from the simulated size that is nearest; effects of which nothing shows at any size are left out.
     """
-    here = band.with_plan(best.plan)
-    here.keep(best.point, len(best.point))
-    gate = needed(best.cost, band.trusted())
+    here = error.with_plan(best.plan)
+    here.keep_sensitivities(best.point, len(best.point))
+    gate = required_gain(best.cost, error.floor_cost())
     found: dict[str, tuple[float, Visible]] = {}
-    for candidate, values, strength in signatures(here, best.point, candidates(best.model), seen=seen):
+    for candidate, values, strength in signatures(here, best.point, candidates(best.model), excitation=excitation):
         name = candidate.free[0]
         size = abs(values[name]) * math.sqrt(gate / max(strength, 1e-12))
         away = abs(math.log(size / abs(values[name]))) if values[name] and size else math.inf

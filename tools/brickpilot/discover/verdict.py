@@ -1,183 +1,173 @@
-"""The verdict: none, named, ambiguous or unknown, from what the search fitted, judged again at the measured samples."""
+"""The fourth stage: judges what the search found, at the measured samples: none, named, ambiguous or unknown."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.discover.band import Band
+from brickpilot.discover import gates
+from brickpilot.discover.backward import passes_gates, prune
+from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import sizes_of
-from brickpilot.discover.finding import Verdict
-from brickpilot.discover.select import Fitted, Selection, polish, pruned, without_parameter, worth
-from brickpilot.fit.uncertainty import Estimate, assess
+from brickpilot.discover.determined import drop_undetermined
+from brickpilot.discover.finding import VerdictKind
+from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
+from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.search import Searched
 
 Array = NDArray[np.float64]
 
-_LOOKED_AT = 5  # explanations that are fitted again at the measured samples
+_REFITTED = 5  # explanations that are fitted again at the measured samples
 _NEAR_SHARE, _NEAR = 0.5, 100.0  # of the best one's cost, or of cost: those that the coarse search put so near to it
-# Of charged cost, and of the cost: nearer than that the data cannot tell. Where even the best leaves more than a model
-# is trusted to, a difference is worth so much less (a quasi-likelihood, McCullagh & Nelder 1989, ch. 9).
-_MARGIN, _MARGIN_SHARE = 12.0, 0.02
-_SAME = 0.1  # scales, rms: two simulations that differ by less say the same
-_ADEQUATE = 1.3  # times the cost of noise alone: more than that is structure
-_UNEXPLAINED = 1.6  # times the cost of noise: where more is left and nothing names it, something is missing still
-_INDISPENSABLE = 1.25  # times the cost, without a size that has no interval: so much worse, it is there all the same
-_DRAWS = 400
-_STRETCH_S = 1.0
+_DRAWS = 400  # of the bootstrap
+_DRAWN_S = 1.0
 
 
 @dataclass(frozen=True)
-class Judged:
-    """The explanations at the measured samples.
+class Verdict:
+    """The verdict, and the explanations at the measured samples.
 
     Attributes:
-        nominal: the re-calibrated nominal model.
-        best: what is kept; `nominal` itself where nothing is missing.
-        rivals: those the data cannot tell from it, best first.
-        ranked: all that were looked at again, best first, `best` included.
+        nominal: the calibrated nominal model.
+        best: the explanation that is kept; `nominal` itself if nothing is missing.
+        rivals: explanations that the data cannot tell from it, the best first.
+        ranked: all explanations that were fitted again, the best first, with `best`.
         noise: the cost that noise alone would leave.
-        confidence: how often `best` is first when the stretches of time are drawn anew.
+        confidence: how often `best` comes first when stretches of time are drawn again, 0..1.
     """
 
-    verdict: Verdict
-    nominal: Fitted
-    best: Fitted
-    rivals: tuple[Fitted, ...]
-    ranked: tuple[Fitted, ...]
+    kind: VerdictKind
+    nominal: FittedModel
+    best: FittedModel
+    rivals: tuple[FittedModel, ...]
+    ranked: tuple[FittedModel, ...]
     noise: float
     confidence: float
 
     @property
     def adequate(self) -> bool:
-        """Whether what is left could be noise."""
-        return self.best.cost <= _ADEQUATE * self.noise
+        """Whether the residual of the best explanation could be noise."""
+        return self.best.cost <= gates.ADEQUATE * self.noise
+
+    @property
+    def removed(self) -> float:
+        """The share of the cost above that of noise that the best explanation takes away."""
+        return (self.nominal.cost - self.best.cost) / max(self.nominal.cost - self.noise, 1e-9)
 
 
-def judge(band: Band, selection: Selection, jobs: int, unseen: Band | None) -> Judged:
-    """Fits what the search found once more and decides.
+def judge(prepared: Prepared, searched: Searched) -> Verdict:
+    """Fits what the search found at the measured samples, with the noise floors of the search, and decides."""
+    error, jobs = prepared.fine, prepared.jobs
+    error.adopt_scales(prepared.coarse)
+    held_out = prepared.held_out()
+    nominal = _first(refine(error, [searched.nominal], jobs), searched.nominal)
+    noise = error.noise_cost()
+    nothing: VerdictKind = "unknown" if nominal.cost > gates.UNEXPLAINED * noise else "none"
+    if not searched.best.chosen:
+        return Verdict(nothing, nominal, nominal, (), (), noise, 1.0)
+    best = _first(refine(error, [searched.best], jobs), searched.best)
+    best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
+    if not best.chosen or not passes_gates(error, nominal, best, held_out):
+        return Verdict(nothing, nominal, nominal, (), (best,), noise, 1.0)
+    ranked = tuple(best_first([best, *refine(error, _near_best(searched, best), jobs)]))
+    first, near = _rank(error, best, ranked, jobs)
+    best, rivals = near[0], _rivals(error, near, jobs)
+    later = [one for one in ranked if one.penalised_cost >= first.penalised_cost and _is_another(one, best)]
+    confidence = _confidence(error, best, [nominal, *later])
+    kind: VerdictKind = "ambiguous" if rivals else "named"
+    return Verdict(kind, nominal, best, rivals, ranked, noise, confidence)
 
-    Args:
-        band: at the measured samples, its floors those of the search.
-        unseen: the held-out runs; None: there are none.
+
+def share_windows_must_remove(searched: Searched, verdict: Verdict) -> float:
+    """Returns the share of the gap that an explanation of windows has to remove to replace that of whole runs.
+
+    A search that ended at a periodic effect was broken off, so that its share is not to be beaten.
     """
-    nominal = _first(polish(band, [selection.nominal], jobs), selection.nominal)
-    noise = band.noise_cost()
-    nothing: Verdict = "unknown" if nominal.cost > _UNEXPLAINED * noise else "none"
-    if not selection.best.chosen:
-        return Judged(nothing, nominal, nominal, (), (), noise, 1.0)
-    best = _first(polish(band, [selection.best], jobs), selection.best)
-    best = certain(band, pruned(band, best, jobs, unseen), jobs)
-    if not best.chosen or not worth(band, nominal, best, unseen):
-        return Judged(nothing, nominal, nominal, (), (best,), noise, 1.0)
-    others = polish(band, _near(selection, best), jobs)
-    ranked = tuple(sorted([best, *others], key=lambda one: one.charged))
-    checked = ((one, one if one is best else certain(band, one, jobs)) for one in ranked)
-    sure = (kept for one, kept in checked if kept.names == one.names)
-    first = next(sure)
-    limit = first.charged + max(_MARGIN, _MARGIN_SHARE * first.cost) * max(1.0, first.cost / band.trusted())
-    near = _simplest([first, *takewhile(lambda one: one.charged <= limit, sure)])
-    best, rivals = near[0], list[Fitted]()
-    for one in near[1:]:
-        if all(_another(one, kept) and not _nests(band, one, kept, jobs) for kept in (best, *rivals)):
-            rivals.append(one)
-    believable = [one for one in ranked if one.charged >= first.charged and _another(one, best)]
-    confidence = _confidence(band, best, [nominal, *believable])
-    return Judged("ambiguous" if rivals else "named", nominal, best, tuple(rivals), ranked, noise, confidence)
+    if searched.best.is_periodic:
+        return gates.WINDOWS_REMOVE
+    return max(gates.WINDOWS_REMOVE, verdict.removed + gates.WINDOWS_REMOVE_MORE)
 
 
-def _simplest(near: Sequence[Fitted]) -> list[Fitted]:
-    """Those of `near`, which the data cannot tell apart, that hold no other's effects and more.
+def _near_best(searched: Searched, best: FittedModel) -> list[FittedModel]:
+    """Returns the other explanations near the best one of the search, each set of effects once, as fitted best."""
+    limit = searched.best.penalised_cost + max(_NEAR, _NEAR_SHARE * searched.best.cost)
+    found: dict[frozenset[str], FittedModel] = {}
+    for one in best_first([one for step in searched.rounds for one in step.tried]):
+        if one.penalised_cost < limit and _is_another(one, best):
+            found.setdefault(frozenset(one.names), one)
+    return list(found.values())[:_REFITTED]
 
-    What the data cannot tell from fewer effects is not known to be there.
+
+def _rank(
+    error: BinnedOutputError, best: FittedModel, ranked: Sequence[FittedModel], jobs: int
+) -> tuple[FittedModel, list[FittedModel]]:
+    """Returns the first explanation whose parameters the data determine, and all of those within its margin."""
+    determined = _determined(error, best, ranked, jobs)
+    first = next(determined)
+    limit = gates.rival_margin(first.penalised_cost, first.cost, error.floor_cost())
+    return first, _simplest([first, *takewhile(lambda one: one.penalised_cost <= limit, determined)])
+
+
+def _determined(
+    error: BinnedOutputError, best: FittedModel, ranked: Sequence[FittedModel], jobs: int
+) -> Iterator[FittedModel]:
+    """Yields the explanations that keep all their effects without undetermined parameters."""
+    for one in ranked:
+        kept = one if one is best else drop_undetermined(error, one, jobs)
+        if kept.names == one.names:
+            yield kept
+
+
+def _simplest(near: Sequence[FittedModel]) -> list[FittedModel]:
+    """Returns those of `near` that do not hold all effects of another one and more.
+
+    The data cannot tell them from fewer effects, so nobody knows that the further effects are there.
     """
     return [one for one in near if not any(set(other.names) < set(one.names) for other in near)]
 
 
-def certain(band: Band, found: Fitted, jobs: int) -> Fitted:
-    """`found` without parameters whose interval holds zero, one at a time, the least certain first.
-
-    What an effect has of them is not known to be there. An effect that is left without a size goes altogether. A size
-    without an interval may be known but for its unit, as all forces are where nobody stated a mass: it stays where the
-    data cannot do without it.
-    """
-    needed_all_the_same: set[tuple[str, str]] = set()
-    while found.chosen:
-        estimates = assess(band.with_plan(found.plan), found.model, found.plan.free).estimates
-        doubts = [
-            (_certainty(estimate), candidate, name)
-            for candidate in found.chosen
-            for name in sizes_of(candidate)
-            if (candidate.effect, name) not in needed_all_the_same
-            and not _apart(estimate := estimates[f"{candidate.effect}.{name}"])
-        ]
-        if not doubts:
-            return found
-        _, candidate, name = min(doubts, key=lambda one: one[0])
-        shorter = polish(band, [without_parameter(found, candidate, name)], jobs)
-        if not shorter:
-            return found
-        unbounded = estimates[f"{candidate.effect}.{name}"].ci95 is None
-        if unbounded and shorter[0].charged > _INDISPENSABLE * found.charged:
-            needed_all_the_same.add((candidate.effect, name))
-            continue
-        found = shorter[0]
-    return found
+def _rivals(error: BinnedOutputError, near: Sequence[FittedModel], jobs: int) -> tuple[FittedModel, ...]:
+    """Returns those of `near` that say something else than the first one and than each other."""
+    kept = [near[0]]
+    for one in near[1:]:
+        if all(_is_another(one, other) and not _imitates(error, one, other, jobs) for other in kept):
+            kept.append(one)
+    return tuple(kept[1:])
 
 
-def _apart(estimate: Estimate) -> bool:
-    return estimate.ci95 is not None and (estimate.ci95[0] > 0 or estimate.ci95[1] < 0)
-
-
-def _certainty(estimate: Estimate) -> float:
-    if estimate.ci95 is None:
-        return 0.0
-    return abs(estimate.value) / max(estimate.ci95[1] - estimate.ci95[0], 1e-300)
-
-
-def _near(selection: Selection, best: Fitted) -> list[Fitted]:
-    """The other explanations that came near the best one, each set of effects once, the best way it was fitted."""
-    limit = selection.best.charged + max(_NEAR, _NEAR_SHARE * selection.best.cost)
-    found: dict[frozenset[str], Fitted] = {}
-    for one in sorted((one for step in selection.steps for one in step.tried), key=lambda one: one.charged):
-        if one.charged < limit and _another(one, best):
-            found.setdefault(frozenset(one.names), one)
-    return list(found.values())[:_LOOKED_AT]
-
-
-def _another(one: Fitted, best: Fitted) -> bool:
-    """Whether it is another explanation, not the same one with more to it."""
+def _is_another(one: FittedModel, best: FittedModel) -> bool:
+    """Returns whether `one` is another explanation, not the same one with further effects."""
     return not set(one.names) >= set(best.names)
 
 
-def _nests(band: Band, one: Fitted, other: Fitted, jobs: int) -> bool:
-    """Whether it says what `other` says, with more parameters: stiction without a breakaway is Coulomb friction."""
-    if _count(one) <= _count(other):
+def _imitates(error: BinnedOutputError, one: FittedModel, other: FittedModel, jobs: int) -> bool:
+    """Returns whether `one` says the same as `other` with more parameters, as stiction without a breakaway does."""
+    if one.parameter_count <= other.parameter_count:
         return False
     beside = [candidate for candidate in one.chosen if candidate.effect not in other.names]
     smaller = [without_parameter(one, candidate, name) for candidate in beside for name in sizes_of(candidate)]
-    versions = [one, *polish(band, [less for less in smaller if less.names == one.names], jobs)]
-    simulated = band.predict([other.model, *(version.model for version in versions)])
-    apart = np.sqrt(np.mean(((simulated[1:] - simulated[0]) * band.weight()) ** 2, axis=1))
-    return bool(apart.min() < _SAME)
+    versions = [one, *refine(error, [less for less in smaller if less.names == one.names], jobs)]
+    simulated = error.predict([other.model, *(version.model for version in versions)])
+    differences = np.sqrt(np.mean(((simulated[1:] - simulated[0]) * error.weight()) ** 2, axis=1))
+    return bool(differences.min() < gates.SAME_SCALES)
 
 
-def _count(one: Fitted) -> int:
-    return sum(len(candidate.free) for candidate in one.chosen)
-
-
-def _first(found: Sequence[Fitted], fallback: Fitted) -> Fitted:
+def _first(found: Sequence[FittedModel], fallback: FittedModel) -> FittedModel:
     return found[0] if found else fallback
 
 
-def _confidence(band: Band, best: Fitted, others: Sequence[Fitted]) -> float:
-    """Share of bootstrap draws of stretches of time in which `best` stays first (Efron & Tibshirani 1993, ch. 8)."""
-    numbers, count = band.stretches_of(_STRETCH_S)
+def _confidence(error: BinnedOutputError, best: FittedModel, others: Sequence[FittedModel]) -> float:
+    """Returns the share of bootstrap draws of stretches of time in which `best` stays first.
+
+    See Efron & Tibshirani 1993, ch. 8.
+    """
+    numbers, count = error.stretches_of(_DRAWN_S)
     sums = np.array([np.bincount(numbers, one.losses, count) for one in [best, *others]])
-    fixed = np.array([one.charged - one.losses.sum() for one in [best, *others]])
+    fixed = np.array([one.penalised_cost - one.losses.sum() for one in [best, *others]])
     draws = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=_DRAWS)
     totals = draws @ sums.T + fixed
     return float(np.mean(np.argmin(totals, axis=1) == 0))

@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.discover import composed_periods as periods
-from brickpilot.discover.composed_periods import Segment as Segment
-from brickpilot.discover.composed_terms import EFFECT, Basis, basis
+from brickpilot.discover.segment import Segment
+from brickpilot.discover.terms import periods
+from brickpilot.discover.terms.basis import EFFECT, Basis, basis
 from brickpilot.errors import SimulationError
 from brickpilot.fit.parameters import Free
 from brickpilot.vehicle.model import Model

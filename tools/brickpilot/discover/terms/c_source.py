@@ -10,7 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover.composed_terms import EFFECT, Term, parameters
+from brickpilot.discover.terms.basis import EFFECT, Term, parameters
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
@@ -120,7 +120,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
 
 def _environment() -> Environment:
     return Environment(
-        loader=PackageLoader("brickpilot.discover"),
+        loader=PackageLoader("brickpilot.discover.terms"),
         autoescape=False,  # it writes C
         undefined=StrictUndefined,
         trim_blocks=True,

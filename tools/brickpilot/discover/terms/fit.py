@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from brickpilot.discover.composed_screen import Atom, Problem, prior, residuals, with_terms
-from brickpilot.discover.composed_terms import EFFECT, parameters
+from brickpilot.discover.gates import (
+    PARAMETER_COST,
+    TERM_PLACE_COST,
+    TERM_SECOND_PLACE_COST,
+    TERM_SENSOR_COST,
+)
+from brickpilot.discover.terms.basis import EFFECT, parameters
+from brickpilot.discover.terms.screen import Atom, Problem, prior, residuals, with_terms
+from brickpilot.fit.output_error import BEND
 from brickpilot.fit.parameters import value_of, with_values
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-_PARAMETER_COST = 12.0  # a parameter has to take away so much to be worth having
-_OTHER_PLACE = 30.0  # of cost: a second place has to be worth more
-_PLAINER = {"surge": 0.0, "yaw": 0.0, "wheel": 4.0, "drive": 8.0}  # of cost: which of two that do alike is taken
-_SENSOR = 12.0  # the same for a sensor
-_BEND = 2.0  # scales: where the loss turns from squared to linear, as in the other fits
 _SPARED = 3.0  # rms: while a fit is rough the loss bends no nearer, or a large residual would crawl
 _LEAST = 1e-12  # SI: nothing in a logarithm is less
 _INSIDE = 1e-9  # of the bounds, in coordinates
@@ -59,8 +61,10 @@ class Fit:
     def charged(self) -> float:
         """The cost with what its parameters, and a second place, have to be worth."""
         places = {atom.place for atom in self.atoms}
-        extra = _OTHER_PLACE * max(len(places) - 1, 0) + sum(_PLAINER.get(place, _SENSOR) for place in places)
-        return self.cost + _PARAMETER_COST * (sum(len(atom.terms) for atom in self.atoms) + len(self.tuned)) + extra
+        extra = TERM_SECOND_PLACE_COST * max(len(places) - 1, 0) + sum(
+            TERM_PLACE_COST.get(place, TERM_SENSOR_COST) for place in places
+        )
+        return self.cost + PARAMETER_COST * (sum(len(atom.terms) for atom in self.atoms) + len(self.tuned)) + extra
 
 
 def unfitted(problem: Problem) -> Fit:
@@ -185,8 +189,8 @@ def fit(problem: Problem, atoms: tuple[Atom, ...], model: Model, effort: Effort)
     nominal: Array | None = None
     if effort.kept:
         nominal = columns(at, range(count)) if effort.kept == "start" else -problem.sensitivities
-    bend = max(_BEND, _SPARED * float(np.sqrt(np.mean(residual(at) ** 2))))
-    for loss_bend in dict.fromkeys([bend] if effort.kept else [bend, _BEND]):
+    bend = max(BEND, _SPARED * float(np.sqrt(np.mean(residual(at) ** 2))))
+    for loss_bend in dict.fromkeys([bend] if effort.kept else [bend, BEND]):
         found = least_squares(
             residual,
             at,
@@ -208,4 +212,4 @@ def fit(problem: Problem, atoms: tuple[Atom, ...], model: Model, effort: Effort)
 
 def _loss(residual: Array) -> float:
     """Half the sum of the fit's loss."""
-    return float(_BEND**2 * np.sum(np.sqrt(1 + (residual / _BEND) ** 2) - 1))
+    return float(BEND**2 * np.sum(np.sqrt(1 + (residual / BEND) ** 2) - 1))

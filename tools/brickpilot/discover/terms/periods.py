@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brickpilot.discover.segment import Segment
 
 Array = NDArray[np.float64]
 
@@ -18,26 +19,6 @@ _CELLS, _STRIPS = 24, 2  # of the way, looked at for a strip that differs; strip
 
 _ANGLES = ("wheel_angle_left", "wheel_angle_right", "angle")
 _POSITIONS = ("x", "position")
-
-
-@dataclass(frozen=True)
-class Segment:
-    """One signal of one run in the stacked residual.
-
-    Attributes:
-        place: its rows.
-        time: (n,) s since the run's first sample.
-        age: s from power-on to the run's first sample.
-        at: what the base model says at these rows of "wheel_angle_left", "wheel_angle_right", "x", or of a motor's
-            "angle" and "position"; those that are missing are not screened for.
-    """
-
-    run: str
-    signal: str
-    place: slice
-    time: Array
-    age: float
-    at: Mapping[str, Array]
 
 
 def angle_orders(segments: Sequence[Segment], left: Array) -> list[float]:

@@ -1,0 +1,145 @@
+"""Fits a model with a set of candidates to the fit runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.candidates import Candidate, sizes_of
+from brickpilot.discover.gates import parameter_cost
+from brickpilot.errors import SimulationError
+from brickpilot.fit.descent import descend
+from brickpilot.fit.parameters import Plan
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+_Item = TypeVar("_Item")
+
+ROUGH = 1e-3
+"""Relative change of cost at which a descent of the search ends."""
+_REFINED = 1e-4
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # descents of one refinement, at most; one that gains less is the last
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """One model fitted to the fit runs.
+
+    Attributes:
+        chosen: the candidates that it has beside what the base model holds.
+        cost: half of all squared residuals and priors, in scales.
+        penalised_cost: the cost with the penalties for the parameters of its candidates.
+        losses: (samples,) the part of the cost that each sample adds.
+    """
+
+    chosen: tuple[Candidate, ...]
+    plan: Plan
+    point: Array
+    cost: float
+    penalised_cost: float
+    losses: Array
+
+    @property
+    def model(self) -> Model:
+        return self.plan.at(self.point)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its effects."""
+        return tuple(one.effect for one in self.chosen)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether one of its effects repeats with the angle of a wheel."""
+        return any(one.is_periodic for one in self.chosen)
+
+    @property
+    def parameter_count(self) -> int:
+        """The number of free parameters of its candidates."""
+        return sum(len(one.free) for one in self.chosen)
+
+
+def fit(
+    error: BinnedOutputError, chosen: Sequence[Candidate], plan: Plan, point: Array, tolerance: float
+) -> FittedModel | None:
+    """Returns the end of a descent from `point`; None where the plant diverges there."""
+    problem = error.with_plan(plan, threads=1)
+    try:
+        end = descend(problem, point, tolerance)
+    except SimulationError:
+        return None
+    residual = problem.residual(end)
+    losses = residual[: len(problem.measured)] ** 2 / 2
+    cost = float(np.sum(residual**2)) / 2
+    each = parameter_cost(cost, problem.floor_cost())
+    return FittedModel(tuple(chosen), plan, end, cost, cost + each * sum(len(one.free) for one in chosen), losses)
+
+
+def refine(error: BinnedOutputError, fits: Sequence[FittedModel], jobs: int) -> list[FittedModel]:
+    """Fits each model to the end, with sensitivities of its own, and returns them with the best one first.
+
+    Sensitivities of nominal parameters cost most. They are computed once per descent, and descents are repeated until
+    one gains nothing.
+    """
+
+    def one(found: FittedModel) -> FittedModel | None:
+        for _ in range(_DESCENTS):
+            own = error.with_plan(found.plan, threads=1)
+            own.keep_sensitivities(found.point, len(found.point) - found.parameter_count)
+            better = fit(own, found.chosen, found.plan, found.point, _REFINED)
+            if better is None:
+                return None
+            gain, found = found.cost - better.cost, better
+            if gain < _LEAST_GAIN_SHARE * better.cost:
+                break
+        return found
+
+    return best_first(fit_each(one, fits, jobs))
+
+
+def without_effect(found: FittedModel, name: str) -> FittedModel:
+    """Returns `found` without one of its effects, at the same values of the others; it has to be fitted again."""
+    kept = [index for index, one in enumerate(found.plan.free) if not one.name.startswith(f"{name}.")]
+    effects = {key: table for key, table in found.plan.model.effects.items() if key != name}
+    plan = Plan(
+        dataclasses.replace(found.plan.model, effects=effects), tuple(found.plan.free[index] for index in kept), ()
+    )
+    chosen = tuple(one for one in found.chosen if one.effect != name)
+    return unfitted(chosen, plan, found.point[kept])
+
+
+def without_parameter(found: FittedModel, candidate: Candidate, name: str) -> FittedModel:
+    """Returns `found` with one parameter of `candidate` held at zero; without the effect if it has no size left."""
+    left = tuple(one for one in candidate.free if one != name)
+    smaller = dataclasses.replace(candidate, free=left, fixed={**candidate.fixed, name: 0.0})
+    if not sizes_of(smaller):
+        return without_effect(found, candidate.effect)
+    kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{candidate.effect}.{name}"]
+    table = {**found.plan.model.effects[candidate.effect], name: 0.0}
+    model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, candidate.effect: table})
+    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    chosen = tuple(smaller if one is candidate else one for one in found.chosen)
+    return unfitted(chosen, plan, found.point[kept])
+
+
+def unfitted(chosen: tuple[Candidate, ...], plan: Plan, point: Array) -> FittedModel:
+    """Returns a start for `refine`, with infinite cost."""
+    return FittedModel(chosen, plan, point, np.inf, np.inf, np.empty(0))
+
+
+def fit_each(work: Callable[[_Item], FittedModel | None], items: Sequence[_Item], jobs: int) -> list[FittedModel]:
+    """Returns the results of `work` in the order of `items`, without None. Runs `jobs` at a time."""
+    with ThreadPoolExecutor(jobs) as pool:
+        return [found for found in pool.map(work, items) if found is not None]
+
+
+def best_first(fits: Sequence[FittedModel]) -> list[FittedModel]:
+    """Returns the models in the order of their penalised cost."""
+    return sorted(fits, key=lambda one: one.penalised_cost)

@@ -1,0 +1,88 @@
+"""The state that a run starts from, read off several samples instead of one."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.dataset import Dataset, Run
+from brickpilot.fit.replay import RATE_OF, SUMMED, measured_rates
+
+Array = NDArray[np.float64]
+
+_REST_S = 0.5  # at the start of a run at rest: the longest time that is averaged
+MOVING_SAMPLES = 12
+"""So many samples are fitted by a line where a run starts in motion."""
+_TREND_SD = 3.0  # a slope beyond so many of its sd is motion
+
+
+def with_rates(dataset: Dataset) -> Dataset:
+    """Returns a motor's data set with velocities beside positions; positions only keep their first sample.
+
+    A position sums every error up while the run lasts. So the velocity is compared, and the position says where the
+    run starts.
+    """
+    runs = []
+    for run in dataset.runs:
+        outputs = dict(run.outputs)
+        for summed, rate in RATE_OF.items():
+            if summed in outputs and rate not in outputs:
+                outputs[rate] = measured_rates(run)[rate]
+            if summed in outputs:
+                start = np.full_like(outputs[summed], np.nan)
+                start[0] = outputs[summed][0]
+                outputs[summed] = start
+        runs.append(dataclasses.replace(run, outputs=outputs))
+    return dataclasses.replace(dataset, runs=tuple(runs))
+
+
+def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Dataset:
+    """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
+
+    A run starts from the state that its first sample measured. The noise of one sample would go on as a motion that
+    never was. Before the first command the samples are averaged; in motion a line is fitted to a few.
+
+    Args:
+        inputs: run -> (n, 1) or (n, 2) V.
+    """
+    runs = []
+    for run in dataset.runs:
+        outputs = dict(run.outputs)
+        rest = _samples_at_rest(run, inputs[run.name])
+        for name, values in outputs.items():
+            if name in SUMMED or name.startswith("accel") or not np.isfinite(values[0]):
+                continue
+            first = np.array(values)
+            first[0] = _first_value(run.time, values, rest)
+            first.flags.writeable = False
+            outputs[name] = first
+        runs.append(dataclasses.replace(run, outputs=outputs))
+    return dataclasses.replace(dataset, runs=tuple(runs))
+
+
+def _samples_at_rest(run: Run, driven: Array) -> int:
+    """Returns how many samples lie before the first change of command, within `_REST_S`."""
+    same = np.all((driven == driven[0]) | (np.isnan(driven) & np.isnan(driven[0])), axis=1)
+    count = len(same) if same.all() else int(np.argmin(same))
+    return min(count, int(np.searchsorted(run.time, run.time[0] + _REST_S)))
+
+
+def _first_value(time: Array, values: Array, rest: int) -> float:
+    """Returns an estimate of the first of `values` (n,) from it and those after it."""
+    known = np.flatnonzero(np.isfinite(values[: max(rest, MOVING_SAMPLES)]))
+    for count in (rest, MOVING_SAMPLES):
+        chosen = known[known < count]
+        if len(chosen) < 4:
+            continue
+        clock = time[chosen] - time[0]
+        slope, at_start = np.polyfit(clock, values[chosen], 1)
+        residual = values[chosen] - at_start - slope * clock
+        sd = float(np.std(residual, ddof=2)) / max(float(np.sqrt(np.sum((clock - clock.mean()) ** 2))), 1e-300)
+        if count == rest and abs(slope) < _TREND_SD * sd + 1e-300:
+            return float(np.mean(values[chosen]))
+        if count == MOVING_SAMPLES:
+            return float(at_start)
+    return float(values[0])

@@ -1,0 +1,84 @@
+"""Cuts runs into windows that each start from the measured state."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.discover.start_state import MOVING_SAMPLES, with_averaged_starts
+
+Array = NDArray[np.float64]
+
+_WINDOW = ", stretch "  # between the run's name and the window's number
+_ANGLE_AND_RATE = (
+    ("wheel_angle_left", "wheel_speed_left"),
+    ("wheel_angle_right", "wheel_speed_right"),
+    ("angle", "speed"),
+    ("position", "velocity"),
+)
+
+
+def run_of(name: str) -> str:
+    """Returns the name of the run that a window was cut from; the name of a whole run stays."""
+    return name.rsplit(_WINDOW, 1)[0]
+
+
+def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
+    """Returns the data set cut into windows, each a run from the measured state, wheel angles included.
+
+    An effect that repeats with the angle of a wheel gets out of phase with a simulation in which the wheel turned a
+    little less. Over a short window it stays in phase.
+
+    Returns None where neither angles nor speeds of the wheels were measured.
+    """
+    windows: list[Run] = []
+    for run in dataset.runs:
+        angles = wheel_angles(run)
+        if angles is None:
+            return None
+        windows += _windows(run, angles, length_s)
+    cut = dataclasses.replace(dataset, runs=tuple(windows))
+    return with_averaged_starts(cut, {run.name: motor_inputs(run, cut) for run in windows})
+
+
+def _windows(run: Run, angles: Mapping[str, Array], length_s: float) -> Iterator[Run]:
+    """Yields the windows of a run. Of an angle only the first sample stays: it says where the window starts."""
+    count = max(1, round(float(run.time[-1] - run.time[0]) / length_s))
+    edges = np.searchsorted(run.time, np.linspace(run.time[0], run.time[-1], count + 1))
+    for number, (first, last) in enumerate(pairwise(edges)):
+        rows = slice(int(first), int(last) + 1)
+        length = len(run.time[rows])
+        if length < 2 * MOVING_SAMPLES:
+            continue
+        outputs = {name: values[rows] for name, values in run.outputs.items() if name not in angles}
+        for name, values in angles.items():
+            outputs[name] = np.full(length, np.nan)
+            outputs[name][0] = values[first]
+        yield dataclasses.replace(
+            run,
+            name=f"{run.name}{_WINDOW}{number + 1}",
+            time=run.time[rows],
+            inputs={name: values[rows] for name, values in run.inputs.items()},
+            outputs=outputs,
+            gap_s=run.gap_s if number == 0 else 0.0,
+            replicate_of=None,
+            initial={} if number else run.initial,
+        )
+
+
+def wheel_angles(run: Run) -> dict[str, Array] | None:
+    """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one."""
+    found = {}
+    for angle, rate in _ANGLE_AND_RATE:
+        if angle in run.outputs and np.isfinite(run.outputs[angle]).all():
+            found[angle] = run.outputs[angle]
+        elif rate in run.outputs and np.isfinite(run.outputs[rate]).all():
+            found[angle] = cumulative_trapezoid(run.outputs[rate], run.time, initial=0)
+    one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
+    return None if one_of_two else found or None
