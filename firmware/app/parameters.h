@@ -1,7 +1,7 @@
-/* parameters.h: the settings that a host may read and write while the brick is on, by their number in
- * hal/wire/brickpilot.dbc, as raw integers in the firmware's formats.
+/* parameters.h: the settings that a host may read and write while the brick is on, by their numbers, as raw integers.
  *
- * Gains, limits and guidance may be written at any time; what is known of the robot, from left_gain on, only when not in RUN.
+ * hal/wire/settings.toml lists every setting with its format and range. Those that tune the controller may be written at any time;
+ * those that describe the robot (the compensation) only while it does not drive.
  */
 #ifndef BRICKPILOT_APP_PARAMETERS_H
 #define BRICKPILOT_APP_PARAMETERS_H
@@ -9,26 +9,28 @@
 #include "app/loop.h"
 
 typedef struct {
-    loop_config_t config;           /* in force */
-    int16_t travel_scale_q15;       /* of compensation.h; the only setting that is not as it stands in `config` */
+    loop_config_t config;     /* in force */
+    int16_t travel_scale_q15; /* what the travel per count lacks; the only setting that does not stand in `config` */
     uint16_t believed_travel_um_q2; /* the constants' travel per count, without that */
 } parameters_t;
 
 typedef enum {
     PARAMETERS_OK = 0,
-    PARAMETERS_UNKNOWN = 1,
-    PARAMETERS_RANGE = 2, /* outside its range: nothing is changed */
-    PARAMETERS_BUSY = 3   /* not now: nothing is changed */
+    PARAMETERS_UNKNOWN = 1, /* there is no setting of this number */
+    PARAMETERS_RANGE = 2,   /* outside its range: nothing is changed */
+    PARAMETERS_BUSY = 3     /* not while the robot drives: nothing is changed */
 } parameters_status_t;
 
 /* The constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const loop_config_t *constants);
 
-/* Does what the PARAMETER_REQUEST of this data asks for, and puts the value in force into its place: 0 with PARAMETERS_UNKNOWN. The status
- * is not put there. `running`: what is known of the robot is not to be written. */
-parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data);
+/* The value in force; 0 where there is no such setting. */
+int32_t parameters_read(const parameters_t *parameters, uint8_t number);
 
-/* The travel per count, in um_q2, that is `scale_q15` more than `believed`; saturates. */
-uint16_t parameters_travel_um_q2(uint16_t believed, int16_t scale_q15);
+/* Writes a setting. `running`: the robot drives. */
+parameters_status_t parameters_write(parameters_t *parameters, uint8_t number, int32_t value, bool running);
+
+/* Does what the PARAMETER_REQUEST of this data asks for, and puts the value in force into its place. The status is not put there. */
+parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data);
 
 #endif

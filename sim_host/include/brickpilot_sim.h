@@ -150,17 +150,11 @@ int bp_simulate(bp_run *runs, int count, int threads);
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
 enum { BP_MAX_WAYPOINTS = 32 };
 
-/* The firmware's compensation of one robot, as the raw integers that the firmware holds. The names give the formats,
- * firmware/app/compensation.h the meanings. All zero: no compensation. */
+/* A setting of the firmware: its number in hal/wire/settings.toml, and the raw integer that the firmware holds. */
 typedef struct {
-    short left_gain_q15, left_emf_mv_q15, left_friction_mv, left_offset_mv; /* mV up to 20000; friction from 0 */
-    short right_gain_q15, right_emf_mv_q15, right_friction_mv, right_offset_mv;
-    short deadband_mv, reserve_mv; /* 0..20000 */
-    short half_track_m_q14;        /* 0 or more */
-    short battery_sags;            /* 0 or 1 */
-    short gyro_bias_mrad_s, gyro_scale_q15;
-    short travel_scale_q15, count_mismatch_q15;
-} bp_compensation;
+    int number;
+    int raw;
+} bp_setting;
 
 typedef struct {
     const bp_model *model;   /* of a BP_DIFF_DRIVE */
@@ -180,7 +174,8 @@ typedef struct {
     short *motors;           /* steps x 2 duty_q15, filled; or NULL */
     int status;              /* filled: 0 or BP_E_ */
 
-    const bp_compensation *compensation; /* or NULL: none */
+    const bp_setting *settings; /* setting_count of them, written before the flight; or NULL */
+    int setting_count;
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */
@@ -191,7 +186,7 @@ int bp_fly(bp_flight *flight);
 
 /* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
  * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's
- * columns of the log are 0. The loop ignores controller, start_step, cruise and compensation. */
+ * columns of the log are 0. The loop ignores controller, start_step, cruise and settings. */
 typedef struct bp_loop bp_loop;
 
 /* The readings of one step in the formats of hal/include/hal.h. A status is 0 (ok), 1 (absent) or 2 (stale). */

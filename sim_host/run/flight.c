@@ -4,10 +4,10 @@
 #include <stddef.h>
 #include <stdlib.h>
 
+#include "app/parameters.h"
 #include "app/params_gen.h"
 #include "brickpilot_sim.h"
 #include "models/rcx_gen.h"
-#include "run/flight_compensation.h"
 #include "run/flight_log.h"
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
@@ -24,7 +24,7 @@ typedef struct {
     loop_state_t loop;
     route_waypoint_t waypoints[BP_MAX_WAYPOINTS];
     route_t route;
-    loop_config_t config;
+    parameters_t parameters;
     imu_t imu;
     imu_config_t imu_config;
     encoder_config_t encoder_config;
@@ -71,14 +71,27 @@ static void sense(flight_t *flight)
                                         to_int16(state->surge * 16e3), to_int16(state->yaw_rate * 1e3)};
 }
 
+/* Puts the constants and the request's settings in force. False: there is no such setting, or a value is out of its range. */
+static bool write_settings(const bp_flight *request, parameters_t *parameters)
+{
+    parameters_start(parameters, request->controller == BP_PAPER ? &PARAMS_PAPER : &PARAMS_COUPLED);
+    if (request->cruise > 0)
+        parameters->config.step.mode.los.cruise_mm_s_q4 = to_int16(request->cruise * 16e3);
+    for (int i = 0; i < request->setting_count; i++) {
+        const bp_setting *setting = &request->settings[i];
+        if (setting->number < 0 || setting->number > 255 ||
+            parameters_write(parameters, (uint8_t)setting->number, setting->raw, false) != PARAMETERS_OK)
+            return false;
+    }
+    return true;
+}
+
 static int prepare(flight_t *flight)
 {
     const bp_flight *request = flight->request;
-    flight->config = request->controller == BP_PAPER ? PARAMS_PAPER : PARAMS_COUPLED;
-    if (request->cruise > 0)
-        flight->config.step.mode.los.cruise_mm_s_q4 = to_int16(request->cruise * 16e3);
-    if (request->compensation != NULL)
-        flight_compensate(request->compensation, &flight->config);
+
+    if (!write_settings(request, &flight->parameters))
+        return BP_E_RANGE;
     flight->imu_config = imu_config_default();
     flight->encoder_config = encoder_config_default();
     flight->battery_config = battery_config_default();
@@ -117,7 +130,7 @@ static void follow_schedule(flight_t *flight, double voltage[2])
 static void control(flight_t *flight)
 {
     flight->port.link_out_size = 0;
-    loop_tick(&flight->config, &flight->route, &flight->loop,
+    loop_tick(&flight->parameters.config, &flight->route, &flight->loop,
               flight->step == flight->request->start_step ? MODE_START : MODE_NONE);
 }
 
@@ -172,7 +185,8 @@ static bool can_be_flown(const bp_flight *request)
                  request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
                  request->sensors <= BP_SENSORS_IMU_ENCODERS &&
                  (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&
-                 request->cruise <= 2 && request->stop_path >= 0 && flight_can_compensate(request->compensation);
+                 request->cruise <= 2 && request->stop_path >= 0 && request->setting_count >= 0 &&
+                 (request->settings != NULL || request->setting_count == 0);
     if (request->drive == NULL)
         sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
                 request->waypoint_count <= BP_MAX_WAYPOINTS;

@@ -26,7 +26,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "benchmark": {"data", "vehicle", "fit", "discover", "link", "hil"},
     "cli": {"data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "benchmark"},
-    "gen": {"data", "vehicle", "report"},
+    "gen": {"data", "vehicle", "fit", "discover", "report"},
 }
 
 # The only file of its room that may: it fetches a recording from the robot itself.

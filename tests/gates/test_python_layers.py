@@ -24,7 +24,7 @@ MUST_NOT = {
     "hil": {"fit", "discover", "flash"},
     "flash": {"fit", "hil"},
     "benchmark": {"report", "flash", "importers"},
-    "gen": {"fit", "discover"},
+    "gen": {"importers", "link", "hil"},
     "cli": set[str](),
 }
 AT_RUN_TIME = {"cli", "benchmark", "gen"}

@@ -24,6 +24,7 @@ from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.settings import settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12
@@ -44,7 +45,7 @@ def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
         vehicle = copy.deepcopy(tomllib.loads((ROOT / "sim_host/models/rcx.toml").read_text(encoding="utf-8")))
         vehicle["rates"]["rcx_step"]["value"] = step_ms / 1e3
         (folder / "app").mkdir(parents=True)
-        (folder / "app/params_gen.h").write_text(params_header.render(vehicle), encoding="utf-8")
+        (folder / "app/params_gen.h").write_text(params_header.render(vehicle, settings()), encoding="utf-8")
     sources = ["firmware/targets/h8sim/main.c", "tests/python/h8sim_on_host.c"]
     sources += [f"hal/wire/{name}.c" for name in ("check", "codecs_gen", "frame", "message")]
     sources += sorted(map(str, (ROOT / "hal/link").glob("*.c")))

@@ -33,6 +33,11 @@ def test_the_mission_errs_less_with_the_compensation(mission: Mission) -> None:
         assert mean(compensated, "waypoints_reached") == 8
 
 
+def test_every_setting_of_a_compensation_has_a_value() -> None:
+    """A row with the key `compensation` in hal/wire/settings.toml needs its equation in compensation_values.py."""
+    assert set(compensation_values.values(rcx(), rcx())) == set(compensation.FORMATS)
+
+
 def test_every_effect_that_is_undone_flies_above() -> None:
     flown = {name for mission in MISSIONS for model in mission.plants for name in model.effects}
     assert flown == set(UNDONE)
@@ -138,7 +143,7 @@ def test_another_belief_changes_what_has_to_be_undone() -> None:
 
 def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
     found = told(robot({"coulomb_friction": {"torque": 1.0}}))
-    assert found.raw["left_friction_mv"] == compensation.MOST_MV
+    assert found.raw["left_friction_mv"] == compensation.FORMATS["left_friction_mv"].high
     assert found.limited == ("left_friction_mv", "right_friction_mv")
 
 
@@ -187,20 +192,21 @@ def test_an_older_file_stays_whole_when_writing_fails(tmp_path: Path, monkeypatc
     assert [path.name for path in tmp_path.iterdir()] == ["compensation.toml"]
 
 
-def test_the_c_initialiser_is_taken_by_a_compiler(tmp_path: Path) -> None:
+def test_the_c_calls_are_taken_by_a_compiler(tmp_path: Path) -> None:
     found = told(EVERYTHING)
-    text = compensation.c_initialiser(found)
+    calls = compensation.c_calls(found)
     source = tmp_path / "found.c"
+    body = "".join(f"    {call}\n" for call in calls)
     source.write_text(
-        f'#include "app/compensation.h"\nextern const compensation_t FOUND;\nconst compensation_t FOUND = {text};\n'
+        '#include "app/parameters.h"\nvoid tell(parameters_t *given);\n'
+        f"void tell(parameters_t *given)\n{{\n#define parameters *given\n{body}}}\n"
     )
     folders = [f"-I{ROOT / folder}" for folder in ("firmware", "hal/include", "hal")]
     subprocess.run(
         ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *folders, str(source)], check=True
     )
-    assert text.count(" = ") == len(found.raw) + 3  # drive, left and right hold others
-    commented = "".join(line.removeprefix("# ") + "\n" for line in compensation.render(found).splitlines())
-    assert f"{text}\n" in commented
+    assert len(calls) == len(found.raw)
+    assert compensation.render(found).endswith("".join(f"# {call}\n" for call in calls))
 
 
 Change = Callable[[str], str]

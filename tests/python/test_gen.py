@@ -25,6 +25,7 @@ from brickpilot.vehicle.coefficients import (
     paper,
 )
 from brickpilot.vehicle.quantise import QuantisationError, Scale, integer, scale, scale16
+from brickpilot.vehicle.settings import settings
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -143,7 +144,7 @@ def test_a_gain_that_its_field_cannot_hold_is_refused() -> None:
     vehicle = tomllib.loads((ROOT / "sim_host/models/rcx.toml").read_text(encoding="utf-8"))
     vehicle["controller"]["coupled"]["speed_kp"]["value"] = 600.0
     with pytest.raises(QuantisationError, match="speed_kp"):
-        params_header.render(vehicle)
+        params_header.render(vehicle, settings())
 
 
 def test_generated_files_are_fresh() -> None:
@@ -151,7 +152,7 @@ def test_generated_files_are_fresh() -> None:
 
 
 def test_check_finds_a_file_that_was_edited(tmp_path: Path) -> None:
-    for path in (ROOT / "sim_host/models/rcx.toml", ROOT / "hal/wire/brickpilot.dbc", *generate(ROOT)):
+    for path in (ROOT / "sim_host/models/rcx.toml", ROOT / "hal/wire/settings.toml", *generate(ROOT)):
         copy = tmp_path / path.relative_to(ROOT)
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")

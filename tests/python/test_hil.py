@@ -306,10 +306,6 @@ def test_a_command_that_leads_nowhere_is_refused(session: Session) -> None:
     session.command("start")
 
 
-def test_every_value_of_a_compensation_has_a_setting() -> None:
-    assert len({fly.parameter_of(name) for name in FORMATS}) == len(FORMATS)
-
-
 def test_two_runs_may_meet_the_same_brick_one_after_the_other() -> None:
     process, address = ends.start_brick("--pty")
     wanted = plan(duration=3.0)

@@ -1,7 +1,6 @@
 #include <string.h>
 
 #include "app/commands.h"
-#include "app/compensation.h"
 #include "app/params_gen.h"
 #include "app/serve.h"
 #include "sil/sil.h"
@@ -181,25 +180,22 @@ static void test_a_gain_takes_effect_and_its_ends_are_inclusive(void)
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(kp, true, -1).status);
 }
 
-static void test_compensation_written_bit_by_bit_is_the_same_as_at_once(void)
+static void test_what_is_known_of_the_robot_is_written_setting_by_setting_and_not_while_it_drives(void)
 {
-    const drive_side_t left = {.gain_q15 = 100, .emf_mv_q15 = 200, .friction_mv = 300, .offset_mv = -400};
-    const drive_side_t right = {.gain_q15 = -1, .emf_mv_q15 = 2, .friction_mv = 3, .offset_mv = 4};
-    const compensation_t told = {.drive = {.left = left, .right = right, .deadband_mv = 500},
-                                 .battery_sags = true,
-                                 .travel_scale_q15 = 1638,
-                                 .count_mismatch_q15 = -77};
-    loop_config_t once = PARAMS_COUPLED;
-    compensation_apply(&told, &once);
-    const int32_t values[] = {100, 200, 300, -400, -1, 2, 3, 4, 500, 0, 0, 1, 0, 0, 1638, -77};
+    static const int32_t values[] = {100, 200, 300, -400, -1, 2, 3, 4, 500, 0, 0, 1, 0, 0, 1638, -77};
+    const drive_config_t *const drive = &commands.parameters.config.step.mixer.drive;
+
     for (int round = 0; round < 2; round++) /* written again they do not add up */
         for (uint8_t i = 0; i < 16; i++)
             TEST_ASSERT_EQUAL_UINT8(
                 PARAMETERS_OK,
                 parameter((uint8_t)(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE + i), true, values[i]).status);
-    TEST_ASSERT_EQUAL_MEMORY(&once.step.mixer, &commands.parameters.config.step.mixer, sizeof once.step.mixer);
-    TEST_ASSERT_EQUAL_UINT16(once.step.speed.count_travel_um_q2,
-                             commands.parameters.config.step.speed.count_travel_um_q2);
+    TEST_ASSERT_EQUAL_INT16(100, drive->left.gain_q15);
+    TEST_ASSERT_EQUAL_INT16(-400, drive->left.offset_mv);
+    TEST_ASSERT_EQUAL_INT16(-1, drive->right.gain_q15);
+    TEST_ASSERT_EQUAL_INT16(500, drive->deadband_mv);
+    TEST_ASSERT_UINT16_WITHIN(1, PARAMS_COUPLED.step.speed.count_travel_um_q2 * (1 + 1638 / 32768.0),
+                              commands.parameters.config.step.speed.count_travel_um_q2);
     TEST_ASSERT_EQUAL_INT16(-77, commands.parameters.config.step.speed.count_mismatch_q15);
     TEST_ASSERT_TRUE(commands.parameters.config.step.battery_sags);
     loop.step.mode.mode = MODE_RUN;
@@ -300,7 +296,7 @@ int main(void)
     RUN_TEST(test_nothing_is_done_before_a_session_or_with_a_check_that_fails);
     RUN_TEST(test_every_parameter_is_read_and_written_within_its_range);
     RUN_TEST(test_a_gain_takes_effect_and_its_ends_are_inclusive);
-    RUN_TEST(test_compensation_written_bit_by_bit_is_the_same_as_at_once);
+    RUN_TEST(test_what_is_known_of_the_robot_is_written_setting_by_setting_and_not_while_it_drives);
     RUN_TEST(test_a_route_comes_into_force_at_once_or_not_at_all);
     RUN_TEST(test_a_route_that_cannot_be_flown_leaves_the_old_one);
     RUN_TEST(test_a_waypoint_is_checked_when_written);

@@ -3,6 +3,7 @@
 
 #include "brickpilot_sim.h"
 #include "unity.h"
+#include "wire/codecs_gen.h"
 
 enum { STEPS = 2000 };
 
@@ -88,14 +89,25 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bad.waypoints = NOWHERE;
     bad.waypoint_count = 1;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
-    static const bp_compensation NEGATIVE[] = {
-        {.left_friction_mv = -1},   {.right_friction_mv = -1},  {.deadband_mv = 20001},   {.reserve_mv = -1},
-        {.left_offset_mv = -20001}, {.right_offset_mv = 20001}, {.half_track_m_q14 = -1}, {.battery_sags = 2}};
-    for (size_t i = 0; i < sizeof NEGATIVE / sizeof *NEGATIVE; i++) {
+    static const bp_setting OUTSIDE[] = {{WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_FRICTION_CHOICE, -1},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_DEADBAND_CHOICE, 20001},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_RIGHT_OFFSET_CHOICE, -20001},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_HALF_TRACK_CHOICE, -1},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_BATTERY_SAGS_CHOICE, 2},
+                                         {64, 0},
+                                         {256, 0},
+                                         {-1, 0}};
+    for (size_t i = 0; i < sizeof OUTSIDE / sizeof *OUTSIDE; i++) {
         bad = flight;
-        bad.compensation = &NEGATIVE[i];
+        bad.settings = &OUTSIDE[i];
+        bad.setting_count = 1;
         TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     }
+    bad = flight;
+    bad.setting_count = 1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    bad.setting_count = -1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     bad = flight;
     bad.model = NULL;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
@@ -106,25 +118,29 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bp_model_free(motor);
 }
 
-static void test_flight_told_nothing_of_the_robot_is_the_same_byte_for_byte(void)
+static void test_flight_with_a_compensation_of_zero_is_the_same_byte_for_byte(void)
 {
-    static const bp_compensation NOTHING;
+    bp_setting nothing[16];
+    for (int i = 0; i < 16; i++)
+        nothing[i] = (bp_setting){(int)WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE + i, 0};
     TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
     flight.motors = again;
-    flight.compensation = &NOTHING;
+    flight.settings = nothing;
+    flight.setting_count = 16;
     TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
     TEST_ASSERT_EQUAL_MEMORY(motors, again, sizeof motors);
 }
 
-static void test_flight_told_of_a_dead_band_drives_as_the_robot_without_one(void)
+static void test_flight_that_compensates_a_dead_band_drives_as_the_robot_without_one(void)
 {
-    static const bp_compensation TOLD = {.deadband_mv = 500};
+    static const bp_setting DEADBAND = {WIRE_PARAMETER_REQUEST_PARAMETER_DEADBAND_CHOICE, 500};
     const double deadband = 0.5;
     flight.sensors = BP_SENSORS_IDEAL;
     TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
     bp_model_add_effect(model, "actuator_deadband", &deadband);
     flight.motors = again;
-    flight.compensation = &TOLD;
+    flight.settings = &DEADBAND;
+    flight.setting_count = 1;
     TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
     const int16_t lost_q15 = 1821; /* 0.5 V of 9 V, whose reading is rounded down */
     TEST_ASSERT_INT16_WITHIN(lost_q15 / 20, motors[2 * 400] + lost_q15, again[2 * 400]);
@@ -149,8 +165,8 @@ int main(void)
     RUN_TEST(test_flight_keeps_still_until_its_start_step_and_drives_then);
     RUN_TEST(test_flight_of_another_seed_differs_and_of_the_same_does_not);
     RUN_TEST(test_flight_refuses_what_it_cannot_fly);
-    RUN_TEST(test_flight_told_nothing_of_the_robot_is_the_same_byte_for_byte);
-    RUN_TEST(test_flight_told_of_a_dead_band_drives_as_the_robot_without_one);
+    RUN_TEST(test_flight_with_a_compensation_of_zero_is_the_same_byte_for_byte);
+    RUN_TEST(test_flight_that_compensates_a_dead_band_drives_as_the_robot_without_one);
     RUN_TEST(test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done);
     return UNITY_END();
 }

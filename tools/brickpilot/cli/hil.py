@@ -214,6 +214,7 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
     """Prints every setting of the brick."""
     from brickpilot.hil import ends
     from brickpilot.link.session import LOCKSTEP, Session
+    from brickpilot.vehicle.settings import settings
 
     with ends.both_ends(spec) as both:
         session = Session(both.link, spec)
@@ -222,7 +223,9 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(found))
     else:
-        click.echo("\n".join(f"{name:20}{value:12}" for name, value in found.items()))
+        for name, value in found.items():
+            row = settings()[name]
+            click.echo(f"{name:20}{value:12}  {row.range}, {row.format.text}: {row.meaning}")
 
 
 def _replay(spec: str, file: Path, as_json: bool) -> None:

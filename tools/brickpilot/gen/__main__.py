@@ -6,42 +6,56 @@ import argparse
 import tomllib
 from pathlib import Path
 
-from brickpilot.gen import codecs, controllers_header, model_sets_header, params_header, plant_presets
+from brickpilot.errors import InputError
+from brickpilot.gen import (
+    codecs,
+    controllers_header,
+    model_sets_header,
+    params_header,
+    plant_presets,
+    settings_header,
+)
 from brickpilot.gen.banner import banner
+from brickpilot.vehicle.quantise import QuantisationError
+from brickpilot.vehicle.settings import load
 
 VEHICLE = Path("sim_host/models/rcx.toml")
 MESSAGES = Path("hal/wire/brickpilot.dbc")
+SETTINGS = Path("hal/wire/settings.toml")
 
 
 def generate(root: Path) -> dict[Path, str]:
-    """Text of each generated file of the checkout at `root`."""
-    vehicle = tomllib.loads((root / VEHICLE).read_text(encoding="utf-8"))
+    """Returns the text of each generated file of the checkout at `root`, and of the DBC with the settings' names."""
+    settings = load(root / SETTINGS)
+    inputs = {path: (root / path).read_bytes().decode("utf-8") for path in (VEHICLE, SETTINGS, MESSAGES)}
+    inputs[MESSAGES] = settings_header.name_in(inputs[MESSAGES], settings)
+    vehicle = tomllib.loads(inputs[VEHICLE].replace("\r\n", "\n"))
     nominal = {name: float(entry["value"]) for name, entry in vehicle["parameters"].items()}
     step = float(vehicle["rates"]["body_step"]["value"])
-    codecs_header, of_brick, of_host = codecs.render(root / MESSAGES)
-    made = {
-        MESSAGES: {
-            "hal/wire/codecs_gen.h": codecs_header,
-            "hal/wire/codecs_gen.c": of_brick,
-            "tests/unit/link/host_codecs_gen.c": of_host,
-        },
-        VEHICLE: {
-            "sim_host/models/rcx_gen.h": plant_presets.render(vehicle),
-            "firmware/app/params_gen.h": params_header.render(vehicle),
-            "tests/numeric/controllers_gen.h": controllers_header.render(vehicle),
-            "tests/numeric/model_sets_gen.h": model_sets_header.render(nominal, step),
-        },
-    }
-    return {
-        root / name: banner(Path(name), root, [source]) + text
-        for source, files in made.items()
-        for name, text in files.items()
-    }
+    codecs_header, of_brick, of_host = codecs.render(inputs[MESSAGES])
+    made = [
+        ("hal/wire/codecs_gen.h", [MESSAGES], codecs_header),
+        ("hal/wire/codecs_gen.c", [MESSAGES], of_brick),
+        ("tests/unit/link/host_codecs_gen.c", [MESSAGES], of_host),
+        ("firmware/app/settings_gen.h", [SETTINGS], settings_header.render(settings)),
+        ("firmware/app/params_gen.h", [VEHICLE, SETTINGS], params_header.render(vehicle, settings)),
+        ("sim_host/models/rcx_gen.h", [VEHICLE], plant_presets.render(vehicle)),
+        ("tests/numeric/controllers_gen.h", [VEHICLE], controllers_header.render(vehicle)),
+        ("tests/numeric/model_sets_gen.h", [VEHICLE], model_sets_header.render(nominal, step)),
+    ]
+    files = {root / MESSAGES: inputs[MESSAGES]}
+    for name, sources, text in made:
+        files[root / name] = banner(Path(name).name, {path: inputs[path] for path in sources}) + text
+    return files
 
 
 def stale(files: dict[Path, str]) -> list[Path]:
-    """Those whose committed text differs or is missing."""
-    return [path for path, text in files.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    """Returns the files whose text differs or is missing. Line endings do not count."""
+    return [
+        path
+        for path, text in files.items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text.replace("\r\n", "\n")
+    ]
 
 
 def checkout(start: Path) -> Path | None:
@@ -56,7 +70,10 @@ def main() -> int:
     root = checkout(Path.cwd())
     if root is None:
         parser.error(f"no {VEHICLE} here or above: run it in a checkout")
-    files = generate(root)
+    try:
+        files = generate(root)
+    except (InputError, QuantisationError) as error:
+        parser.exit(1, f"{error}\n")
     changed = stale(files)
     for path in changed:
         print(f"{path.relative_to(root)}: {'differs from what is generated' if check else 'written'}")

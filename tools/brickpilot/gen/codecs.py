@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import binascii
 import re
-from pathlib import Path
 
 import cantools
 from cantools.database.can import Message
@@ -137,17 +136,16 @@ def _place(message: Message) -> str:
     return "".join(lines)
 
 
-def render(dbc: Path) -> tuple[str, str, str]:
+def render(dbc: str) -> tuple[str, str, str]:
     """Text of the header, of the brick's half of what travels over hal/link, and of all the rest, for the tests.
 
     The firmware calls no library, so that the generator's memset becomes a loop, and what nobody needs goes: range
     checks, initialisers, names as text. The date goes too.
 
     Args:
-        dbc: the DBC; its VERSION is the protocol's number.
+        dbc: the DBC's text; its VERSION is the protocol's number.
     """
-    raw = dbc.read_bytes()
-    database = cantools.database.load_string(raw.decode("utf-8"), "dbc")
+    database = cantools.database.load_string(dbc, "dbc")
     assert isinstance(database, cantools.database.Database)
     header, source, *_ = generate(
         database, PREFIX, "wire/codecs_gen.h", "codecs_gen.c", "", floating_point_numbers=False
@@ -160,7 +158,7 @@ def render(dbc: Path) -> tuple[str, str, str]:
     identity = (
         f"/* Of the DBC: its VERSION, and the CRC-16/CCITT-FALSE of its bytes. */\n"
         f"#define {PREFIX.upper()}_PROTOCOL ({int(database.version or '')}u)\n"
-        f"#define {PREFIX.upper()}_DBC (0x{binascii.crc_hqx(raw, 0xFFFF):04x}u)\n\n"
+        f"#define {PREFIX.upper()}_DBC (0x{binascii.crc_hqx(dbc.encode(), 0xFFFF):04x}u)\n\n"
     )
     places = "/* Where signals lie: byte, and in a part of it lowest bit and mask. */\n"
     places += "".join(_place(message) for message in database.messages)

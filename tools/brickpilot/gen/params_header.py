@@ -9,12 +9,9 @@ from typing import Any
 from brickpilot.vehicle.c_text import initialiser
 from brickpilot.vehicle.coefficients import PROFILES, loss, pose
 from brickpilot.vehicle.quantise import QuantisationError, integer
+from brickpilot.vehicle.settings import Setting
 
-INT16, UINT16, UINT8, INT32 = 32767, 65535, 255, 2**31 - 1
-BAM16 = 65536 / (2 * math.pi)
-MV_Q10_PER_SPEED = 1024 * 1e3 / 16e3  # gain per 1/16 mm/s, of a gain in V s/m
-MV_Q10_PER_ANGLE = 1024 * 1e3 / BAM16
-MV_Q10_PER_RATE = 1024 * 1e3 / 1e3  # per mm/s^2 or mrad/s
+INT16, UINT16, UINT8 = 32767, 65535, 255
 SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
 
 
@@ -63,38 +60,6 @@ def _speed(
     }
 
 
-def _los(own: Mapping[str, float], length: float) -> dict[str, Any]:
-    def whole(name: str, factor: float, low: int, high: int) -> int:
-        return integer(own[name] * factor, low, high, name)
-
-    return {
-        "acceptance_mm": integer(length / 2 * 1e3, 1, INT16, "length"),
-        "bearing_hold_mm": whole("bearing_hold", 1e3, 0, INT16),
-        "cruise_mm_s_q4": whole("cruise", 16e3, 1, INT16),
-        "creep_mm_s_q4": whole("creep", 16e3, 0, round(own["cruise"] * 16e3)),
-        "decel_mm_s2": whole("decel", 1e3, 1, INT16),
-        "pivot_bam16": whole("pivot", BAM16, 1, INT16),
-        "align_bam16": whole("align", BAM16, 1, round(own["pivot"] * BAM16)),
-        "rest_speed_mm_s_q4": whole("rest_speed", 16e3, 0, UINT16),
-        "rest_ms": whole("rest_time", 1e3, 0, UINT16),
-        "rest_yaw_rate_mrad_s": whole("rest_yaw_rate", 1e3, 0, UINT16),
-        "settle_ms": whole("settle_time", 1e3, 0, UINT16),
-        "overshoot_mm": whole("overshoot", 1e3, 1, INT16),
-        "max_overshoots": whole("max_overshoots", 1, 0, UINT8),
-        "skip_failed": bool(whole("skip_failed", 1, 0, 1)),
-        "leg_timeout_ms": whole("leg_timeout", 1e3, 1, INT32),
-    }
-
-
-def _pid(own: Mapping[str, float], loop: str, per_error: float) -> dict[str, Any]:
-    factors = {"kp": per_error, "ki": per_error, "kd": MV_Q10_PER_RATE}
-    gains = {
-        f"{gain}_mv_q10": integer(own[f"{loop}_{gain}"] * factor, 0, INT16, f"{loop}_{gain}")
-        for gain, factor in factors.items()
-    }
-    return {**gains, "limit_mv": integer(own[f"{loop}_limit"] * 1e3, 0, 20000, f"{loop}_limit")}
-
-
 def holding_voltage(values: Mapping[str, float]) -> float:
     """Voltage of both motors per speed that the coupled vehicle then holds on level ground, V s/m; no air drag."""
     per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
@@ -110,41 +75,56 @@ def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict
     return _model(profile, _plain(vehicle["parameters"]), step, with_pose)
 
 
-def _loop(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
+def _default(setting: Setting, own: Mapping[str, float], profile: str) -> int | bool:
+    """Returns the raw integer that a setting begins with, from its row or from the vehicle file."""
+    if setting.default is None and setting.name not in own:
+        raise QuantisationError(
+            f"hal/wire/settings.toml: {setting.name}: has no default, and [controller.{profile}] of "
+            f"sim_host/models/rcx.toml has no value of that name"
+        )
+    value = own[setting.name] if setting.default is None else setting.default
+    raw = integer(value * setting.format.per_unit, setting.low, setting.high, setting.name)
+    return bool(raw) if setting.is_switch else raw
+
+
+def _put(tree: dict[str, Any], path: Sequence[str], value: int | bool) -> None:
+    """Puts a value into nested initialisers: `path` names the fields from outside in."""
+    for name in path[:-1]:
+        tree = tree.setdefault(name, {})
+    tree[path[-1]] = value
+
+
+def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mapping[str, Setting]) -> dict[str, Any]:
     values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
     common = _plain(vehicle["estimator"])
     estimator, counts = _plain(vehicle["estimator"][profile]), _plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
-    forward = own["feedforward_share"] * holding_voltage(values) * MV_Q10_PER_SPEED
-    return {
+    config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common),
             "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
-            "mode": {
-                "los": _los(own, _plain(vehicle["robot"])["length"]),
-                "lost_ms": integer(own["lost_time"] * 1e3, 0, UINT16, "lost_time"),
-            },
-            "speed_pid": _pid(own, "speed", MV_Q10_PER_SPEED),
-            "heading_pid": _pid(own, "heading", MV_Q10_PER_ANGLE),
-            "feedforward_mv_q10": integer(forward, 0, INT16, "feedforward_share"),
-            "mixer": {
-                "battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor"),
-                "max_duty_q15": integer(own["max_duty"] * 32767, 1, INT16, "max_duty"),
-            },
+            "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor")},
             "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, UINT8, "watchdog_time"),
-        "silent_ms": integer(own["silent_time"] * 1e3, 20, UINT16, "silent_time"),
-        "telemetry_every": integer(own["telemetry_every"], 0, UINT8, "telemetry_every"),
     }
+    own["acceptance"] = _plain(vehicle["robot"])["length"] / 2
+    own["feedforward"] = own["feedforward_share"] * holding_voltage(values)
+    if own["creep"] > own["cruise"] or own["align"] > own["pivot"]:
+        raise QuantisationError("creep may not pass cruise, nor align pivot")
+    for setting in settings.values():
+        if not setting.compensation:
+            _put(config, setting.field.removeprefix("config.").split("."), _default(setting, own, profile))
+    return config
 
 
-def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float]) -> str:
+def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float], settings: Mapping[str, Setting]) -> str:
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
         f"{initialiser(_coefficients(profile, vehicle, step), 0)};\n"
-        f"static const loop_config_t PARAMS_{profile.upper()} = {initialiser(_loop(profile, vehicle, step), 0)};\n"
+        f"static const loop_config_t PARAMS_{profile.upper()} = "
+        f"{initialiser(_loop(profile, vehicle, step, settings), 0)};\n"
         for i, step in enumerate(steps)
     )
     return f"""#ifndef BODY_WITHOUT_{profile.upper()}
@@ -155,18 +135,19 @@ def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float]) -> 
 """
 
 
-def render(vehicle: Mapping[str, Any]) -> str:
+def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     """The header's text.
 
     Args:
         vehicle: a vehicle file's tables.
+        settings: the table of settings.
 
     Raises:
         QuantisationError: a value that the firmware's format cannot hold.
     """
     rates = _plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
-    blocks = "\n".join(_block(profile, vehicle, steps[profile]) for profile in PROFILES)
+    blocks = "\n".join(_block(profile, vehicle, steps[profile], settings) for profile in PROFILES)
     return f"""/* The controller's constants. Formats: see the structs' headers.
  * A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
 #ifndef BRICKPILOT_APP_PARAMS_GEN_H

@@ -21,6 +21,8 @@ from brickpilot.link.links import Link, LinkGoneError
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, REALTIME, NoAnswerError, Session
 from brickpilot.vehicle import flight
+from brickpilot.vehicle.settings import compensations
+from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
 """In lockstep a set is sent so often before the link counts as lost."""
@@ -141,19 +143,13 @@ def prepare(
     if telemetry_every is not None:
         session.write("telemetry_every", telemetry_every)
     if plan.cruise > 0:
-        session.write("cruise", round(plan.cruise * 16e3))
+        session.write("cruise", known_settings()["cruise"].raw(plan.cruise))
     if plan.compensation is not None:
-        for name, raw in plan.compensation.raw.items():
-            session.write(parameter_of(name), raw)
+        for key, raw in plan.compensation.raw.items():
+            session.write(compensations()[key].name, raw)
     for name, raw in settings.items():
         session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
-
-
-def parameter_of(compensation: str) -> str:
-    """The setting that holds a value of a compensation, whose name ends in its format."""
-    names = book().choices("PARAMETER_REQUEST", "parameter")
-    return max((name for name in names if compensation == name or compensation.startswith(name + "_")), key=len)
 
 
 def _fly_lockstep(run: _Run, end: PlantEnd) -> None:

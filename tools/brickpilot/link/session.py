@@ -10,6 +10,7 @@ from functools import partial
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.link.links import Frame, Link
 from brickpilot.link.messages import Layout, book, crc16
+from brickpilot.vehicle.settings import settings
 
 ANSWER_S = 0.25
 TRIES = 4
@@ -114,7 +115,7 @@ class Session:
 
     def parameters(self) -> tuple[str, ...]:
         """Names of the settings that can be read and written."""
-        return tuple(self._book.choices("PARAMETER_REQUEST", "parameter"))
+        return tuple(settings())
 
     def read(self, name: str) -> int:
         """A setting, raw.
@@ -135,11 +136,9 @@ class Session:
         self._parameter(name, 1, value)
 
     def _parameter(self, name: str, write: int, value: int) -> int:
-        numbers = self._book.choices("PARAMETER_REQUEST", "parameter")
-        if name not in numbers:
-            raise InputError(f"is no setting; known: {', '.join(numbers)}", field=name)
-        number = numbers[name]
-        answer = self._ask("PARAMETER_REQUEST", "PARAMETER", (number, write, value))
+        if name not in settings():
+            raise InputError(f"is no setting; known: {', '.join(settings())}", field=name)
+        answer = self._ask("PARAMETER_REQUEST", "PARAMETER", (settings()[name].number, write, value))
         self._check(answer["status"], name, value)
         return answer["value"]
 

@@ -11,63 +11,20 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import tomlkit
 
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle import compensation_values
-from brickpilot.vehicle.c_text import initialiser
 from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.settings import Setting, compensations
 
-INT16 = 32767
-MOST_MV = 20000
 NOMINAL = "nominal values"
 """Stands among the sources where the model's own values differ from those the firmware believes in."""
 
 
-@dataclass(frozen=True)
-class Format:
-    """How the firmware holds a parameter: raw = value * per_unit, to the nearest, within low..high.
-
-    ``text`` names the format, ``unit`` is the value's SI unit.
-    """
-
-    text: str
-    unit: str
-    per_unit: float
-    low: int
-    high: int
-    meaning: str
-
-
-_SHARE = ("q15", "1", 2.0**15, -INT16, INT16)
-_SIZE = ("mV", "V", 1e3, 0, MOST_MV)
-_EMF = ("mV per 1/16 mm/s, q15", "V s/m", 2.0**15 / 16, -INT16, INT16)
-
-
-def _side(side: str) -> dict[str, Format]:
-    return {
-        f"{side}_gain_q15": Format(*_SHARE, f"voltage that the {side} motor needs beyond what is wanted, as a share"),
-        f"{side}_emf_mv_q15": Format(*_EMF, f"the same, per speed of the {side} side"),
-        f"{side}_friction_mv": Format(*_SIZE, f"the same, in the direction in which the {side} side moves"),
-        f"{side}_offset_mv": Format("mV", "V", 1e3, -MOST_MV, MOST_MV, f"the same, forward, on the {side} side"),
-    }
-
-
-FORMATS: Mapping[str, Format] = {
-    **_side("left"),
-    **_side("right"),
-    "deadband_mv": Format(*_SIZE, "voltage that each drive loses, in either direction"),
-    "reserve_mv": Format(*_SIZE, "of the battery's voltage, kept for what stands above"),
-    "half_track_m_q14": Format("q14", "m", 2.0**14, 0, INT16, "makes a side's speed of the yaw rate"),
-    "battery_sags": Format("0 or 1", "1", 1.0, 0, 1, "the model is told what voltage a step turned out to have"),
-    "gyro_bias_mrad_s": Format("mrad/s", "rad/s", 1e3, -INT16, INT16, "what the gyro says at rest"),
-    "gyro_scale_q15": Format(*_SHARE, "what the gyro's rates lack beside, as a share of them"),
-    "travel_scale_q15": Format(*_SHARE, "what the travel per count lacks, as a share of it"),
-    "count_mismatch_q15": Format(*_SHARE, "left less right travel per count, over their sum"),
-}
-"""Every parameter, by its name in `bp_compensation` of the C interface."""
+FORMATS: Mapping[str, Setting] = compensations()
+"""The setting of each parameter, by the parameter's name in the file."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +53,7 @@ class Compensation:
 
     def value(self, parameter: str) -> float:
         """What the firmware takes a parameter for, SI."""
-        return self.raw[parameter] / FORMATS[parameter].per_unit
+        return FORMATS[parameter].value(self.raw[parameter])
 
     def save(self, path: Path | str) -> None:
         """Writes the file in one piece: a reader never sees half of it."""
@@ -111,7 +68,7 @@ class Compensation:
 
 def _quantised(model: Model, nominal: Model) -> tuple[dict[str, int], tuple[str, ...]]:
     wanted = compensation_values.values(model, nominal)
-    exact = {name: wanted[name] * how.per_unit for name, how in FORMATS.items()}
+    exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     raw = {name: min(max(round(exact[name]), how.low), how.high) for name, how in FORMATS.items()}
     return raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
@@ -143,20 +100,16 @@ def from_model(model: Model, nominal: Model | None = None) -> Compensation | Non
     return Compensation(model.name, raw, sources, compensation_values.left_out(model), limited)
 
 
-def c_initialiser(compensation: Compensation) -> str:
-    """The parameters as a C initialiser of the firmware's `compensation_t`."""
-    raw = dict(compensation.raw)
-    sides = {
-        side: {name.removeprefix(f"{side}_"): raw.pop(name) for name in FORMATS if name.startswith(f"{side}_")}
-        for side in ("left", "right")
-    }
-    shared = {name: raw.pop(name) for name in ("deadband_mv", "half_track_m_q14", "reserve_mv")}
-    fields: dict[str, Any] = {"drive": {**sides, **shared}, **raw, "battery_sags": bool(raw["battery_sags"])}
-    return initialiser(fields, 0)
+def c_calls(compensation: Compensation) -> list[str]:
+    """Returns the C statements that write the parameters into the firmware's `parameters_t`."""
+    return [
+        f"parameters_write(&parameters, {how.number}, {compensation.raw[name]}, false); /* {how.name} */"
+        for name, how in FORMATS.items()
+    ]
 
 
 def render(compensation: Compensation) -> str:
-    """The file's text: what `load` reads back to an equal compensation. Ends with the C initialiser, as a comment."""
+    """The file's text: what `load` reads back to an equal compensation. Ends with the same in C, as a comment."""
     document = tomlkit.document()
     document.add(tomlkit.comment("What the firmware is told of this robot: brickpilot run --compensation FILE"))
     document["name"] = compensation.name
@@ -165,14 +118,14 @@ def render(compensation: Compensation) -> str:
     table = tomlkit.table()
     for name, how in FORMATS.items():
         entry = tomlkit.inline_table()
-        entry.update({"raw": compensation.raw[name], "format": how.text, "value": compensation.value(name)})
-        entry.update({"unit": how.unit, "from": list(compensation.sources.get(name, ()))})
+        entry.update({"raw": compensation.raw[name], "format": how.format.text, "value": compensation.value(name)})
+        entry.update({"unit": how.format.unit, "from": list(compensation.sources.get(name, ()))})
         table[name] = entry
         table[name].comment(how.meaning)
     document["parameters"] = table
     document.add(tomlkit.nl())
-    document.add(tomlkit.comment("The same for compensation_apply() of firmware/app: const compensation_t FOUND ="))
-    for line in c_initialiser(compensation).splitlines():
+    document.add(tomlkit.comment("The same in C, after parameters_start() of firmware/app:"))
+    for line in c_calls(compensation):
         document.add(tomlkit.comment(line))
     return tomlkit.dumps(document)
 
@@ -191,12 +144,12 @@ def _raw(toml: TomlFile, name: str, entry: object) -> tuple[int, tuple[str, ...]
     if isinstance(raw, bool) or not isinstance(raw, int):
         toml.refuse((*key, "raw"), "is missing" if raw is None else f"{raw!r} is not a whole number")
     toml.number((*key, "raw"), raw, how.low, how.high)
-    for field, right in (("format", how.text), ("unit", how.unit)):
+    for field, right in (("format", how.format.text), ("unit", how.format.unit)):
         if table.get(field, right) != right:
             toml.refuse((*key, field), f"{table[field]!r} should be {right!r}")
-    value = toml.number((*key, "value"), table.get("value", raw / how.per_unit), -INT16, INT16, how.unit)
-    if abs(value * how.per_unit - raw) > 0.5:
-        toml.refuse((*key, "value"), f"{value:g} {how.unit} is not what raw = {raw} stands for")
+    value = toml.number((*key, "value"), table.get("value", how.value(raw)), -1e9, 1e9, how.format.unit)
+    if abs(value * how.format.per_unit - raw) > 0.5:
+        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} is not what raw = {raw} stands for")
     return raw, _texts(toml, (*key, "from"), table.get("from", []))
 
 

@@ -19,7 +19,7 @@ from brickpilot.data.ils import signal_error
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
-from brickpilot.vehicle.compensation import Compensation
+from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.model import RCX, Model
 from brickpilot.vehicle.scenario import SENSORS, Scenario
 
@@ -125,14 +125,12 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
     request.steps = plan.steps
     request.start_step = plan.start_step
     request.cruise = plan.cruise
-    told = ffi.new("bp_compensation *")
-    if plan.compensation is not None:
-        for name, raw in plan.compensation.raw.items():
-            setattr(told, name, raw)
-        request.compensation = told
+    known = {} if plan.compensation is None else plan.compensation.raw
+    settings = ffi.new("bp_setting[]", [(FORMATS[name].number, raw) for name, raw in known.items()])
+    request.settings, request.setting_count = settings, len(settings)
     waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
     drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
-    held = [model, told, waypoints, drive]
+    held = [model, settings, waypoints, drive]
     if drive is not None:
         held.append(ffi.from_buffer("double[]", drive))
         request.drive = held[-1]

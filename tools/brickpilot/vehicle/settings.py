@@ -1,0 +1,134 @@
+"""The settings of the firmware: names, formats and ranges, from their one table, `hal/wire/settings.toml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from brickpilot.data.toml_file import Key, TomlFile
+
+NUMBER_MOST = 63
+"""A request has 6 bits for the number."""
+
+INT32 = 2**31 - 1
+_ROW = ("number", "field", "format", "low", "high", "default", "compensation", "meaning")
+
+
+@dataclass(frozen=True)
+class Format:
+    """How the firmware holds a value: raw = value * per_unit, rounded to the nearest.
+
+    ``text`` names the format, ``unit`` is the value's SI unit.
+    """
+
+    text: str
+    unit: str
+    per_unit: float
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A row of the table; its header explains every field.
+
+    Attributes:
+        default: in `format.unit`; None: the vehicle file has it.
+        compensation: key in a compensation file; empty: the setting tunes the controller.
+    """
+
+    name: str
+    number: int
+    field: str
+    format: Format
+    low: int
+    high: int
+    default: float | None
+    compensation: str
+    meaning: str
+
+    @property
+    def is_switch(self) -> bool:
+        """On or off: a `bool` in C."""
+        return (self.low, self.high) == (0, 1)
+
+    @property
+    def range(self) -> str:
+        return f"{self.low}..{self.high}"
+
+    def raw(self, value: float) -> int:
+        """Returns the firmware's integer for `value`, not limited to the range."""
+        return round(value * self.format.per_unit)
+
+    def value(self, raw: int) -> float:
+        """Returns what the firmware takes `raw` for, SI."""
+        return raw / self.format.per_unit
+
+
+@cache
+def settings() -> Mapping[str, Setting]:
+    """Returns the packaged table: name -> setting, in the order of their numbers."""
+    return load(Path(__file__).parents[1] / "settings.toml")
+
+
+def compensations() -> dict[str, Setting]:
+    """Returns the settings that hold what is known of one robot, by their keys in a compensation file."""
+    return {setting.compensation: setting for setting in settings().values() if setting.compensation}
+
+
+def load(path: Path) -> dict[str, Setting]:
+    """Reads a table of settings.
+
+    Raises:
+        InputError: with file, line and row, where a row lacks something or contradicts another one.
+    """
+    toml = TomlFile(path)
+    formats = {
+        name: _format(toml, ("formats", name), row)
+        for name, row in toml.table(("formats",), toml.data["formats"]).items()
+    }
+    rows = toml.table(("settings",), toml.data["settings"])
+    found = {name: _setting(toml, ("settings", name), row, formats) for name, row in rows.items()}
+    for place, (name, setting) in enumerate(found.items()):
+        if setting.number != place:
+            toml.refuse(("settings", name, "number"), f"{setting.number} should be {place}: numbers leave none out")
+    if len(found) > NUMBER_MOST + 1:
+        toml.refuse(("settings",), f"{len(found)} settings, but a request has room for the numbers 0..{NUMBER_MOST}")
+    return found
+
+
+def _format(toml: TomlFile, key: Key, row: object) -> Format:
+    table = toml.table(key, row)
+    toml.known_keys(key, table, ("text", "unit", "per_unit"))
+    return Format(
+        text=toml.text((*key, "text"), table.get("text")),
+        unit=toml.text((*key, "unit"), table.get("unit")),
+        per_unit=toml.number((*key, "per_unit"), table.get("per_unit"), 1e-9, 1e9),
+    )
+
+
+def _setting(toml: TomlFile, key: Key, row: object, formats: Mapping[str, Format]) -> Setting:
+    table = toml.table(key, row)
+    toml.known_keys(key, table, _ROW)
+
+    def whole(name: str, low: int, high: int) -> int:
+        return int(toml.number((*key, name), table.get(name), low, high))
+
+    low = whole("low", -32767, INT32)
+    high = whole("high", low, INT32)
+    if high > 65535 and (low, high) != (1, INT32):
+        toml.refuse((*key, "high"), f"a field of 32 bits takes 1..{INT32}")
+    if low < 0 and high > 32767:
+        toml.refuse((*key, "high"), "a signed field has 16 bits: 32767 is the most")
+    default = table.get("default")
+    return Setting(
+        name=str(key[-1]),
+        number=whole("number", 0, NUMBER_MOST),
+        field=toml.text((*key, "field"), table.get("field")),
+        format=formats[toml.choice((*key, "format"), table.get("format"), formats)],
+        low=low,
+        high=high,
+        default=None if default is None else toml.number((*key, "default"), default, -1e9, 1e9),
+        compensation=toml.text((*key, "compensation"), table["compensation"]) if "compensation" in table else "",
+        meaning=toml.text((*key, "meaning"), table.get("meaning")),
+    )
