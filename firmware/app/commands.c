@@ -5,7 +5,7 @@
 #include "app/params_gen.h"
 #include "core/bytes.h"
 #include "core/fix.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 /* Beside route_status_t, in ROUTE. */
@@ -174,10 +174,10 @@ static uint8_t waypoint(commands_t *commands, loop_state_t *loop, uint8_t *data)
 
 static uint16_t check_of_route(const route_waypoint_t *waypoint, uint8_t count)
 {
-    uint16_t crc = CHECK_START;
+    uint16_t crc = CRC_START;
 
     for (; count > 0; count--) {
-        crc = check_crc16_of(check_crc16_of(crc, (uint16_t)waypoint->x_mm), (uint16_t)waypoint->y_mm);
+        crc = crc_of_number(crc_of_number(crc, (uint16_t)waypoint->x_mm), (uint16_t)waypoint->y_mm);
         waypoint++;
     }
     return crc;
@@ -244,13 +244,13 @@ bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
     while (row->id != message->id)
         if (++row == REQUESTS + REQUESTS_COUNT)
             return false;
-    if (!check_holds(message) || !(commands->open || row == REQUESTS))
+    if (!crc_holds(message) || !(commands->open || row == REQUESTS))
         return false;
     message->id++; /* in the DBC every reply comes behind its request */
     status = row->take(commands, loop, data);
     if (row->status_at == WIRE_PARAMETER_STATUS_AT)
         status = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));
     data[row->status_at] = status;
-    check_seal(message);
+    crc_seal(message);
     return true;
 }

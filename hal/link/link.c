@@ -1,6 +1,6 @@
 #include "link/link.h"
 
-#include "wire/check.h"
+#include "wire/crc.h"
 
 #ifdef __H8300__
 #define LINK_THREAD /* has none */
@@ -42,7 +42,7 @@ static void send_motors(link_port_t *port)
     message_t message = {.id = WIRE_MOTORS_FRAME_ID, .size = WIRE_MOTORS_LENGTH};
 
     (void)wire_motors_pack(message.data, &motors, sizeof message.data);
-    check_seal(&message);
+    crc_seal(&message);
     send(port, &message);
 }
 
@@ -83,7 +83,7 @@ link_event_t link_take(link_port_t *port, const message_t *message)
     case SET_OTHER:
         break;
     }
-    if (message->id == WIRE_OPEN_FRAME_ID && check_holds(message))
+    if (message->id == WIRE_OPEN_FRAME_ID && crc_holds(message))
         begin_session(port);
     if (port->in_size == LINK_IN)
         return LINK_MESSAGE;

@@ -1,6 +1,6 @@
 /* link.h: the HAL over messages: sensors come from and motors go to whoever is at the other end of a link.
  *
- * Free of any carrier: the owner turns bytes into messages (wire/frame.h, wire/slcan.h) and hands them in, and takes those
+ * Free of any transport: the owner turns bytes into messages (wire/frame.h, wire/slcan.h) and hands them in, and takes those
  * that are to be sent. It calls the control loop, in lockstep when link_take() says LINK_STEP, in real time by its own
  * clock, and link_stepped() after each step. The binding is per thread.
  */
@@ -38,7 +38,7 @@ typedef enum {
  * makes the port forget the sets and counts of the one before. */
 link_event_t link_take(link_port_t *port, const message_t *message);
 
-/* The carrier has found something that is no message. */
+/* The transport has found something that is no message. */
 void link_count_bad(link_port_t *port);
 
 /* The step is over: readings not renewed until the next are HAL_STALE. */

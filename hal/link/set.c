@@ -1,6 +1,6 @@
 #include "link/set.h"
 
-#include "wire/check.h"
+#include "wire/crc.h"
 
 enum { FIRST_PART = WIRE_IMU_FRAME_ID, SEQUENCE_AT = 6, TICK_AT = 7, UNCHECKED = 6 };
 
@@ -48,10 +48,10 @@ static bool check_of_set_holds(const set_t *set, uint8_t wanted, uint16_t said)
 
     id[0] = (uint8_t)WIRE_SYNC_FRAME_ID;
     id[1] = (uint8_t)(WIRE_SYNC_FRAME_ID >> 8);
-    crc = check_crc16(check_crc16(CHECK_START, id, 2), set->sync, UNCHECKED);
+    crc = crc_of_bytes(crc_of_bytes(CRC_START, id, 2), set->sync, UNCHECKED);
     for (uint8_t i = 0; i < SET_PARTS; i++, bit = (uint8_t)(bit << 1))
         if ((wanted & bit) != 0)
-            crc = check_crc16(crc, set->parts[i], MESSAGE_DATA_MAX);
+            crc = crc_of_bytes(crc, set->parts[i], MESSAGE_DATA_MAX);
     return crc == said;
 }
 

@@ -47,7 +47,7 @@ typedef enum {
 
 set_status_t set_take(set_t *set, const message_t *message);
 
-/* Counts a message that the carrier found damaged. */
+/* Counts a message that the transport found damaged. */
 void set_count_bad(set_t *set);
 
 #endif

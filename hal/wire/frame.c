@@ -1,6 +1,6 @@
 #include "wire/frame.h"
 
-#include "wire/check.h"
+#include "wire/crc.h"
 
 enum { HEAD = 3, TAIL = 2, RAW_MAX = HEAD + MESSAGE_DATA_MAX + TAIL };
 
@@ -47,7 +47,7 @@ uint8_t frame_encode(const message_t *message, uint8_t bytes[FRAME_SIZE_MAX])
     raw[2] = message->size;
     for (uint8_t i = 0; i < message->size; i++)
         raw[size++] = message->data[i];
-    crc = check_crc16(CHECK_START, raw, size);
+    crc = crc_of_bytes(CRC_START, raw, size);
     raw[size++] = (uint8_t)crc;
     raw[size++] = (uint8_t)(crc >> 8);
     size = cobs_encode(raw, size, bytes);
@@ -61,7 +61,7 @@ static bool unwrap(const uint8_t *raw, uint8_t size, message_t *message)
 
     if (size < HEAD + TAIL || raw[2] > MESSAGE_DATA_MAX || raw[2] != size - HEAD - TAIL || raw[1] > 7)
         return false;
-    crc = check_crc16(CHECK_START, raw, (uint8_t)(size - TAIL));
+    crc = crc_of_bytes(CRC_START, raw, (uint8_t)(size - TAIL));
     if (raw[size - 2] != (uint8_t)crc || raw[size - 1] != (uint8_t)(crc >> 8))
         return false;
     message->id = (uint16_t)(raw[0] | (uint16_t)((uint16_t)raw[1] << 8));

@@ -10,7 +10,7 @@ static link_port_t port;
 static sets_reading_t shown;
 static int16_t left, right; /* as the last valid MOTORS said */
 
-/* Through the carrier, as it would travel. */
+/* Through the transport, as it would travel. */
 static message_t carried(const message_t *message)
 {
     uint8_t bytes[FRAME_SIZE_MAX];
@@ -105,7 +105,7 @@ bool port_host_receive(message_t *message)
         *message = carried(message);
         if (message->id != WIRE_MOTORS_FRAME_ID)
             return true;
-        if (check_holds(message) && wire_motors_unpack(&motors, message->data, 8) == 0) {
+        if (crc_holds(message) && wire_motors_unpack(&motors, message->data, 8) == 0) {
             left = motors.left;
             right = motors.right;
         }

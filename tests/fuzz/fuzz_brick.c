@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "brick/brick.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 
 enum { RECORD = 11, PARTS_MOST = 6, PARAMETERS = 44 };
 
@@ -39,7 +39,7 @@ static void take_answers(brick_t *brick)
     while (brick_give(brick, &message))
         if (message.id == WIRE_MOTORS_FRAME_ID) {
             struct wire_motors_t motors;
-            require(check_holds(&message));
+            require(crc_holds(&message));
             wire_motors_unpack(&motors, message.data, 8);
             require((motors.left == 0 && motors.right == 0) || brick->loop.step.mode.mode == MODE_RUN);
             require(motors.left >= -32767 && motors.right >= -32767);
@@ -89,13 +89,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
         if (message.id == WIRE_OPEN_FRAME_ID && bytes[0] & 1)
             make_open(&message);
         if (message.id == WIRE_SYNC_FRAME_ID && bytes[0] & 2) {
-            uint16_t crc = check_of(&message);
+            uint16_t crc = crc_of_message(&message);
             for (uint8_t i = 0; i < count; i++)
-                crc = check_crc16(crc, parts[i].data, 8);
+                crc = crc_of_bytes(crc, parts[i].data, 8);
             message.data[6] = (uint8_t)crc;
             message.data[7] = (uint8_t)(crc >> 8);
         } else if (bytes[0] & 1 && (message.id < WIRE_IMU_FRAME_ID || message.id > WIRE_SYNC_FRAME_ID)) {
-            check_seal(&message);
+            crc_seal(&message);
         }
         if (message.id >= WIRE_IMU_FRAME_ID && message.id < WIRE_SYNC_FRAME_ID)
             parts[count++ % PARTS_MOST] = message;

@@ -57,14 +57,14 @@ def record(frame: Frame) -> bytes:
 
 def main() -> None:
     """Writes all files."""
-    for name in ("carriers", "brick"):
+    for name in ("transports", "brick"):
         (CORPUS / name).mkdir(parents=True, exist_ok=True)
     for sensors in ("ideal", "imu+encoders"):
         frames = flown(sensors)
         slcan = b"\rO\r" + b"".join(f"t{i:03X}{len(d)}{d.hex().upper()}\r".encode() for i, d in frames)
         (CORPUS / "brick" / f"flight-{sensors}").write_bytes(b"".join(map(record, frames)))
-        (CORPUS / "carriers" / f"serial-{sensors}").write_bytes(b"".join(encode_frame(i, d) for i, d in frames))
-        (CORPUS / "carriers" / f"slcan-{sensors}").write_bytes(slcan)
+        (CORPUS / "transports" / f"serial-{sensors}").write_bytes(b"".join(encode_frame(i, d) for i, d in frames))
+        (CORPUS / "transports" / f"slcan-{sensors}").write_bytes(slcan)
 
 
 if __name__ == "__main__":

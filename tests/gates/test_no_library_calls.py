@@ -55,7 +55,7 @@ def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str)
     flags = subprocess.run([TARGET / "flags", sensors], check=True, stdout=subprocess.PIPE, text=True).stdout
     defines = flags.split()
     autopilot = [*FIRMWARE, *sorted((ROOT / "hal/rcx").glob("*.c")), TARGET / "main.c", TARGET / "panel.c"]
-    autopilot += [ROOT / "hal/wire/check.c", ROOT / "hal/wire/message.c"]
+    autopilot += [ROOT / "hal/wire/crc.c", ROOT / "hal/wire/message.c"]
     recorder = [TARGET / "recorder.c", ROOT / "hal/rcx/motors.c", ROOT / "hal/rcx/sensors.c"]
     recorder.append(ROOT / "firmware/core/ends_h8.S")
     for sources in (autopilot, recorder):

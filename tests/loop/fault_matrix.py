@@ -1,4 +1,4 @@
-"""Every fault by every carrier, many seeds: what must hold, and the table of hal/README.md.
+"""Every fault by every transport, many seeds: what must hold, and the table of hal/README.md.
 
     python tests/loop/fault_matrix.py [RUNS]      default 1000
 
@@ -21,7 +21,7 @@ from brickpilot.vehicle.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KI
 from brickpilot.vehicle.model import rcx
 from numpy.typing import NDArray
 
-CARRIERS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
+TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
 ANSWER_S = 0.03
 STOPS_WITHIN = 100
@@ -37,7 +37,7 @@ class Outcome:
     lost_frames: int
 
 
-def plan(kind: str, seed: int, carrier: str) -> flight.Plan:
+def plan(kind: str, seed: int, transport: str) -> flight.Plan:
     """The flight of a cell, the dice thrown for rate, direction and sensor."""
     dice = random.Random(f"{seed} {kind}")
     sensors = dice.choice(("ideal", "imu+encoders"))
@@ -60,13 +60,13 @@ def unharmed(wanted: flight.Plan) -> NDArray[np.int16]:
     return flight.fly(dataclasses.replace(wanted, scenario=calm)).motors
 
 
-def run(kind: str, seed: int, carrier: str) -> Outcome:
+def run(kind: str, seed: int, transport: str) -> Outcome:
     """Flies one cell once, and judges it."""
-    wanted = plan(kind, seed, carrier)
-    with ends.both_ends(carrier) as both:
+    wanted = plan(kind, seed, transport)
+    with ends.both_ends(transport) as both:
         flown = fly.fly(
             both,
-            carrier,
+            transport,
             wanted,
             pace="lockstep",
             telemetry_every=10,
@@ -106,19 +106,19 @@ def _judge_messages(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int16
 def main() -> int:
     """Flies the matrix and prints its table; status 1 where anything did not hold."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    cells = [(kind, carrier) for kind in KINDS for carrier in CARRIERS]
+    cells = [(kind, transport) for kind in KINDS for transport in TRANSPORTS]
     found: dict[tuple[str, str], list[Outcome]] = {cell: [] for cell in cells}
     for number in range(runs):
-        kind, carrier = cells[number % len(cells)]
-        outcome = run(kind, number // len(cells), carrier)
-        found[kind, carrier].append(outcome)
+        kind, transport = cells[number % len(cells)]
+        outcome = run(kind, number // len(cells), transport)
+        found[kind, transport].append(outcome)
         if outcome.trouble:
-            print(f"{kind} over {carrier}, seed {number // len(cells)}: {outcome.trouble}", file=sys.stderr)
-    print(f"| fault | {' | '.join(CARRIERS)} |\n|---|{'---|' * len(CARRIERS)}")
+            print(f"{kind} over {transport}, seed {number // len(cells)}: {outcome.trouble}", file=sys.stderr)
+    print(f"| fault | {' | '.join(TRANSPORTS)} |\n|---|{'---|' * len(TRANSPORTS)}")
     for kind in KINDS:
         texts = []
-        for carrier in CARRIERS:
-            held = found[kind, carrier]
+        for transport in TRANSPORTS:
+            held = found[kind, transport]
             good, stops = sum(not each.trouble for each in held), sum(each.stopped for each in held)
             texts.append(f"{good} of {len(held)}, {stops} stopped")
         print(f"| `{kind}` | {' | '.join(texts)} |")

@@ -41,10 +41,10 @@ def through(kind: str, count: int = 40, rate: float = 1.0, seed: int = 0) -> lis
     return link.receive(0.0)
 
 
-@pytest.mark.parametrize("carrier", fault_matrix.CARRIERS)
+@pytest.mark.parametrize("transport", fault_matrix.TRANSPORTS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_fault_reaches_the_motors_over_any_carrier(kind: str, carrier: str) -> None:
-    assert fault_matrix.run(kind, 0, carrier).trouble == ""
+def test_no_fault_reaches_the_motors_over_any_transport(kind: str, transport: str) -> None:
+    assert fault_matrix.run(kind, 0, transport).trouble == ""
 
 
 def test_every_kind_does_what_it_is_named_for() -> None:

@@ -11,7 +11,7 @@
 #include "rcx/infrared.h"
 #include "targets/rcx/panel.h"
 #include "unity.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 enum { DISPLAY_SIZE = 9 };
@@ -232,11 +232,11 @@ static void ask(message_t *request, message_t *answer)
 {
     request->size = 8;
     request->data[0] = asked++;
-    check_seal(request);
+    crc_seal(request);
     TEST_ASSERT_TRUE(port_host_send(request));
     serve(&commands, &state);
     TEST_ASSERT_TRUE(port_host_receive(answer));
-    TEST_ASSERT_TRUE(check_holds(answer));
+    TEST_ASSERT_TRUE(crc_holds(answer));
     TEST_ASSERT_EQUAL_UINT8(request->data[0], answer->data[0]);
 }
 
@@ -288,7 +288,7 @@ static void write_waypoint(uint8_t index, int16_t x_mm, int16_t y_mm)
 static void test_port_a_route_changes_over_the_air(void)
 {
     static const uint8_t coordinates[] = {0x20, 0x03, 0xD4, 0xFE, 0x00, 0x00, 0x90, 0x01}; /* 800, -300, 0, 400 */
-    const uint16_t check = check_crc16(CHECK_START, coordinates, sizeof coordinates);
+    const uint16_t check = crc_of_bytes(CRC_START, coordinates, sizeof coordinates);
     message_t request = {.id = WIRE_ROUTE_REQUEST_FRAME_ID}, answer;
 
     open_session();
@@ -325,7 +325,7 @@ static void test_port_a_repetition_is_answered_again_and_not_obeyed(void)
         TEST_ASSERT_EQUAL(MODE_NONE, commands_next(&commands));
         TEST_ASSERT_TRUE(port_host_receive(&answer));
         TEST_ASSERT_EQUAL_HEX16(WIRE_MODE_REPLY_FRAME_ID, answer.id);
-        TEST_ASSERT_TRUE(check_holds(&answer));
+        TEST_ASSERT_TRUE(crc_holds(&answer));
     }
     TEST_ASSERT_EQUAL_UINT16(repeated + 2, fault(WIRE_FAULTS_STALE_AT));
     TEST_ASSERT_FALSE(port_host_receive(&answer));

@@ -12,7 +12,7 @@
 #include "port.h"
 #include "port_rcx.h"
 #include "unity.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 enum { DISPLAY_SIZE = 9, STACK = 400, INTERRUPTS = 160, LEVEL = 512, NINE_VOLTS = 319, OPEN = 1023, PAINT = 0xA5 };
@@ -139,7 +139,7 @@ static void ask(message_t *request, uint16_t wanted, message_t *answer)
 {
     request->size = 8;
     request->data[0] = asked++;
-    check_seal(request);
+    crc_seal(request);
     while (port_host_receive(answer)) {
     }
     (void)port_host_send(request);
@@ -155,7 +155,7 @@ static void ask(message_t *request, uint16_t wanted, message_t *answer)
 static void test_program_obeys_a_host(void)
 {
     static const uint8_t coordinates[] = {0xE8, 0x03, 0x00, 0x00}; /* 1000, 0 */
-    const uint16_t check = check_crc16(CHECK_START, coordinates, sizeof coordinates);
+    const uint16_t check = crc_of_bytes(CRC_START, coordinates, sizeof coordinates);
     message_t open = {.id = WIRE_OPEN_FRAME_ID}, waypoint = {.id = WIRE_WAYPOINT_REQUEST_FRAME_ID};
     message_t route = {.id = WIRE_ROUTE_REQUEST_FRAME_ID}, start = {.id = WIRE_MODE_COMMAND_FRAME_ID}, answer;
     int16_t a, c;

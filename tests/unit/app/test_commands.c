@@ -5,7 +5,7 @@
 #include "app/serve.h"
 #include "sil/sil.h"
 #include "unity.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 static commands_t commands;
@@ -16,11 +16,11 @@ static bool send(uint16_t id)
 {
     request.id = id;
     request.size = 8;
-    check_seal(&request);
+    crc_seal(&request);
     reply = request;
     const bool result = commands_take(&commands, &loop, &reply);
     if (result)
-        TEST_ASSERT_TRUE(check_holds(&reply));
+        TEST_ASSERT_TRUE(crc_holds(&reply));
     return result;
 }
 
@@ -83,7 +83,7 @@ static struct wire_route_t commit(bool write, uint8_t count, uint16_t check)
 static uint16_t check_of_two(void)
 {
     static const uint8_t BYTES[] = {0xE8, 0x03, 0x18, 0xFC, 0x00, 0x00, 0xF4, 0x01};
-    return check_crc16(CHECK_START, BYTES, sizeof BYTES);
+    return crc_of_bytes(CRC_START, BYTES, sizeof BYTES);
 }
 
 static void upload_two(void)
@@ -144,7 +144,7 @@ static void test_nothing_is_done_before_a_session_or_with_a_check_that_fails(voi
     const struct wire_mode_command_t asked = {.command = MODE_START};
     wire_mode_command_pack(request.data, &asked, 8);
     request.id = WIRE_MODE_COMMAND_FRAME_ID;
-    check_seal(&request);
+    crc_seal(&request);
     request.data[7] ^= 1;
     TEST_ASSERT_FALSE(commands_take(&commands, &loop, &request));
     TEST_ASSERT_EQUAL(MODE_NONE, commands_next(&commands));
@@ -229,11 +229,11 @@ static void test_a_route_that_cannot_be_flown_leaves_the_old_one(void)
     commit(true, 2, check_of_two());
     upload_two();
     TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_DIFFERS_CHOICE, commit(true, 2, 0).status);
-    TEST_ASSERT_EQUAL_UINT8(ROUTE_EMPTY, commit(true, 0, CHECK_START).status);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_EMPTY, commit(true, 0, CRC_START).status);
     TEST_ASSERT_EQUAL_UINT8(ROUTE_TOO_LONG, commit(true, 33, 0).status);
     waypoint(1, true, 1000, -1000);
     static const uint8_t TWICE[] = {0xE8, 0x03, 0x18, 0xFC, 0xE8, 0x03, 0x18, 0xFC};
-    TEST_ASSERT_EQUAL_UINT8(ROUTE_REPEATED, commit(true, 2, check_crc16(CHECK_START, TWICE, 8)).status);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_REPEATED, commit(true, 2, crc_of_bytes(CRC_START, TWICE, 8)).status);
     loop.step.mode.mode = MODE_RUN;
     upload_two();
     TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_BUSY_CHOICE, commit(true, 1, 0).status);
@@ -276,7 +276,7 @@ static void test_serving_answers_each_request_and_a_session_stops_the_motors(voi
     commands_start(&commands);
     port.link_in[0] = (message_t){.id = WIRE_OPEN_FRAME_ID, .size = 8};
     wire_open_pack(port.link_in[0].data, &open, 8);
-    check_seal(&port.link_in[0]);
+    crc_seal(&port.link_in[0]);
     port.link_in[1] = port.link_in[0];
     port.link_in[1].data[0] ^= 1; /* damaged */
     port.link_in_size = 2;

@@ -22,7 +22,7 @@ static int take_answers(void)
     int count = 0;
     while (brick_give(&brick, &message))
         if (message.id == WIRE_MOTORS_FRAME_ID) {
-            TEST_ASSERT_TRUE(check_holds(&message));
+            TEST_ASSERT_TRUE(crc_holds(&message));
             wire_motors_unpack(&motors, message.data, 8);
             count++;
         }
@@ -33,7 +33,7 @@ static void request(uint16_t id, const uint8_t *data)
 {
     message_t message = {.id = id, .size = 8};
     memcpy(message.data, data, 8);
-    check_seal(&message);
+    crc_seal(&message);
     brick_take(&brick, &message);
 }
 
@@ -52,7 +52,7 @@ static void begin(uint8_t pace)
     const struct wire_open_t open = {.protocol = WIRE_PROTOCOL, .dbc = WIRE_DBC, .pace = pace};
     const struct wire_waypoint_request_t waypoint = {.write = 1, .x = 2000};
     const struct wire_route_request_t route = {
-        .write = 1, .count = 1, .route_check = check_crc16(CHECK_START, AHEAD, 4)};
+        .write = 1, .count = 1, .route_check = crc_of_bytes(CRC_START, AHEAD, 4)};
     uint8_t data[8];
     wire_open_pack(data, &open, 8);
     request(WIRE_OPEN_FRAME_ID, data);

@@ -3,7 +3,7 @@
 #define BRICKPILOT_TESTS_SETS_H
 
 #include "hal.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 enum { SETS_MOST = 7 };
@@ -31,9 +31,9 @@ static inline void sets_close(const sets_reading_t *r, message_t *messages, int 
 
     *last = (message_t){.id = WIRE_SYNC_FRAME_ID, .size = 8};
     wire_sync_pack(last->data, &sync, 8);
-    crc = check_of(last);
+    crc = crc_of_message(last);
     for (int i = 0; i < count; i++)
-        crc = check_crc16(crc, messages[i].data, 8);
+        crc = crc_of_bytes(crc, messages[i].data, 8);
     last->data[6] = (uint8_t)crc;
     last->data[7] = (uint8_t)(crc >> 8);
 }

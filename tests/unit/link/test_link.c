@@ -36,7 +36,7 @@ static struct wire_motors_t next_motors(void)
     message_t message;
     TEST_ASSERT_TRUE(link_give(&port, &message));
     TEST_ASSERT_EQUAL_HEX16(WIRE_MOTORS_FRAME_ID, message.id);
-    TEST_ASSERT_TRUE(check_holds(&message));
+    TEST_ASSERT_TRUE(crc_holds(&message));
     wire_motors_unpack(&motors, message.data, 8);
     return motors;
 }
@@ -86,7 +86,7 @@ static void test_a_session_begins_with_no_memory_of_the_one_before(void)
     message.data[7] = 1;
     link_take(&port, &message); /* its check fails */
     TEST_ASSERT_TRUE(port.set.any);
-    check_seal(&message);
+    crc_seal(&message);
     TEST_ASSERT_EQUAL(LINK_MESSAGE, link_take(&port, &message));
     TEST_ASSERT_EQUAL_UINT16(0, port.set.bad);
     TEST_ASSERT_EQUAL(HAL_ABSENT, hal_imu_read(&imu));

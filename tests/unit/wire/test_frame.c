@@ -1,7 +1,7 @@
 #include <string.h>
 
 #include "unity.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/frame.h"
 
 /* Bytes are compared with Python's cobs and binascii in tests/python/test_hil_wire.py. */
@@ -27,22 +27,22 @@ static frame_status_t take(const uint8_t *bytes, int size)
 
 static void test_crc_has_the_catalogued_check_value(void)
 {
-    TEST_ASSERT_EQUAL_HEX16(0x29B1, check_crc16(CHECK_START, (const uint8_t *)"123456789", 9));
-    TEST_ASSERT_EQUAL_HEX16(CHECK_START, check_crc16(CHECK_START, NULL, 0));
+    TEST_ASSERT_EQUAL_HEX16(0x29B1, crc_of_bytes(CRC_START, (const uint8_t *)"123456789", 9));
+    TEST_ASSERT_EQUAL_HEX16(CRC_START, crc_of_bytes(CRC_START, NULL, 0));
 }
 
 static void test_seal_holds_and_breaks_with_any_bit(void)
 {
     message_t message = MESSAGE;
-    check_seal(&message);
-    TEST_ASSERT_TRUE(check_holds(&message));
+    crc_seal(&message);
+    TEST_ASSERT_TRUE(crc_holds(&message));
     for (int bit = 0; bit < 64; bit++) {
         message.data[bit / 8] ^= (uint8_t)(1U << bit % 8);
-        TEST_ASSERT_FALSE(check_holds(&message));
+        TEST_ASSERT_FALSE(crc_holds(&message));
         message.data[bit / 8] ^= (uint8_t)(1U << bit % 8);
     }
     message.id++;
-    TEST_ASSERT_FALSE(check_holds(&message));
+    TEST_ASSERT_FALSE(crc_holds(&message));
 }
 
 static void test_frame_comes_back_whole_at_every_size(void)

@@ -1,7 +1,7 @@
 #include "app/commands.h"
 
 #include "vectors.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
 enum { FEW = 4, WRITE = 0x40, NUMBER = 0x3F };
@@ -16,13 +16,13 @@ static void put(uint8_t *at, uint16_t value)
 static uint16_t check_of_next(commands_t *commands, uint8_t count)
 {
     const route_waypoint_t *const next = commands_written(commands);
-    uint16_t crc = CHECK_START;
+    uint16_t crc = CRC_START;
     uint8_t bytes[4];
 
     for (uint8_t i = 0; i < count && i < ROUTE_WAYPOINTS_MAX; i++) {
         put(&bytes[0], (uint16_t)next[i].x_mm);
         put(&bytes[2], (uint16_t)next[i].y_mm);
-        crc = check_crc16(crc, bytes, 4);
+        crc = crc_of_bytes(crc, bytes, 4);
     }
     return crc;
 }
@@ -54,7 +54,7 @@ static void draw(commands_t *commands, message_t *message)
     } else if (message->id == WIRE_ROUTE_REQUEST_FRAME_ID && !draw_rarely(2)) {
         put(&data[2], check_of_next(commands, data[1] & NUMBER));
     }
-    check_seal(message);
+    crc_seal(message);
     if (draw_rarely(4))
         data[draw_u16() & 7U] ^= 1U;
 }

@@ -2,7 +2,7 @@
 
 #include "core/bytes.h"
 #include "vectors.h"
-#include "wire/check.h"
+#include "wire/crc.h"
 
 enum { MESSAGES = SET_PARTS + 1, SYNC_AT = SET_PARTS };
 
@@ -57,10 +57,10 @@ static void draw_step(sent_t *sent)
     sync->data[4] = sent->sequence;
     sync->data[5] = (uint8_t)((imu << IMU_SHIFT) | (rotation << ROTATION_SHIFT) | (battery << BATTERY_SHIFT) |
                               (reference << REFERENCE_SHIFT));
-    crc = check_of(sync);
+    crc = crc_of_message(sync);
     for (uint8_t i = 0; i < SET_PARTS; i++)
         if (sent->there[i])
-            crc = check_crc16(crc, sent->messages[i].data, MESSAGE_DATA_MAX);
+            crc = crc_of_bytes(crc, sent->messages[i].data, MESSAGE_DATA_MAX);
     sync->data[6] = (uint8_t)crc;
     sync->data[7] = (uint8_t)(crc >> 8);
 }

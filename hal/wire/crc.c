@@ -1,4 +1,4 @@
-#include "wire/check.h"
+#include "wire/crc.h"
 
 /* Eight steps of the division by the polynomial at once: what they take away depends on the upper byte alone, and is this byte, with its
  * upper half added to its lower, at each bit of the polynomial. */
@@ -9,29 +9,29 @@ static uint16_t byte_more(uint16_t crc, uint8_t byte)
     return (uint16_t)((crc << 8) ^ byte ^ ((uint16_t)byte << 5) ^ ((uint16_t)byte << 12));
 }
 
-uint16_t check_crc16(uint16_t crc, const uint8_t *bytes, uint8_t size)
+uint16_t crc_of_bytes(uint16_t crc, const uint8_t *bytes, uint8_t size)
 {
     for (; size > 0; size--)
         crc = byte_more(crc, *bytes++);
     return crc;
 }
 
-uint16_t check_crc16_of(uint16_t crc, uint16_t number)
+uint16_t crc_of_number(uint16_t crc, uint16_t number)
 {
     return byte_more(byte_more(crc, (uint8_t)number), (uint8_t)(number >> 8));
 }
 
-uint16_t check_of(const message_t *message)
+uint16_t crc_of_message(const message_t *message)
 {
-    return check_crc16(check_crc16_of(CHECK_START, message->id), message->data, CHECK_AT);
+    return crc_of_bytes(crc_of_number(CRC_START, message->id), message->data, CRC_AT);
 }
 
-void check_seal(message_t *message)
+void crc_seal(message_t *message)
 {
-    message_put(&message->data[CHECK_AT], check_of(message));
+    message_put(&message->data[CRC_AT], crc_of_message(message));
 }
 
-bool check_holds(const message_t *message)
+bool crc_holds(const message_t *message)
 {
-    return message->size == MESSAGE_DATA_MAX && message_get(&message->data[CHECK_AT]) == check_of(message);
+    return message->size == MESSAGE_DATA_MAX && message_get(&message->data[CRC_AT]) == crc_of_message(message);
 }

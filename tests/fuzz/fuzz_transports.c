@@ -1,4 +1,4 @@
-/* fuzz_carriers.c: any bytes on a serial line. What is taken for a message is one that the encoder would have written. */
+/* fuzz_transports.c: any bytes on a serial line. What is taken for a message is one that the encoder would have written. */
 #include <stdlib.h>
 #include <string.h>
 
