@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
-# The models that discovery is compared with spell out their own library of laws; the README's picture shows one example.
+# The peers of discovery spell out their own library of laws; the README's picture shows one example.
 MAY_NAME = frozenset(
     {Path("tools/brickpilot/benchmark/sindy_library.py"), Path("tools/brickpilot/gen/discovery_picture.py")}
 )
