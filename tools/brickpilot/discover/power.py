@@ -6,11 +6,12 @@ import math
 
 from brickpilot import catalogue
 from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import candidates, signatures
+from brickpilot.discover.candidates import candidates
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.finding import Visible
 from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.gates import required_gain
+from brickpilot.discover.screen import signature_strengths
 
 
 def smallest(error: BinnedOutputError, best: FittedModel, excitation: Excitation) -> dict[str, Visible]:
@@ -22,7 +23,9 @@ def smallest(error: BinnedOutputError, best: FittedModel, excitation: Excitation
     here.keep_sensitivities(best.point, len(best.point))
     gate = required_gain(best.cost, error.floor_cost())
     found: dict[str, tuple[float, Visible]] = {}
-    for candidate, values, strength in signatures(here, best.point, candidates(best.model), excitation=excitation):
+    for candidate, values, strength in signature_strengths(
+        here, best.point, candidates(best.model), excitation=excitation
+    ):
         name = candidate.free[0]
         size = abs(values[name]) * math.sqrt(gate / max(strength, 1e-12))
         away = abs(math.log(size / abs(values[name]))) if values[name] and size else math.inf

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import Candidate, Trial, candidates, read_limits, screen
+from brickpilot.discover.candidates import Candidate, candidates, read_limits
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.fitting import ROUGH, FittedModel, best_first, fit, fit_each, refine
 from brickpilot.discover.gates import (
@@ -19,6 +19,7 @@ from brickpilot.discover.gates import (
     PROMISED_SHARE,
     required_gain,
 )
+from brickpilot.discover.screen import Trial, screen
 
 Array = NDArray[np.float64]
 

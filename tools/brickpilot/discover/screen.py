@@ -1,0 +1,119 @@
+"""Screens candidates: how well each could explain the residual, from few simulations and without a fit.
+
+A simulation shows the signature of a candidate: how it changes the residual. From both, everything is projected out
+that the parameters of the model could still take up (a score test, Rao 1948).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.candidates import Candidate, scanned_parameter
+from brickpilot.discover.excitation import Excitation
+from brickpilot.discover.probes import Probe, fit_amplitudes, probes_of, values_at
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+_CHUNK = 24  # models that are simulated at once: their outputs take memory
+_INVISIBLE = 1e-3  # scales: a signature that is smaller everywhere shows nothing
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate from one size.
+
+    Attributes:
+        values: where a fit of it starts.
+        before: half the squared residual that the model can come down to without the candidate, priors included.
+        after: the same with the candidate.
+    """
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    before: float
+    after: float
+
+
+def screen(
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], *, excitation: Excitation
+) -> list[Trial]:
+    """Returns every candidate from each of its sizes, the best first, without those that change nothing.
+
+    Args:
+        error: with the plan of the model, and its sensitivities kept at `point`.
+        point: where the fit of that plan ended.
+        excitation: how far the vehicle was driven.
+    """
+    residual, probed = _probed(error, point, chosen, excitation)
+    before, trials = float(np.sum(residual**2)) / 2, []
+    for probe, signatures in probed:
+        amplitudes = fit_amplitudes(probe, signatures, residual)
+        after = float(np.sum((residual - signatures @ amplitudes) ** 2)) / 2
+        trials.append(Trial(probe.candidate, values_at(probe, amplitudes), before, after))
+    return sorted(trials, key=lambda one: one.after)
+
+
+def signature_strengths(
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], *, excitation: Excitation
+) -> list[tuple[Candidate, Mapping[str, float], float]]:
+    """Returns candidates with one free size, its values, and half the squares of their signature there.
+
+    The arguments are those of `screen`. Candidates that come and go with their size are left out: one size says
+    nothing of another there.
+    """
+    few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
+    probed = _probed(error, point, few, excitation)[1]
+    return [(probe.candidate, probe.values[0], float(np.sum(one**2)) / 2) for probe, one in probed]
+
+
+def _probed(
+    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], excitation: Excitation
+) -> tuple[Array, list[tuple[Probe, Array]]]:
+    """Returns the residual (rows,), and each visible probe with its signatures (rows, simulations), projected."""
+    base = error.plan.at(point)
+    plan = dataclasses.replace(error.plan, model=base)
+    residual = error.whiten(error.predict([base])[0])
+    projection = Projection(error, point)
+    probes = [probe for candidate in chosen for probe in probes_of(candidate, base, excitation)]
+    models = [probe.candidate.starting(plan, values).model for probe in probes for values in probe.values]
+    simulated = (row for chunk in _chunks(models) for row in error.predict(chunk))
+    found = []
+    for probe in probes:
+        changes = np.array([residual - error.whiten(next(simulated)) for _ in probe.values])
+        if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
+            continue
+        columns = np.array([projection.project(np.append(one, np.zeros(len(point)))) for one in changes]).T
+        found.append((probe, columns))
+    return projection.remainder(residual), found
+
+
+class Projection:
+    """Removes from a whitened residual what the parameters of `error.plan` can take up, from `point`.
+
+    It is linear and includes the priors.
+    """
+
+    def __init__(self, error: BinnedOutputError, point: Array) -> None:
+        prior, slopes = error.prior_rows(point)
+        whitened = error.sensitivity(point) * error.weight()[:, np.newaxis]
+        self._prior = -prior
+        self._basis, _ = np.linalg.qr(np.vstack([whitened, slopes]))
+
+    def remainder(self, residual: Array) -> Array:
+        """Returns (samples + parameters,) from (samples,). The rows of the priors come last."""
+        return self.project(np.concatenate([residual, self._prior]))
+
+    def project(self, rows: Array) -> Array:
+        rest: Array = rows - self._basis @ (self._basis.T @ rows)
+        return rest
+
+
+def _chunks(models: list[Model]) -> list[list[Model]]:
+    return [models[k : k + _CHUNK] for k in range(0, len(models), _CHUNK)]
