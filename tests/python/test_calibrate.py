@@ -11,8 +11,8 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.output_error import correlation_time, noise_sd
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.robust import correlation_time, noise_sd
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.vehicle import model
 from synthetic import motor, robot, write
@@ -108,7 +108,7 @@ def test_a_stated_value_with_sd_holds_what_the_data_leave_open(tmp_path):
 def test_a_value_far_from_its_prior_is_reported_as_a_finding(tmp_path):
     nominal = KNOWN + "emf_constant = { value = 0.3, sd = 0.003 }\n"
     found = fitted(tmp_path / "set", robot(), nominal)
-    assert any("emf_constant left its prior" in note for note in found.notes)
+    assert any(note.startswith("emf_constant is ") and "sd away from its prior" in note for note in found.notes)
 
 
 def test_planted_outliers_move_an_estimate_by_less_than_its_interval(tmp_path):
@@ -274,7 +274,7 @@ def test_blanks_of_the_fitted_runs_are_refused_and_of_one_run_are_not(tmp_path):
         return spoil
 
     roles = ["fit", "fit", "fit", "held_out"]
-    with pytest.raises(InputError, match="nothing measured to judge in the runs that are fitted"):
+    with pytest.raises(InputError, match="nothing to compare in the fit runs"):
         fitted(tmp_path / "all", robot(), roles=roles, spoil=blank("straight", "straight_back", "spin"))
     found = fitted(tmp_path / "one", robot(), roles=roles, spoil=blank("straight"))
     assert found.parameters["emf_constant"].value == pytest.approx(0.245, rel=0.01)

@@ -11,7 +11,8 @@ from brickpilot.data import dataset
 from brickpilot.data.ils import pooled, signal_error
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
-from brickpilot.fit.replay import Replay, zero_phase_rate
+from brickpilot.fit.rates import zero_phase_rate
+from brickpilot.fit.replay import Replay
 from brickpilot.report.compare_page import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State
@@ -224,7 +225,7 @@ def test_data_without_anything_to_judge_are_refused(tmp_path, signal, given):
     data = dataset.read(write(tmp_path / "set", motor(), {signal: 0.1}, ""))
     if signal == "speed":
         data = with_values(data, signal, lambda values: np.full_like(values, np.nan))
-    with pytest.raises(InputError, match="nothing measured to judge"):
+    with pytest.raises(InputError, match="nothing to compare"):
         compare(data, given)
 
 
@@ -245,7 +246,7 @@ def test_blanks_of_one_run_leave_the_others(tmp_path):
 def test_values_beyond_any_measurement_are_refused(tmp_path, given):
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     data = with_values(data, "yaw_rate", lambda values: np.full_like(values, 1e200))
-    with pytest.raises(InputError, match=r"yaw_rate: 1e[+]200 is no measurement"):
+    with pytest.raises(InputError, match=r"yaw_rate: 1e[+]200 is too large to be a measurement"):
         compare(data, given)
 
 

@@ -12,7 +12,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
 from brickpilot.fit.compare import compare
-from brickpilot.fit.replay import measured_rates
+from brickpilot.fit.rates import measured_rates
 from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant

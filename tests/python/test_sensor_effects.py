@@ -66,7 +66,7 @@ def test_effects_the_data_set_states_are_simulated_and_refitted_within_their_sd(
 def test_a_bias_far_from_what_was_stated_is_a_finding(tmp_path):
     truth = with_effects(gyro_bias={"bias": 0.2}, imu_lever_arm={"x": 0.02, "y": 0.0})
     found = calibrate(dataset.read(write(tmp_path / "set", truth, IMU, STATED + EXAMPLE)))
-    assert any(note.startswith("gyro_bias.bias left its prior") for note in found.notes)
+    assert any(note.startswith("gyro_bias.bias is ") and "sd away from its prior" in note for note in found.notes)
 
 
 def test_sideways_values_of_effects_turn_with_the_frame_of_the_file(tmp_path):

@@ -54,7 +54,7 @@ _NAMES = {
     "SimulationError": "brickpilot.errors:SimulationError",
 }
 
-__all__ = ["__version__", *_NAMES]  # noqa: PLE0604
+__all__ = ["__version__", *_NAMES]
 
 
 def __getattr__(name: str) -> Any:

@@ -81,6 +81,16 @@ INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
 }  # fmt: skip
 """What a run's ``initial`` may state, in SI and in the data set's frame."""
 
+RATE_OF: dict[str, str] = {"angle": "speed", "position": "velocity"} | {
+    f"wheel_{summed}_{side}": f"wheel_{rate}_{side}"
+    for summed, rate in (("angle", "speed"), ("travel", "velocity"))
+    for side in ("left", "right")
+}
+"""Angle, position or travel -> its rate, which the same sensor measures."""
+
+SUMMED = frozenset(RATE_OF) | {"yaw_angle"}
+"""Signals that sum up motion from an arbitrary origin: only their change since the first sample has a meaning."""
+
 
 def to_frd(signal: str, values: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
     """Values of `signal` in the paper's frame (x forward, y right, clockwise positive).

@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.signals import SUMMED
 from brickpilot.discover.coarse_grid import on_coarse_grid
 from brickpilot.discover.gates import BIN_S, CORRELATED_S, LEAST_NOISE_SHARE, MODEL_ERROR_SHARE
 from brickpilot.discover.segment import Segment
 from brickpilot.fit.blocks import Bins
-from brickpilot.fit.output_error import BEND, OutputError, Scale, noise_sd
+from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import RATE_OF, SUMMED, Replay
+from brickpilot.fit.rates import MOTOR_RATE_OF
+from brickpilot.fit.replay import Replay
+from brickpilot.fit.robust import HUBER_THRESHOLD, noise_sd
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -74,7 +77,7 @@ class BinnedOutputError(OutputError):
 
     def weight(self) -> Array:
         """Returns (samples,): 1 / scale."""
-        return 1 / self._per_sample("size")
+        return 1 / self._sizes()
 
     def whiten(self, simulated: Array) -> Array:
         """Returns (..., samples): measured less `simulated` (..., samples), in scales."""
@@ -86,7 +89,7 @@ class BinnedOutputError(OutputError):
 
     def losses(self, model: Model) -> Array:
         """Returns (samples,): what each sample adds to the cost, without priors."""
-        return BEND**2 * (np.sqrt(1 + (self.residual_of(model) / BEND) ** 2) - 1)
+        return HUBER_THRESHOLD**2 * (np.sqrt(1 + (self.residual_of(model) / HUBER_THRESHOLD) ** 2) - 1)
 
     def prior_rows(self, point: Array) -> tuple[Array, Array]:
         """Returns the residual of the priors at `point`, and its (parameters, parameters) slopes."""
@@ -239,4 +242,4 @@ def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     velocity for seconds, and each bin would count the same error again. The change shows the force that is missing.
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
-    return SUMMED | (derived & set(RATE_OF.values()))
+    return SUMMED | (derived & set(MOTOR_RATE_OF.values()))

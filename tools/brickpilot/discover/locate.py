@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.signals import SUMMED
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.finding import Gap, Place, Whiteness
 from brickpilot.discover.gates import BIN_S
 from brickpilot.discover.windows import run_of
-from brickpilot.fit.replay import SUMMED, Outputs
+from brickpilot.fit.replay import Outputs
 
 Array = NDArray[np.float64]
 

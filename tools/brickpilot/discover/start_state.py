@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.fit.replay import RATE_OF, SUMMED, measured_rates
+from brickpilot.data.signals import SUMMED
+from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ def with_rates(dataset: Dataset) -> Dataset:
     runs = []
     for run in dataset.runs:
         outputs = dict(run.outputs)
-        for summed, rate in RATE_OF.items():
+        for summed, rate in MOTOR_RATE_OF.items():
             if summed in outputs and rate not in outputs:
                 outputs[rate] = measured_rates(run)[rate]
             if summed in outputs:

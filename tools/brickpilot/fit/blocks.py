@@ -1,4 +1,4 @@
-"""What a fit compares: one signal of one run, sample by sample or averaged over bins of time."""
+"""The parts that a fit compares: one signal of one run, sample by sample or averaged over bins of time."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.fit.replay import RATE_OF, SUMMED, judged, measured_rates
+from brickpilot.fit.compared import compared_signals
+from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -19,15 +21,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Block:
-    """One signal of one fitted run.
+    """One signal of one fit run.
 
     Attributes:
-        place: where it stands in the stacked residual.
-        known: over the run's samples or bins: which of them are compared.
+        place: its part of the stacked residual.
+        known: which of the run's samples or bins are compared.
         measured: their values, SI.
-        middle: s of the run's clock, of each value.
-        averages: (values, simulated samples) what takes a simulated signal to them; None: the known samples themselves.
-        count: samples that went into a value, on average.
+        middle: s on the run's clock, the time of each value.
+        averages: (values, simulated samples): the matrix that takes the simulated signal to these values; None: the
+            values are the known samples.
+        count: samples in a value, on average.
     """
 
     run: str
@@ -40,7 +43,7 @@ class Block:
     count: float = 1.0
 
     def pick(self, values: Array) -> Array:
-        """Of (simulated samples of the run,): what stands beside `measured`."""
+        """Returns the simulated values that correspond to `measured`, from (simulated samples of the run,)."""
         return values[self.known] if self.averages is None else np.asarray(self.averages @ values)
 
 
@@ -49,9 +52,9 @@ class Bins:
     """How blocks average: over bins of `width` s from each run's start.
 
     Attributes:
-        grids: run -> time of the simulated samples, s, where they are not those measured.
-        means: run -> s; an acceleration is a mean over the last step, so long among the measured samples.
-        changes: signals that are judged by their change from bin to bin; at least those that sum up (`SUMMED`).
+        grids: run -> time of the simulated samples, s, where they are not the measured ones.
+        means: run -> s; a measured acceleration is the mean over this time before its sample.
+        changes: signals that are compared by their change from bin to bin; at least those in `SUMMED`.
     """
 
     width: float
@@ -61,15 +64,16 @@ class Bins:
 
 
 def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
-    """The blocks of the fitted runs, and a sentence on each signal that is left out.
+    """Returns the blocks of the fit runs, and a note on each signal that is left out.
 
     Args:
+        fitted: names of the fit runs.
         bins: averages are compared, and of some signals their change from bin to bin; None: samples.
 
     Raises:
-        InputError: the fitted runs hold nothing that the model gives.
+        InputError: the fit runs hold nothing that the model gives.
     """
-    names, _ = judged(dataset, model)
+    names = compared_signals(dataset, model).names
     found: list[Block] = []
     notes, start = [], 0
     for run in dataset.runs:
@@ -80,7 +84,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
             known = np.isfinite(measured)
             if np.count_nonzero(known) < 2:
                 continue
-            if _frozen(measured[known], rates.get(RATE_OF.get(signal, ""))):
+            if _frozen(measured[known], rates.get(MOTOR_RATE_OF.get(signal, ""))):
                 notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
                 continue
             block = _block(run, signal, measured, known, start, bins)
@@ -89,7 +93,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
             found.append(block)
             start = block.place.stop
     if not found:
-        raise InputError("nothing measured to judge in the runs that are fitted", file=dataset.path, field="signals")
+        raise InputError("nothing to compare in the fit runs", file=dataset.path, field="signals")
     return found, notes
 
 
@@ -131,7 +135,7 @@ def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], sta
 
 
 def _interpolation(time: Array, grid: Array) -> csr_array:
-    """(times, grid): linear between the grid's points, constant beyond them."""
+    """Returns (times, grid): linear interpolation between the grid's points, constant beyond them."""
     left = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
     share = np.clip((time - grid[left]) / (grid[left + 1] - grid[left]), 0.0, 1.0)
     rows = np.arange(len(time))
@@ -142,7 +146,7 @@ def _interpolation(time: Array, grid: Array) -> csr_array:
 
 
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:
-    """(times, grid): means over the last `span`, of what is given as means over the grid's longer steps."""
+    """Returns (times, grid): means over the last `span` s, from means over the longer steps of the grid."""
     last = np.clip(np.searchsorted(grid, time - 1e-9), 1, len(grid) - 1)
     share = np.clip((time - grid[last - 1]) / span, 0.0, 1.0)
     rows = np.arange(len(time))
@@ -153,12 +157,12 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
 
 
 def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) -> dict[str, Array]:
-    """What was measured and is judged, but of a motor's position alone its velocity.
+    """Returns the measured signals that are compared; of a motor's position, its velocity instead.
 
-    A position sums the velocity's error up while the run lasts: the same data, with an error that never settles.
+    A position sums up the velocity's error over the run: the same data, with an error that only grows.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
-    for summed, rate in RATE_OF.items():
+    for summed, rate in MOTOR_RATE_OF.items():
         if summed in fitted and rate not in fitted:
             del fitted[summed]
             fitted[rate] = rates[rate]
@@ -166,5 +170,5 @@ def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) 
 
 
 def _frozen(known: Array, rate: Array | None) -> bool:
-    """Whether `known` stands still while the rate that was measured beside it does not."""
+    """Whether a signal never changes while its measured rate is not zero."""
     return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))

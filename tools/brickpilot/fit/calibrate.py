@@ -1,4 +1,4 @@
-"""Fits the free nominal parameters of a model to measured runs by output error, and says how well they are known."""
+"""Fits the free nominal parameters of a model to measured runs by output error, with their uncertainties."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.ils import signal_error
+from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.compared import compared_signals, is_compared
 from brickpilot.fit.descent import (
     FINE,
     FOLLOWED,
@@ -28,20 +30,20 @@ from brickpilot.fit.descent import (
 )
 from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan, plan, value_of
-from brickpilot.fit.replay import SUMMED, Outputs, Replay, is_judged, judged
+from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.uncertainty import Combination, Estimate, assess
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
-_COARSE_STEP = 0.003  # s, of the motor, until the fit is refined at the plant's own
-_ROUNDS = 3  # of weighing the signals by what is left of them, then fitting
+_COARSE_STEP = 0.003  # s: the motor step of all descents but the last, which uses the plant's own
+_ROUNDS = 3  # of weighing the signals by their residuals and fitting again
 
 
 @dataclass(frozen=True)
 class Gap:
-    """rms error over rms signal, one signal of one run, with the values the fit started from and with the fitted.
+    """rms error over rms signal of one signal of one run, before and after the fit.
 
-    None where the signal has no energy; and `before`, where the plant diverges with the values of the start.
+    None where the signal has no energy. `before` is also None where the plant diverges with the values of the start.
     """
 
     run: str
@@ -53,15 +55,15 @@ class Gap:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What `calibrate` found.
+    """The result of `calibrate`.
 
     Attributes:
-        model: the start's model with the fitted values: what is written to model.toml.
+        model: the model with the fitted values, as written to model.toml.
         parameters: by name, "mass" or "effect.parameter".
-        cannot_tell_apart: groups of parameters of which the data give combinations alone.
-        combinations: those combinations, where they have a plain meaning.
+        cannot_tell_apart: groups of parameters of which only combinations are identifiable.
+        combinations: those combinations that have a physical meaning.
         scales: how each signal was weighed.
-        notes: sentences on what was taken for granted, left out, or could not be told.
+        notes: sentences on what was assumed, what was left out, and what is not identifiable.
     """
 
     dataset: str
@@ -106,9 +108,9 @@ def calibrate(
     threads: int = 2,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Fits by simulation from the inputs alone, all fit runs together.
+    """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays; {value, sd} is fitted with that prior; what is absent is fitted with a wide one.
+    A plain value of [nominal] stays; {value, sd} is fitted with that prior; what is absent is fitted with a wide prior.
     The same data set, options and seed give the same result.
 
     Args:
@@ -120,34 +122,21 @@ def calibrate(
     Raises:
         InputError: an unknown effect or parameter, nothing measured that the model gives, or no run left to fit
             although something is free.
-        SimulationError: the plant diverges with the values that the data set states, or that fitted best.
+        SimulationError: the plant diverges with the stated values, or with the best ones.
     """
     replay = Replay(dataset)
     roles = holdout.assign(dataset, replay.inputs)
     nominal, chosen = plan(dataset, free=free), plan(dataset, effects=effects, free=free)
-    notes = [roles.note, *chosen.notes, *dataset.notes, *judged(dataset, chosen.model)[1]]
+    notes = [roles.note, *chosen.notes, *dataset.notes, *compared_signals(dataset, chosen.model).notes]
     if not chosen.free:
-        notes.append("Nothing to fit: the data set gives every parameter as a plain value.")
+        notes.append("Nothing to fit: the data set states every parameter as a plain value.")
         return _result(replay, chosen.model, chosen.model, {}, {}, roles, notes)
     if not roles.fit():
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
     problem = OutputError(replay, chosen, roles.fit(), threads=threads)
     notes.extend(problem.notes)
     count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
-    random = np.random.default_rng(seed)
-    coarse = Replay(dataset, motor_step=_COARSE_STEP)
-    rough = OutputError(coarse, nominal, roles.fit(), threads=threads)
-    rough.holds_priors = False
-    best, starts = search(rough, random, count)
-    if len(chosen.free) > len(nominal.free):
-        rough = OutputError(coarse, chosen, roles.fit(), threads=threads)
-        rough.holds_priors = False
-        best, starts = search_sizes(rough, best, count)
-    for number in range(_ROUNDS):
-        count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
-        rough.rescale(best)
-        rough.holds_priors = number == _ROUNDS - 1
-        best = descend(rough, best, ROUGH)
+    best, starts = _coarse_fit(dataset, (nominal, chosen), roles.fit(), np.random.default_rng(seed), threads, count)
     count("refining")
     problem.rescale(best)
     best = descend(problem, best, FINE)
@@ -160,20 +149,47 @@ def calibrate(
     return dataclasses.replace(result, cannot_tell_apart=known.groups, combinations=known.combinations, starts=starts)
 
 
+def _coarse_fit(
+    dataset: Dataset,
+    plans: tuple[Plan, Plan],
+    runs: Sequence[str],
+    random: np.random.Generator,
+    threads: int,
+    count: Counter,
+) -> tuple[Array, tuple[Start, ...]]:
+    """Fits with a coarse motor step: first the nominal plan, then the one with effects where it has more parameters.
+
+    Returns the best point and the starts that were followed.
+    """
+    nominal, chosen = plans
+    coarse = Replay(dataset, motor_step=_COARSE_STEP)
+    rough = OutputError(coarse, nominal, runs, threads=threads)
+    rough.holds_priors = False
+    best, starts = search(rough, random, count)
+    if len(chosen.free) > len(nominal.free):
+        rough = OutputError(coarse, chosen, runs, threads=threads)
+        rough.holds_priors = False
+        best, starts = search_sizes(rough, best, count)
+    for number in range(_ROUNDS):
+        count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
+        rough.rescale(best)
+        rough.holds_priors = number == _ROUNDS - 1
+        best = descend(rough, best, ROUGH)
+    return best, starts
+
+
 def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str]:
     remarks = []
     if traceless:
-        remarks.append(f"These runs show nothing of {', '.join(traceless)}: any value would do.")
+        remarks.append(f"No effect on these runs: {', '.join(traceless)}. Any value fits as well.")
     wide = [one.name for one in chosen.free if one.known is None]
     if wide:
-        remarks.append(
-            f"Nothing was stated of {', '.join(wide)}: their intervals take a factor of 20 each way for granted."
-        )
+        remarks.append(f"Not stated: {', '.join(wide)}. Their intervals assume a prior of a factor of 20 each way.")
     for one in chosen.free:
         value = value_of(model, one.name)
         away = abs(value - one.known.value) / one.known.sd if one.known and one.known.sd else 0.0
         if away > 2:
-            remarks.append(f"{one.name} left its prior by {away:.1f} sd: a finding, not a fix.")
+            remarks.append(f"{one.name} is {away:.1f} sd away from its prior: check the stated value.")
         if not one.signed and abs(value - one.info.maximum) < 1e-6 * one.info.maximum:
             remarks.append(f"{one.name} ended at the upper bound of what is physical.")
     return remarks
@@ -191,12 +207,12 @@ def _result(
     first: Mapping[str, Outputs] = {}
     try:
         first, last = replay.simulate([before, after])
-    except SimulationError:  # of the start, else it is raised again
+    except SimulationError:  # raised again below unless it comes from the start
         last = replay.simulate([after])[0]
     gaps = []
     for run in replay.dataset.runs:
         for signal, measured in run.outputs.items():
-            if is_judged(signal, last[run.name], after):
+            if is_compared(signal, last[run.name], after):
                 shares = [
                     signal_error(run.time, one[run.name][signal], measured, relative=signal in SUMMED).share
                     if one

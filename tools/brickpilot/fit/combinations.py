@@ -1,6 +1,6 @@
-"""Combinations of parameters that motion at steady speed and its onset show, whatever the parameters are one by one.
+"""Combinations of parameters that are identifiable from steady speed and its onset, even where single ones are not.
 
-D = K_t K_e + R (b_s + sigma m g r^2) is what eqs. 12 to 14 leave of a wheel once the current has settled.
+Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Formula:
-    """`text`: in the paper's symbols. `value_at` takes all parameters, "mass" or "effect.parameter"; NaN: undefined."""
+    """A combination of parameters.
+
+    Attributes:
+        text: the formula in the paper's symbols.
+        value_at: takes all parameters, "mass" or "effect.parameter", and returns the value; NaN: undefined.
+    """
 
     name: str
     text: str
@@ -27,7 +32,7 @@ class Formula:
 
 
 def _steady(p: Values) -> float:
-    """D of the module's docstring, of one wheel."""
+    """Returns D of the module's docstring, for one wheel."""
     loss = p["viscous_friction"] + p["rolling_friction"] * p["mass"] * p["gravity"] * p["wheel_radius"] ** 2
     return p["torque_constant"] * p["emf_constant"] + p["resistance"] * loss
 
@@ -53,7 +58,7 @@ def _motor_time(p: Values) -> float:
 
 
 def _in_volts(effect: str, torque: ParameterInfo) -> Formula:
-    """The voltage at the motor that holds a torque at the wheel."""
+    """Returns the formula of the voltage at the motor that holds a torque at the wheel."""
 
     def value_at(p: Values) -> float:
         return p.get(f"{effect}.{torque.name}", np.nan) * p["resistance"] / p["torque_constant"]

@@ -1,4 +1,4 @@
-"""Measured data meets a model: every run simulated from its own inputs, and how far that is from the measured."""
+"""Compares measured runs with a model: each run is simulated from its own inputs, and the error is measured."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ import numpy as np
 from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.ils import SignalError, pooled, signal_error
+from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.replay import RATE_OF, SUMMED, Array, Outputs, Replay, Window, is_judged, judged, measured_rates
+from brickpilot.fit.calibrate import Calibration, calibrate
+from brickpilot.fit.compared import compared_signals, is_compared
+from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
+from brickpilot.fit.replay import Array, Outputs, Replay, Window
 from brickpilot.vehicle.model import Model
 
 Progress = Callable[[int, int, str], None]
 
 WINDOW_S = 1.0
-"""Length of the open-loop windows in which a motor's velocity is judged, unless the caller says otherwise."""
+"""s: default length of the open-loop windows in which a motor's velocity is compared."""
 
 LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""No window is shorter than either, in the median step of the run that is logged most coarsely."""
+"""No window is shorter than either. Samples count by the median step of the run with the longest steps."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One signal of one run, drawn: `simulated` and `measured` at `time`, (n,) each; NaN is a gap."""
+    """One signal of one run, for a plot: `simulated` and `measured` at `time`, (n,) each; NaN: nothing to draw."""
 
     time: Array
     simulated: Array
@@ -36,7 +39,13 @@ class Trace:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """`signals`: by measured signal. `windows`: by rate, over open-loop windows; empty where there are none."""
+    """The errors of one run.
+
+    Attributes:
+        signals: by measured signal, over the whole run.
+        windows: by rate, over open-loop windows; empty where there are none.
+        traces: by signal, for plots.
+    """
 
     name: str
     role: str
@@ -47,12 +56,12 @@ class RunComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What `compare` found.
+    """The result of `compare`.
 
     Attributes:
         window_s: length of the open-loop windows, s; 0 where none were made.
-        notes: sentences on what the program chose by itself: roles, fitted parameters, signals left out; and what the
-            reader found in the data set.
+        notes: sentences on what the program chose (roles, fitted parameters, signals left out) and on faults in the
+            data set.
     """
 
     dataset: str
@@ -62,7 +71,7 @@ class Comparison:
     notes: tuple[str, ...]
 
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
-        """rms error over rms signal of all runs of `role` ("fit" or "held_out") together; None where there is none."""
+        """Returns rms error over rms signal of all runs of `role` ("fit" or "held_out"); None where there is none."""
         found = [(run.windows if windows else run.signals) for run in self.runs if run.role == role]
         return pooled(errors[signal] for errors in found if signal in errors).share
 
@@ -90,16 +99,16 @@ def compare(
     """Simulates every run open loop from its own inputs.
 
     Args:
-        model: None: the data set's nominal values, and what those lack is first fitted on the fit runs.
-        window_s: s; a motor's velocity is also judged in open-loop windows of this length, each restarted from the
-            measured state, because position sums the error up and an integral hides what it is made of. 0: no windows;
-            None: 1 s, for runs at least three times as long.
-        seed: of the fit's starts.
+        model: None: the data set's nominal values; parameters that they lack are first fitted on the fit runs.
+        window_s: s; a motor's velocity is also compared in open-loop windows of this length, each restarted from the
+            measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for runs at
+            least three times as long.
+        seed: of the fit's random starts.
 
     Raises:
         InputError: the model is of another vehicle than the data; nothing was measured that it gives; `window_s` is
             not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or there is
-            no motor whose velocity could be judged; something must be fitted but every run is held out.
+            no motor with a velocity to compare; parameters have to be fitted but every run is held out.
         SimulationError: the plant diverges with this model.
     """
     if model is not None and model.vehicle != dataset.vehicle:
@@ -114,17 +123,13 @@ def compare(
     if model is None:
         fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress)
         model = fitted.model
-        free = ", ".join(fitted.parameters)
-        notes.append(
-            f"The data set does not fix {free}: fitted on the fit runs first." if free else "Nothing was fitted."
-        )
-        notes.extend(fitted.notes)
-    names, unsaid = judged(dataset, model)
-    notes.extend(unsaid)
+        notes += _fit_notes(fitted)
+    compared = compared_signals(dataset, model)
+    notes.extend(compared.notes)
     if progress:
         progress(0, 1, "simulating")
     outputs = replay.simulate([model], threads=threads)[0]
-    length = _window_s(dataset, names, window_s)
+    length = _window_s(dataset, compared.names, window_s)
     windows = replay.windows(model, length, threads=threads) if length else {}
     runs = [
         _run(run, model, roles.by_run[run.name], outputs[run.name], windows.get(run.name, [])) for run in dataset.runs
@@ -132,6 +137,14 @@ def compare(
     if progress:
         progress(1, 1, "simulated")
     return Comparison(dataset.name, model, tuple(runs), length, tuple(dict.fromkeys(notes)))
+
+
+def _fit_notes(fitted: Calibration) -> list[str]:
+    free = ", ".join(fitted.parameters)
+    first = (
+        f"Fitted on the fit runs first, because not fixed by the data set: {free}." if free else "Nothing was fitted."
+    )
+    return [first, *fitted.notes]
 
 
 def _least_window_s(dataset: Dataset) -> float:
@@ -153,7 +166,7 @@ def _check_window(dataset: Dataset, asked: float) -> None:
 
 
 def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> float:
-    moves = any(name in names for pair in RATE_OF.items() for name in pair)
+    moves = any(name in names for pair in MOTOR_RATE_OF.items() for name in pair)
     if asked and not moves:
         raise InputError("windows need a velocity or a position that the model gives", field="--window")
     if asked is not None:
@@ -165,7 +178,7 @@ def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> fl
 def _run(run: Run, model: Model, role: str, outputs: Outputs, windows: list[Window]) -> RunComparison:
     errors, traces = {}, {}
     for name, measured in run.outputs.items():
-        if is_judged(name, outputs, model):
+        if is_compared(name, outputs, model):
             errors[name] = signal_error(run.time, outputs[name], measured, relative=name in SUMMED)
             traces[name] = Trace(run.time, outputs[name], measured)
     in_windows = {}

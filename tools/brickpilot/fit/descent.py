@@ -1,4 +1,4 @@
-"""Where the fit starts, and the way down: several starts, because output error has more than one valley."""
+"""The search of a fit: several starts and a descent from each, because output error has more than one minimum."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
 _SCREENED = 32  # random starts that are only evaluated
-FOLLOWED = 2  # of them, and both systematic starts, that are followed downhill
+FOLLOWED = 2  # the best random starts, from which a descent is made, beside both systematic starts
 _EVALUATIONS = 20  # of the residual, at most, in one descent
-ROUGH, FINE = 1e-4, 1e-7  # relative change of cost at which a descent ends
-_SHORTEST = 1e-2  # of that: relative length of a step at which a descent ends
+ROUGH, FINE = 1e-4, 1e-7  # tolerance: the relative change of cost at which a descent ends
+_STEP_TOLERANCE = 1e-2  # of the tolerance: the relative length of a step at which a descent ends
 _SPREAD = 1.5  # sd of the random starts, in coordinates
-VISIBLE = (0.03, 0.1, 0.3)  # of a signal's rms: the sizes from which an effect is followed
-_SIZES = 21  # that are tried to find them, so many decades below and above the effect's preset
+VISIBLE = (0.03, 0.1, 0.3)  # changes of the signals, over their rms, at the starting sizes of an effect
+_SIZES = 21  # sizes tried to find those, over so many decades below and above the effect's preset
 _DECADES = 5.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """One start of the fit and the cost, half a sum of squares, at which the descent from it ended."""
+    """One start of the fit, and the cost (half the sum of squares) at the end of its descent."""
 
     name: str
     cost: float
 
 
 class Counter:
-    """Tells `progress`, if there is one, of one more thing begun out of `total`."""
+    """Counts the stages of a fit, `total` in all, and reports the start of each to `progress`."""
 
     def __init__(self, progress: Progress | None, total: int) -> None:
         self._progress, self._total, self._done = progress, total, 0
@@ -47,7 +47,10 @@ class Counter:
 
 
 def _natural_start(problem: OutputError) -> Array:
-    """The first start; but what may be zero and is not stated stands where it changes the signals by their size."""
+    """Returns the plan's start with other values for parameters that may be zero and are not stated.
+
+    Each gets the size at which it changes the signals by their rms.
+    """
     free, start = problem.plan.free, problem.plan.start()
     share = np.sqrt(np.mean((problem.sensitivity(start) / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
     moved = np.array([one.known is None and one.info.minimum == 0 for one in free]) & (share > 0)
@@ -56,7 +59,7 @@ def _natural_start(problem: OutputError) -> Array:
 
 
 def search(problem: OutputError, random: np.random.Generator, count: Counter) -> tuple[Array, tuple[Start, ...]]:
-    """The best end of several descents: from two systematic starts and from the best of many random ones near them."""
+    """Returns the best end of several descents: from two systematic starts and the best of many random ones near."""
     starts = np.array([problem.plan.start(), _natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))
@@ -69,8 +72,8 @@ def search(problem: OutputError, random: np.random.Generator, count: Counter) ->
 def search_sizes(problem: OutputError, nominal: Array, count: Counter) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
-    Few are smooth at zero, so that each is followed down from several sizes: those at which it changes the signals by
-    so many per cent of their rms. An effect of either sign starts with both.
+    Few effects are smooth at zero. So descents start from several sizes: those at which an effect changes the signals
+    by each share of `VISIBLE`. An effect of either sign starts with both signs.
     """
     added = problem.plan.free[len(nominal) :]
     base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])
@@ -89,7 +92,7 @@ def search_sizes(problem: OutputError, nominal: Array, count: Counter) -> tuple[
 
 
 def _visible_sizes(problem: OutputError, base: Array, index: int) -> list[float]:
-    """The sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
+    """Returns the sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
     one = problem.plan.free[index]
     sizes = one.size * np.logspace(-_DECADES, _DECADES, _SIZES)
     sizes = sizes[(sizes >= one.info.minimum) & (sizes <= one.info.maximum)]
@@ -134,9 +137,9 @@ def _bounds(problem: OutputError) -> tuple[Array, Array]:
 
 
 def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
-    """The end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
+    """Returns the end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
 
-    A step to where the plant diverges is taken back and shortened.
+    A step to a point where the plant diverges is taken back and shortened.
 
     Raises:
         SimulationError: the plant diverges at `point` itself.
@@ -146,7 +149,7 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
     inside = np.clip(point, low + margin, high - margin)
     several = len(inside) > 1
     if not np.isfinite(_cost(problem, inside)):
-        raise SimulationError("the plant diverges where the fit was to go on")
+        raise SimulationError("the plant diverges at the point from which the fit should go on")
     found = least_squares(
         problem.residual,
         inside,
@@ -154,10 +157,10 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
         bounds=(low, high),
         max_nfev=_EVALUATIONS,
         ftol=tolerance,
-        xtol=tolerance * _SHORTEST,
+        xtol=tolerance * _STEP_TOLERANCE,
         x_scale=np.array([one.reach for one in problem.plan.free]),
-        # Singular values of all samples in every step cost more than the plant; of one parameter there is no other way.
-        # Regularised, or ended early, lsmr's steps creep along a valley.
+        # Singular values of all samples would cost more in each step than the plant; for one parameter lsmr cannot be
+        # used. With regularisation, or ended early, lsmr takes tiny steps along a narrow valley.
         tr_solver="lsmr" if several else "exact",
         tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)} if several else {},
     )

@@ -1,10 +1,12 @@
-"""Output error: measured minus simulated from the inputs alone, over all fitted runs together, whitened and robust.
+"""Output error: measured less simulated from the inputs alone, over all fit runs together, scaled and robust.
 
-The residual of signal s in sample k is e = (measured - simulated) / scale_s, of which least squares sees
-phi(e) / sqrt(tau_s). phi is the pseudo-Huber loss (Charbonnier 1997), so that a collision or a dropout pulls no
-harder than `BEND` scales' worth. tau_s is the residual's correlation time in samples, so that n samples of a slow
-model error count as the n / tau_s they are worth. scale_s is the residual's own size, never below the signal's noise:
-on measured data it is the model's error, not the noise, that says how well a signal can be matched.
+The residual of signal s at sample k is e = (measured - simulated) / scale_s. Least squares see phi(e) / sqrt(tau_s):
+
+- phi is the pseudo-Huber loss (`robust`), so that a collision or a dropout pulls no harder than a residual at the Huber
+  threshold.
+- tau_s is the correlation time of the residual in samples: n samples of a slow model error count as n / tau_s.
+- scale_s is the size of the residual itself, never below the signal's noise. On measured data the model's error, not
+  the noise, limits how well a signal can be matched.
 """
 
 from __future__ import annotations
@@ -16,26 +18,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
 from brickpilot.fit.blocks import Bins, blocks
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import SUMMED, Outputs, Replay
+from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.robust import HUBER_THRESHOLD, correlation_time, noise_sd, pseudo_huber, robust_size
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-BEND = 2.0
-"""Scales: where the loss turns from squared to linear."""
-
 _STEP = 1e-4
-_ANCHOR_SD = 30.0  # in coordinates: keeps what the data leave open from wandering, and outweighs nothing they say
-_FIRST_SCALE = 0.2  # of the signal's rms: before any residual is known
-_NOTHING = 1e-30  # SI: a signal whose rms is less is taken for zero
+_ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
+_FIRST_SCALE = 0.2  # of the signal's rms: the scale before any residual is known
+_LEAST_RMS = 1e-30  # SI: a signal with a smaller rms counts as zero
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How one signal is weighed: `size` in its SI unit, `tau` in samples, `noise` the floor of `size`."""
+    """How one signal is weighed.
+
+    Attributes:
+        size: scale of its residual, SI.
+        tau: correlation time of its residual, in samples.
+        noise: sd of its noise, SI: the least that `size` can be.
+    """
 
     size: float
     tau: float
@@ -45,20 +52,20 @@ class Scale:
 class OutputError:
     """The fit's residual and Jacobian in the coordinates of `plan.free`.
 
-    Args:
-        runs: names of the runs that are fitted.
-        bins: averages are compared; None: samples.
-        measured: what is compared with, where `replay` runs on other samples than were measured.
+    Where the plant diverges the residual is NaN. Its derivative is 0 where only the neighbouring value diverges.
 
-    Where the plant diverges the residual is NaN, and its derivative 0 where only the neighbouring value does.
+    Args:
+        runs: names of the fit runs.
+        bins: averages over bins are compared; None: samples.
+        measured: the measured data, where `replay` runs on other samples than were measured.
+
+    Attributes:
+        matched: no value is trusted more than to this share of it, however little noise there is; 0: no limit.
+        holds_priors: False while the scale of the residual is not known. A prior would otherwise be held against the
+            data: the gap that it leaves would count as the model's error.
 
     Raises:
-        InputError: the fitted runs hold nothing that the model gives.
-
-    `matched`: share of a value below which a model is not trusted to be right, however little noise there is.
-
-    `holds_priors`: False while the size of the residual is not known. A prior would else be kept by taking the gap it
-    leaves for the model's error.
+        InputError: the fit runs hold nothing that the model gives.
     """
 
     def __init__(
@@ -82,7 +89,7 @@ class OutputError:
         self._cache: tuple[bytes, Array] | None = None
 
     def predict(self, models: Sequence[Model]) -> Array:
-        """(models, samples): what each model gives where something was measured; NaN where it diverges in any run."""
+        """Returns (models, samples): the simulated values of all compared samples; NaN where a model diverges."""
         try:
             outputs = self._simulate(self._replay, models)
         except SimulationError:
@@ -92,52 +99,53 @@ class OutputError:
         return np.array([np.concatenate([b.pick(one[b.run][b.signal]) for b in self.blocks]) for one in outputs])
 
     def residual(self, point: Array) -> Array:
-        bent, _ = _bend(self._whitened(point))
-        return np.concatenate([bent / self._per_sample("tau") ** 0.5, self._prior(point)])
+        """Returns (samples + parameters,): the robust residual and the prior's."""
+        robust = pseudo_huber(self._scaled(point))
+        return np.concatenate([robust.value / self._taus() ** 0.5, self._prior(point)])
 
     def jacobian(self, point: Array) -> Array:
-        """Of `residual`: one batch of forward differences."""
-        _, slope = _bend(self._whitened(point))
-        weight = -slope / (self._per_sample("size") * self._per_sample("tau") ** 0.5)
+        """Returns the derivative of `residual`, by one batch of forward differences."""
+        robust = pseudo_huber(self._scaled(point))
+        weight = -robust.slope / (self._sizes() * self._taus() ** 0.5)
         steps = np.eye(len(point)) * _STEP
         prior = np.array([(self._prior(point + step) - self._prior(point)) / _STEP for step in steps])
         return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], prior.T.reshape(-1, len(point))])
 
     def sensitivity(self, point: Array) -> Array:
-        """(samples, parameters): change of the simulated signals per coordinate, in their SI units."""
+        """Returns (samples, parameters): the change of the simulated signals per coordinate, in their SI units."""
         steps = [self._inward(point, index) for index in range(len(point))]
         moved = self.predict([self.plan.at(point + step) for step in steps])
         sizes = np.array([step.sum() for step in steps])
         return finite(((moved - self._simulated(point)) / sizes[:, np.newaxis]).T)
 
     def rescale(self, point: Array) -> None:
-        """Weighs each signal by what is left of it at `point`."""
+        """Weighs each signal by the size of its residual at `point`."""
         error = self.measured - self._simulated(point)
         for signal in self.signals:
             noise = self.scales[signal].noise
             parts = [error[block.place] for block in self.blocks if block.signal == signal]
-            size = max(_robust_size(np.concatenate(parts)), noise)
-            bent = [_bend(part / size)[0] for part in parts]
-            self.scales[signal] = Scale(size, correlation_time(bent), noise)
+            size = max(robust_size(np.concatenate(parts)), noise)
+            robust = [pseudo_huber(part / size).value for part in parts]
+            self.scales[signal] = Scale(size, correlation_time(robust), noise)
 
     def influence(self, model: Model) -> tuple[Array, Array]:
-        """(samples,) each, at `model`: pull, psi(e) / (scale tau), and stiffness, psi'(e) / (scale^2 tau).
+        """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (samples,) each.
 
-        psi is the loss's derivative. Pull times sensitivity is a sample's score; stiffness weighs its information.
+        psi is the derivative of the loss. Pull times sensitivity is a sample's score; stiffness weighs its information.
         """
-        size, tau = self._per_sample("size"), self._per_sample("tau")
-        whitened = (self.measured - self.predict([model])[0]) / size
-        root = np.sqrt(1 + (whitened / BEND) ** 2)
-        return whitened / root / (size * tau), root**-3 / (size**2 * tau)
+        size, tau = self._sizes(), self._taus()
+        scaled = (self.measured - self.predict([model])[0]) / size
+        root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
+        return scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, least: int) -> tuple[NDArray[np.int64], int]:
-        """Cuts the runs into stretches of time longer than the residual remembers, but at least `least` of them.
+        """Cuts the runs into stretches of time, each longer than the residual's correlation time, at least `least`.
 
         Returns (samples,) the number of the stretch of each sample, the same for all signals, and how many there are.
         """
         rows = {block.run: len(block.known) for block in self.blocks}
-        remembered = 2 * max(scale.tau for scale in self.scales.values())
-        length = int(max(1, min(remembered, sum(rows.values()) / least)))
+        correlated = 2 * max(scale.tau for scale in self.scales.values())
+        length = int(max(1, min(correlated, sum(rows.values()) / least)))
         first, numbers = {}, np.empty(len(self.measured), dtype=np.int64)
         count = 0
         for run, samples in rows.items():
@@ -147,7 +155,7 @@ class OutputError:
         return numbers, count
 
     def start_errors(self, model: Model) -> Array:
-        """(signals, samples): what one noise sd in the sample a run starts from does to what is simulated."""
+        """Returns (signals, samples): the change of the simulation when a run's first sample is off by one noise sd."""
         base = self.predict([model])[0]
         moved = []
         for signal in self.signals:
@@ -157,7 +165,7 @@ class OutputError:
         return np.array(moved)
 
     def by_run(self, values: Array) -> Array:
-        """(runs, columns): sums of (samples, columns) over each fitted run."""
+        """Returns (runs, columns): the sums of (samples, columns) over each fit run."""
         runs = list(dict.fromkeys(block.run for block in self.blocks))
         sums = np.zeros((len(runs), values.shape[1]))
         for block in self.blocks:
@@ -165,7 +173,7 @@ class OutputError:
         return sums
 
     def signal_size(self) -> Array:
-        """(samples,): rms of the signal that the sample belongs to."""
+        """Returns (samples,): the rms of the signal that the sample belongs to."""
         return self._by_signal({signal: self._rms(signal) for signal in self.signals})
 
     def _simulate(self, replay: Replay, models: Sequence[Model]) -> list[dict[str, Outputs]]:
@@ -177,8 +185,8 @@ class OutputError:
             self._cache = (key, self.predict([self.plan.at(point)])[0])
         return self._cache[1]
 
-    def _whitened(self, point: Array) -> Array:
-        return (self.measured - self._simulated(point)) / self._per_sample("size")
+    def _scaled(self, point: Array) -> Array:
+        return (self.measured - self._simulated(point)) / self._sizes()
 
     def _prior(self, point: Array) -> Array:
         centre = self.plan.start()
@@ -191,14 +199,17 @@ class OutputError:
         return np.array(terms)
 
     def _inward(self, point: Array, index: int) -> Array:
-        """A step of one coordinate, towards the inside of its bounds."""
+        """Returns a step of one coordinate that stays within its bounds."""
         high = self.plan.free[index].bounds()[1]
         step = np.zeros(len(point))
         step[index] = _STEP if point[index] + _STEP <= high else -_STEP
         return step
 
-    def _per_sample(self, what: str) -> Array:
-        return self._by_signal({signal: getattr(scale, what) for signal, scale in self.scales.items()})
+    def _sizes(self) -> Array:
+        return self._by_signal({signal: scale.size for signal, scale in self.scales.items()})
+
+    def _taus(self) -> Array:
+        return self._by_signal({signal: scale.tau for signal, scale in self.scales.items()})
 
     def _by_signal(self, values: dict[str, float]) -> Array:
         result = np.empty(len(self.measured))
@@ -210,7 +221,7 @@ class OutputError:
         parts = [self.measured[block.place] for block in self.blocks if block.signal == signal]
         moved = [part - part[0] if signal in SUMMED else part for part in parts]
         rms = float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
-        return rms if rms > _NOTHING else 1.0
+        return rms if rms > _LEAST_RMS else 1.0
 
     def _first_scale(self, signal: str) -> Scale:
         description = self._replay.dataset.signals.get(signal)
@@ -223,46 +234,5 @@ class OutputError:
 
 
 def finite(slopes: Array) -> Array:
-    """`slopes` with 0 where the plant diverged."""
+    """Returns `slopes` with 0 where the plant diverged."""
     return np.where(np.isfinite(slopes), slopes, 0.0)
-
-
-def noise_sd(values: Array) -> float:
-    """White noise on a smooth signal, from its third differences: robust sd over sqrt(20). `values` (n,), any unit."""
-    if len(values) < 8:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / 20**0.5)
-
-
-def correlation_time(parts: Sequence[Array]) -> float:
-    """1 + 2 times the sum of the autocorrelation up to its first zero (Geyer 1992, simplified), in samples.
-
-    Each part, a run, is taken about its own mean, and parts are uncorrelated with each other.
-    """
-    longest = max(len(part) for part in parts)
-    total = np.zeros(longest)
-    for part in parts:
-        spectrum = np.fft.rfft(part - part.mean(), 2 * longest)
-        total += np.fft.irfft(np.abs(spectrum) ** 2)[:longest]
-    if total[0] <= 0:
-        return 1.0
-    rho = total / total[0]
-    below = np.flatnonzero(rho <= 0)
-    return float(max(1.0, 1 + 2 * np.sum(rho[1 : below[0] if len(below) else longest])))
-
-
-def _bend(whitened: Array) -> tuple[Array, Array]:
-    """Pseudo-Huber: (phi, d phi / d whitened), with phi^2 / 2 = bend^2 (sqrt(1 + (e / bend)^2) - 1)."""
-    root = np.sqrt(1 + (whitened / BEND) ** 2)
-    shrink = np.sqrt(2 / (1 + root))
-    return whitened * shrink, 1 / (root * shrink)
-
-
-def _robust_size(error: Array) -> float:
-    """Huber's proposal 2 with a bend of 2.5: the rms of what is not an outlier."""
-    size = 1.4826 * float(np.median(np.abs(error)))
-    if size == 0:
-        return float(np.sqrt(np.mean(error**2)))
-    for _ in range(30):
-        size = float(np.sqrt(np.mean(np.minimum(error**2, (2.5 * size) ** 2)) / 0.9775))
-    return size

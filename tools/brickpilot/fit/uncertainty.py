@@ -1,8 +1,9 @@
-"""How well a fit is known: intervals, parameters the data cannot tell apart, and combinations they can.
+"""The uncertainty of a fit: intervals, parameters that are not identifiable, and combinations of them that are.
 
-Linearised at the estimate, with the sandwich covariance of M-estimators (Huber 1967) over stretches of time, and the
-noise of the sample each run starts from. Each parameter is measured in a size of its own, so that one threshold serves
-all: in its logarithm where it is far above zero, else in what changes the simulated signals by all of their rms.
+The problem is linearised at the estimate. The covariance is the sandwich of M-estimators (Huber 1967) over stretches of
+time, plus the noise of the sample that each run starts from. Each parameter has a unit of its own, so that one
+threshold serves all: its logarithm where it is far above zero, else its natural size, the change that moves the
+simulated signals by their rms.
 """
 
 from __future__ import annotations
@@ -21,21 +22,23 @@ from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-_KNOWN_SD = 0.5  # a direction known worse than this, in sizes, is one the data do not narrow
-_SMALL_SD = 0.05  # of its natural size: one that may be zero is known to be small
-_NARROWED = 0.9  # of its prior's sd: below it the data have added something
-_FAR = 0.3  # of its natural size
-_MEMBER = 0.02  # share of a parameter that lies in directions the data do not narrow
-_STEP = 3e-3  # either way, of a parameter: no less, as dry contacts and plays are smooth on no smaller scale
-_FORMULA_STEP = 1e-4  # of a formula, which is smooth
-_STRETCHES = 20  # of time, at least, from whose spread the intervals come
+_KNOWN_SD = 0.5  # in the parameters' units: a direction with a larger sd is not identifiable
+_SMALL_SD = 0.05  # of the natural size: with this sd, a parameter that may be zero is known to be small
+_NARROWED = 0.9  # of the prior's sd: below it, the data have added information
+_FAR = 0.3  # of the natural size: from here on a parameter is far above zero
+_MEMBER = 0.02  # share of a parameter that lies in directions that are not identifiable
+_STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not smooth on smaller steps
+_FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
+_STRETCHES = 20  # of time, at least, whose spread gives the intervals
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter, SI. `ci95`: (low, high), None where the data do not narrow it.
+    """One fitted parameter, SI.
 
-    `basis`: "data", "data and prior", "prior alone" (the data add nothing to it), or "not narrowed by the data".
+    Attributes:
+        ci95: (low, high); None where the parameter is neither identifiable nor stated.
+        basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
     """
 
     value: float
@@ -47,7 +50,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Combination:
-    """What the data do say of parameters they cannot tell apart. `formula` in the names of the parameters."""
+    """An identifiable combination of parameters; `formula` in the paper's symbols."""
 
     name: str
     formula: str
@@ -58,7 +61,12 @@ class Combination:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """`groups`: parameters of which only combinations are known. `traceless`: those that leave no trace at all."""
+    """The uncertainty of all parameters.
+
+    Attributes:
+        groups: parameters of which only combinations are identifiable.
+        traceless: parameters with no effect on the data at all.
+    """
 
     estimates: Mapping[str, Estimate]
     groups: tuple[tuple[str, ...], ...]
@@ -66,8 +74,54 @@ class Uncertainty:
     combinations: tuple[Combination, ...]
 
 
+@dataclass(frozen=True)
+class _Linear:
+    """The problem linearised at the estimate; one entry a parameter.
+
+    Attributes:
+        values: the estimate, SI.
+        reach: see `Free.reach`.
+        sizes: the unit in which a parameter is measured, SI: its value where `relative`, else its natural size.
+        relative: whether the parameter is measured in its logarithm.
+        prior_sd: SI; infinite where nothing is stated.
+        slopes: (samples, parameters): change of the simulated signals in SI per SI unit.
+        pull, stiffness: (samples,), see `OutputError.influence`.
+    """
+
+    values: Array
+    reach: Array
+    sizes: Array
+    relative: NDArray[np.bool_]
+    prior_sd: Array
+    slopes: Array
+    pull: Array
+    stiffness: Array
+
+    @property
+    def data_information(self) -> Array:
+        """(parameters, parameters), in the parameters' units."""
+        raw = self.slopes.T @ (self.slopes * self.stiffness[:, np.newaxis])
+        return np.asarray(raw * np.outer(self.sizes, self.sizes))
+
+
 def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncertainty:
-    """Intervals at `model`, the fit's result. None is narrower than the share that a model is trusted to match."""
+    """Returns the intervals at `model`, the fit's result. None is narrower than `problem.matched` allows."""
+    linear = _linearised(problem, model, free)
+    covariance, degrees = _covariance(problem, model, linear)
+    sd = np.sqrt(np.diag(covariance))
+    quantile = float(student_t.ppf(0.975, degrees))
+    estimates = {
+        one.name: _estimate(one, float(v), float(s), float(size), quantile, relative=bool(log))
+        for one, v, s, size, log in zip(free, linear.values, sd, linear.sizes, linear.relative, strict=True)
+    }
+    information = linear.data_information + np.diag((linear.sizes / linear.prior_sd) ** 2)
+    groups, traceless = _groups(information, [one.name for one in free])
+    vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
+    combinations = _combinations(model, free, linear.sizes, covariance, quantile) if vague else ()
+    return Uncertainty(estimates, groups, traceless, combinations)
+
+
+def _linearised(problem: OutputError, model: Model, free: tuple[Free, ...]) -> _Linear:
     values = np.array([value_of(model, one.name) for one in free])
     reach = np.array([one.reach for one in free])
     steps = np.maximum(np.abs(values), 1e-3 * np.array([one.size for one in free])) * reach * _STEP
@@ -75,42 +129,37 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
     share = np.sqrt(np.mean((slopes / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
     spans = np.array([one.info.maximum - one.info.minimum for one in free])
     natural = np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
-    pull, stiffness = problem.influence(model)
-    raw = slopes.T @ (slopes * stiffness[:, np.newaxis])
-    # One that may be zero is a matter of proportion only where it is far from it.
+    # The logarithm of a parameter that may be zero makes sense only far from zero.
     lowest = np.array([one.info.minimum for one in free])
     relative = (lowest > 0) | ((lowest == 0) & (values > _FAR * natural))
-    sizes = np.where(relative, values, natural)
     prior_sd = np.array(
         [one.known.sd if one.known is not None and one.known.sd is not None else np.inf for one in free]
     )
-    information = raw * np.outer(sizes, sizes) + np.diag((sizes / prior_sd) ** 2)
-    wide = np.where(np.isinf(prior_sd), WIDE_SD**-2, 0.0)
-    prior = (sizes / prior_sd) ** 2 + wide
-    spread, degrees = _score_spread(problem, slopes * sizes * pull[:, np.newaxis])
-    weighted = slopes * sizes * stiffness[:, np.newaxis]
+    pull, stiffness = problem.influence(model)
+    return _Linear(values, reach, np.where(relative, values, natural), relative, prior_sd, slopes, pull, stiffness)
+
+
+def _covariance(problem: OutputError, model: Model, linear: _Linear) -> tuple[Array, int]:
+    """Returns the covariance in the parameters' units, and the degrees of freedom of their intervals."""
+    wide = np.where(np.isinf(linear.prior_sd), WIDE_SD**-2, 0.0)
+    prior = (linear.sizes / linear.prior_sd) ** 2 + wide
+    in_units = linear.slopes * linear.sizes
+    spread, degrees = _score_spread(problem, in_units * linear.pull[:, np.newaxis])
+    weighted = in_units * linear.stiffness[:, np.newaxis]
     for moved in problem.start_errors(model):
         shift = problem.by_run(weighted * moved[:, np.newaxis])
         spread += shift.T @ shift
-    curvature = np.linalg.pinv(raw * np.outer(sizes, sizes) + np.diag(prior), hermitian=True)
+    curvature = np.linalg.pinv(linear.data_information + np.diag(prior), hermitian=True)
     covariance = curvature @ (spread + np.diag(prior)) @ curvature
-    covariance += np.diag((problem.matched * reach * values / sizes) ** 2)
-    sd = np.sqrt(np.diag(covariance))
-    quantile = float(student_t.ppf(0.975, degrees))
-    estimates = {
-        one.name: _estimate(one, float(v), float(s), float(size), quantile, relative=bool(log))
-        for one, v, s, size, log in zip(free, values, sd, sizes, relative, strict=True)
-    }
-    groups, traceless = _groups(information, [one.name for one in free])
-    vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
-    combinations = _combinations(model, free, sizes, covariance, quantile) if vague else ()
-    return Uncertainty(estimates, groups, traceless, combinations)
+    covariance += np.diag((problem.matched * linear.reach * linear.values / linear.sizes) ** 2)
+    return covariance, degrees
 
 
 def _score_spread(problem: OutputError, scores: Array) -> tuple[Array, int]:
-    """Covariance of the summed score from its sums over stretches of time, and its degrees of freedom (White 1984).
+    """Returns the covariance of the summed score and its degrees of freedom (White 1984).
 
-    So the residual may be correlated in time and between signals, and may be anything but white.
+    The covariance comes from sums over stretches of time, so the residual may be correlated in time and between
+    signals.
     """
     parameters = scores.shape[1]
     numbers, count = problem.stretches(_STRETCHES + 2 * parameters)
@@ -120,7 +169,7 @@ def _score_spread(problem: OutputError, scores: Array) -> tuple[Array, int]:
 
 
 def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
-    """(samples, parameters): change of the simulated signals per unit of each parameter."""
+    """Returns (samples, parameters): the change of the simulated signals per unit of each parameter."""
     values = np.array([value_of(model, one.name) for one in free])
     low = np.maximum(values - steps, [one.info.minimum for one in free])
     high = np.minimum(values + steps, [one.info.maximum for one in free])

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Run
+from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding, Place
 from brickpilot.discover.locate import residual
-from brickpilot.fit.replay import SUMMED, measured_rates
+from brickpilot.fit.rates import measured_rates
 from brickpilot.report.discover_plots import Curve, superimposed
 from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
 from brickpilot.report.quantities import ROLES, gap_text

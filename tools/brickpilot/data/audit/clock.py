@@ -14,8 +14,9 @@ from math import floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RATES, Course
+from brickpilot.data.audit.view import Course
 from brickpilot.data.audit.windows import cut
+from brickpilot.data.signals import RATE_OF
 
 Vector = NDArray[np.float64]
 
@@ -140,7 +141,7 @@ def _drifts(blocks: Vector, usual: float) -> bool:
 def _ratios(courses: Sequence[Course]) -> list[dict[str, _Ratio]]:
     """Of each run, by the name of the sum."""
     present = set().union(*(course.outputs for course in courses))
-    pairs = [(sums, rate) for sums, rate in (*RATES.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
+    pairs = [(sums, rate) for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
     found: list[dict[str, _Ratio]] = [{} for _ in courses]
     for sums, rate in pairs:
         cuts: dict[int, tuple[Vector, Vector, Vector]] = {}
@@ -154,7 +155,7 @@ def _ratios(courses: Sequence[Course]) -> list[dict[str, _Ratio]]:
                     if np.count_nonzero(known) > _WINDOWS // 2 and np.any(windows.moved[rate][known]):
                         cuts[number] = windows.moved[sums][known], windows.moved[rate][known], beside[known]
         lags = [_solve(np.column_stack([rate, beside]), growth)[0][1] for growth, rate, beside in cuts.values()]
-        lag = float(np.median(lags)) if lags and sums in RATES else None
+        lag = float(np.median(lags)) if lags and sums in RATE_OF else None
         for number, each in cuts.items():
             if (ratio := _ratio(*each, lag)) is not None:
                 found[number][sums] = ratio
@@ -282,7 +283,7 @@ def _jumps(courses: Sequence[Course]) -> list[ClockFault]:
 def _stood(course: Course, at: int) -> bool:
     """Whether every sum that moved on both sides of the gap after sample `at` hardly moved in it."""
     time, votes = course.time, []
-    for name in (*RATES, "yaw_angle"):
+    for name in (*RATE_OF, "yaw_angle"):
         if name in course.outputs:
             sums = course.outputs[name]
             before = (sums[at] - sums[at - _LOCAL]) / (time[at] - time[at - _LOCAL])

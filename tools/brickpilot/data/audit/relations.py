@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RATES, driven_by
+from brickpilot.data.audit.view import driven_by
 from brickpilot.data.audit.windows import Windows
-from brickpilot.data.signals import SIGNALS
+from brickpilot.data.signals import RATE_OF, SIGNALS
 
 Vector = NDArray[np.float64]
 State = Literal[1, 0, -1]
@@ -260,7 +260,7 @@ def _pair(over: str, under: str, scale: float = 1.0) -> Motions:
 def _sums_and_rates(present: set[str]) -> list[Relation]:
     found: list[Relation] = [
         Alike(_one_or_both(sums), (*_one_or_both(rate), ("time",)), _pair(sums, rate), good=(0.5, 2.0), fits=_TIGHT)
-        for sums, rate in RATES.items()
+        for sums, rate in RATE_OF.items()
         if {sums, rate} <= present
     ]
     if {"yaw_angle", "yaw_rate"} <= present:

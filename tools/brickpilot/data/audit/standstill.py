@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import LEAST_FROZEN, RATES, SUMS, Course, Habits, driven_by
+from brickpilot.data.audit.view import LEAST_FROZEN, Course, Habits, driven_by
+from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ def denied(course: Course, name: str, start: int, stop: int, habits: Habits) -> 
 
 def _denied_by_sum(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether a rate stands while the sum that the same sensor measures goes at another, or a changing, rate."""
-    of = next((sums for sums, rate in RATES.items() if rate == name and sums in course.outputs), None)
+    of = next((sums for sums, rate in RATE_OF.items() if rate == name and sums in course.outputs), None)
     if of is None:
         return False
     time, sums = course.time, course.outputs[of]
@@ -55,7 +56,7 @@ def _never_stands(course: Course, name: str, start: int, stop: int, habits: Habi
 
     Driven one way alone a machine may be at its stop. A yaw angle has none.
     """
-    during = course.drives[driven_by(name)][start:stop] if name in SUMS else np.zeros(0)
+    during = course.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
     ways = [float(np.mean(way)) if way.size else 0.0 for way in (during[during > 0.0], -during[during < 0.0])]
     driven = max(ways) if name == "yaw_angle" else min(ways)
     if driven == 0.0:
@@ -67,7 +68,7 @@ def _never_stands(course: Course, name: str, start: int, stop: int, habits: Habi
 def _stops_alone(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether a sum in steady motion stands from one sample to the next while its drive and all else go on."""
     reach = max(_PACE_SAMPLES, int(_PACE_S / course.interval))
-    if name not in SUMS or start < 2 * reach or stop - start < 2 * reach:
+    if name not in SUMMED or start < 2 * reach or stop - start < 2 * reach:
         return False
     before, earlier, after = _slices(start, -reach), _slices(start - reach, -reach), _slices(start + reach, reach)
     values = course.outputs[name]
@@ -159,7 +160,7 @@ def _pace(course: Course, name: str, part: slice) -> float:
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
         return np.nan
-    if name not in SUMS:
+    if name not in SUMMED:
         return float(np.mean(values[known]))
     return float((values[known[-1]] - values[known[0]]) / (time[known[-1]] - time[known[0]]))
 
@@ -170,6 +171,6 @@ def _fastest(time: Vector, values: Vector, name: str = "angle") -> float:
     if known.size < 2:
         return 0.0
     marks = known[np.unique(np.linspace(0, known.size - 1, 41).astype(int))]
-    if name in SUMS:
+    if name in SUMMED:
         return float(np.max(np.abs(np.diff(values[marks]) / np.diff(time[marks]))))
     return float(np.max(np.abs(values[marks])))

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit import standstill
-from brickpilot.data.audit.view import LEAST_FROZEN, RATES, SUMS, Course, Habits, stretches
+from brickpilot.data.audit.view import LEAST_FROZEN, Course, Habits, stretches
+from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,7 +43,7 @@ def clipped(course: Course, name: str, stated: tuple[float, float] | None) -> Ma
     found = np.zeros(len(values), dtype=bool)
     if stated is None:
         for sign in (1.0, -1.0):
-            found |= _plateau(sign * values, course.resolution[name]) if name not in SUMS else False
+            found |= _plateau(sign * values, course.resolution[name]) if name not in SUMMED else False
         return found
     step = min(course.resolution[name], 0.01 * (stated[1] - stated[0]))
     with np.errstate(invalid="ignore"):
@@ -112,7 +113,7 @@ def at_extreme(course: Course, name: str, stands: Mask) -> Mask:
     values = course.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
-    if name not in SUMS and stands.any() and not stands[-1]:
+    if name not in SUMMED and stands.any() and not stands[-1]:
         for end in (known.min(), known.max()):
             at_end = values == end
             others = known[known != end]
@@ -144,7 +145,7 @@ def _too_long(course: Course, name: str, start: int, stop: int, habits: Habits) 
     """
     level = course.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
-    if not analogue and (name in SUMS or level == 0.0) and not habits.is_noise(name):
+    if not analogue and (name in SUMMED or level == 0.0) and not habits.is_noise(name):
         return False
     elsewhere = [one.outputs[name] for one in habits.courses if one is not course]
     elsewhere += [course.outputs[name][:start], course.outputs[name][stop:]]
@@ -172,7 +173,7 @@ def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> tuple[floa
 def _leaps(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether the signal leaves the stretch, and met it if it is no sum, by a change that it never else makes."""
     values = course.outputs[name]
-    edges = [stop] if name in SUMS else [start, stop]
+    edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
         return False
     if any(abs(values[edge] - values[edge - 1]) <= _LEAP * course.resolution[name] for edge in edges):
@@ -188,7 +189,7 @@ def _leaps(course: Course, name: str, start: int, stop: int) -> bool:
 
 def _denied_by_rate(course: Course, name: str, start: int, stop: int) -> bool:
     """Whether the measured rate of a sum says that it moved far while it stood."""
-    rate = course.outputs.get(RATES.get(name, ""))
+    rate = course.outputs.get(RATE_OF.get(name, ""))
     if rate is None:
         return False
     during = rate[start:stop]

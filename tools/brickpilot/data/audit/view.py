@@ -12,15 +12,6 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-RATES = {"angle": "speed", "position": "velocity"} | {
-    f"wheel_{of}_{side}": f"wheel_{rate}_{side}"
-    for of, rate in (("angle", "speed"), ("travel", "velocity"))
-    for side in ("left", "right")
-}
-"""A sum of motion -> its rate, measured by the same sensor."""
-
-SUMS = frozenset(RATES) | {"yaw_angle"}
-
 LEAST_FROZEN = 20
 """Samples of one value: fewer are never called frozen."""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RATES, SUMS
+from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ class Windows:
         def by(name: str, power: int) -> float:
             return 1.0 / (factors.get(name, 1.0) * clock**power)
 
-        moved = {name: values * by(name, 0 if name in SUMS else 1) for name, values in self.moved.items()}
-        changed = {name: values * by(name, -1 if name in SUMS else 0) for name, values in self.changed.items()}
+        moved = {name: values * by(name, 0 if name in SUMMED else 1) for name, values in self.moved.items()}
+        changed = {name: values * by(name, -1 if name in SUMMED else 0) for name, values in self.changed.items()}
         return replace(self, interval=self.interval / clock, seconds=self.seconds / clock, moved=moved, changed=changed)
 
 
@@ -61,10 +61,10 @@ def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows
         if np.count_nonzero(known) < 2:
             continue
         whole = values if known.all() else np.interp(time, time[known], values[known])
-        sums = whole if name in SUMS else integral(time, whole)
+        sums = whole if name in SUMMED else integral(time, whole)
         thin = np.diff(np.concatenate([[0], np.cumsum(known)])[edges]) < _KNOWN * np.diff(edges)
         moved[name] = np.where(thin, np.nan, np.diff(sums[edges]))
-        if name in RATES or name in RATES.values():
+        if name in RATE_OF or name in RATE_OF.values():
             changed[name] = np.where(thin, np.nan, np.diff(_rate_at(time, sums, edges)))
     return Windows(float(np.median(np.diff(time))), np.diff(time[edges]), moved, changed)
 

@@ -18,8 +18,8 @@ from brickpilot.discover.gates import (
 )
 from brickpilot.discover.terms.basis import EFFECT, parameters
 from brickpilot.discover.terms.screen import Atom, Problem, prior, residuals, with_terms
-from brickpilot.fit.output_error import BEND
 from brickpilot.fit.parameters import value_of, with_values
+from brickpilot.fit.robust import HUBER_THRESHOLD
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -189,8 +189,8 @@ def fit(problem: Problem, atoms: tuple[Atom, ...], model: Model, effort: Effort)
     nominal: Array | None = None
     if effort.kept:
         nominal = columns(at, range(count)) if effort.kept == "start" else -problem.sensitivities
-    bend = max(BEND, _SPARED * float(np.sqrt(np.mean(residual(at) ** 2))))
-    for loss_bend in dict.fromkeys([bend] if effort.kept else [bend, BEND]):
+    bend = max(HUBER_THRESHOLD, _SPARED * float(np.sqrt(np.mean(residual(at) ** 2))))
+    for loss_bend in dict.fromkeys([bend] if effort.kept else [bend, HUBER_THRESHOLD]):
         found = least_squares(
             residual,
             at,
@@ -212,4 +212,4 @@ def fit(problem: Problem, atoms: tuple[Atom, ...], model: Model, effort: Effort)
 
 def _loss(residual: Array) -> float:
     """Half the sum of the fit's loss."""
-    return float(BEND**2 * np.sum(np.sqrt(1 + (residual / BEND) ** 2) - 1))
+    return float(HUBER_THRESHOLD**2 * np.sum(np.sqrt(1 + (residual / HUBER_THRESHOLD) ** 2) - 1))
