@@ -14,8 +14,9 @@ from brickpilot.discover import harmonics, pipeline
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import candidates, sizes_of
 from brickpilot.discover.default_sd import with_default_sds
-from brickpilot.discover.experiment import manoeuvres, next_experiment
+from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.gates import gains_enough, required_gain
+from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.start_state import with_averaged_starts, with_rates
 from brickpilot.discover.windows import cut_into_windows
 from brickpilot.fit import parameters

@@ -205,9 +205,9 @@ def test_progress_goes_to_stderr_and_the_verdict_to_stdout(data: Path, tmp_path:
     stages = ended.stderr.splitlines()
     assert len(stages) >= 4
     assert all(len(stage) < 100 and "\r" not in stage for stage in stages)
-    assert "looking for effect 1" in stages
+    assert "searching for effect 1" in stages
     assert "coulomb_friction.torque" in ended.stdout
-    assert "looking for" not in ended.stdout
+    assert "searching for" not in ended.stdout
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
     assert f"report: {Path('runs') / 'discover-dry-wheels' / 'report.html'}" in ended.stdout.splitlines()
 
@@ -271,7 +271,7 @@ def test_where_every_run_is_held_out_there_is_nothing_to_fit(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    "stage", ["reading what was measured", "looking for effect 1", "judging at the measured samples"]
+    "stage", ["preparing the data", "searching for effect 1", "fitting at the measured samples"]
 )
 def test_ctrl_c_leaves_nothing_behind(stage: str, data: Path, tmp_path: Path) -> None:
     work = subprocess.Popen(

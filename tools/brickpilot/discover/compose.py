@@ -51,7 +51,7 @@ def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None
     nearly_explained = prepared.excitation.windowed and verdict.removed > gates.WINDOWS_EXPLAINED
     if verdict.adequate or nearly_explained:
         return None
-    tell("composing a term for what is left")
+    tell("composing a term for the rest")
     composed = _best_composed(prepared.coarse, prepared.fine, verdict, tell)
     if composed is None or not _holds_on_held_out_runs(prepared, verdict, composed):
         return None

@@ -152,12 +152,12 @@ def _notes(prepared: Prepared, verdict: Verdict, kind: VerdictKind) -> tuple[str
     notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes]
     if kind in ("named", "ambiguous") and not verdict.adequate:
         notes.append(
-            f"Something remains: {verdict.best.cost / verdict.noise:.1f} times what noise alone would leave. No named "
-            "effect and no composed term takes it away."
+            f"The residual is not noise alone: its cost is {verdict.best.cost / verdict.noise:.1f} times that of "
+            "noise. No further effect and no composed term removes the rest."
         )
     if not verdict.best.chosen and not verdict.adequate:
         notes.append(
-            f"What is left is {verdict.nominal.cost / verdict.noise:.1f} times what noise alone would leave, but no "
-            "named effect takes enough of it away to be believed."
+            f"The residual is not noise alone: its cost is {verdict.nominal.cost / verdict.noise:.1f} times that of "
+            "noise. But no effect of the library removes enough of it to be believed."
         )
     return tuple(dict.fromkeys(notes))

@@ -1,4 +1,4 @@
-"""What to do next: the manoeuvre in which explanations that fit the same data differ most, or the signal to measure."""
+"""The stage that plans the next experiment: the manoeuvre that separates the rivals, or the signal to measure."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from brickpilot import catalogue
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.finding import Experiment, Manoeuvre
 from brickpilot.discover.gates import SEPARATES_NOISE_SD, SEPARATES_SIGNAL_SHARE
+from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
 from brickpilot.vehicle import plant
@@ -21,63 +22,6 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01
-
-
-def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
-    """Ways of driving that excite one thing at a time, up to `volts`. A `motor` is driven by its left voltage alone."""
-
-    def made(name: str, *levels: tuple[float, float, float]) -> Manoeuvre:
-        """Rest, then each level, (s, left, right) in shares of `volts`, then rest again."""
-        left, right, now = [(0.0, 0.0)], [(0.0, 0.0)], 0.5
-        for seconds, one, other in (*levels, (1.0, 0.0, 0.0)):
-            left += [(now, left[-1][1]), (now, one * volts)]
-            right += [(now, right[-1][1]), (now, other * volts)]
-            now += seconds
-        return Manoeuvre(name, now, (*left, (now, 0.0)), (*right, (now, 0.0)))
-
-    def ramped(name: str, top: float, ratio: float) -> Manoeuvre:
-        points = ((0.0, 0.0), (4.0, top), (12.0, -top), (16.0, 0.0))
-        left = tuple((t, v * volts) for t, v in points)
-        return Manoeuvre(name, 16.0, left, tuple((t, v * ratio) for t, v in left))
-
-    straight = (
-        made("forward and back at full power", (3.0, 1.0, 1.0), (3.0, -1.0, -1.0)),
-        made("forward and back at a third of the power", (4.0, 0.35, 0.35), (4.0, -0.35, -0.35)),
-        made("a staircase of speeds", *((2.0, level, level) for level in (0.2, 0.4, 0.6, 0.8, 1.0))),
-        ramped("a slow ramp through zero", 0.4, 1.0),
-        made(
-            "reversals, faster and faster",
-            *(
-                (s, a, a)
-                for s, a in (
-                    (1.6, 0.5),
-                    (1.6, -0.5),
-                    (0.8, 0.5),
-                    (0.8, -0.5),
-                    (0.4, 0.5),
-                    (0.4, -0.5),
-                    (0.2, 0.5),
-                    (0.2, -0.5),
-                    (0.2, 0.5),
-                    (0.2, -0.5),
-                )
-            ),
-        ),
-        made("half a minute at full power", (30.0, 1.0, 1.0)),
-        made("creeping", (5.0, 0.12, 0.12), (5.0, -0.12, -0.12)),
-    )
-    if vehicle == "motor":
-        return straight
-    return (
-        *straight,
-        made("spinning right, then left", (4.0, 0.5, -0.5), (4.0, -0.5, 0.5)),
-        made("spinning at full power", (4.0, 1.0, -1.0), (4.0, -1.0, 1.0)),
-        ramped("a slow spin through zero", 0.4, -1.0),
-        made("curves to the right and to the left", (4.0, 0.8, 0.4), (4.0, 0.4, 0.8)),
-        made("curves backward", (4.0, -0.8, -0.4), (4.0, -0.4, -0.8)),
-        made("fast tight curves", (4.0, 1.0, 0.2), (4.0, 0.2, 1.0)),
-        made("one wheel at a time", (3.0, 0.6, 0.0), (3.0, 0.0, 0.6), (3.0, -0.6, 0.0), (3.0, 0.0, -0.6)),
-    )
 
 
 def plan_experiment(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Experiment | None:
@@ -92,19 +36,19 @@ def plan_experiment(prepared: Prepared, verdict: Verdict, composed: Composed | N
 def next_experiment(
     rivals: Mapping[str, Model], measured: Sequence[str], noise_sd: Mapping[str, float], volts: float
 ) -> Experiment:
-    """The manoeuvre that tells `rivals`, as they are fitted, apart best in what is measured.
+    """Returns the manoeuvre that separates the fitted `rivals` best in the measured signals.
 
     Args:
         rivals: name -> fitted model, two or more.
-        noise_sd: signal -> of a sample, SI.
-        volts: the largest command that was given.
+        noise_sd: signal -> noise sd of a sample, SI.
+        volts: the largest command of the measured runs.
     """
     vehicle = next(iter(rivals.values())).vehicle
     best: tuple[float, str, Manoeuvre] | None = None
     unmeasured: tuple[float, str | None] = (0.0, None)
     for manoeuvre in manoeuvres(vehicle, volts):
         outputs = _drive(rivals, manoeuvre)
-        where, apart = _apart(outputs, {name: noise_sd[name] for name in measured})
+        where, apart = _separation(outputs, {name: noise_sd[name] for name in measured})
         if best is None or apart > best[0]:
             best = (apart, where, manoeuvre)
         others = {
@@ -113,7 +57,7 @@ def next_experiment(
             if name not in measured and name in _CAN_MEASURE
         }
         if others:
-            name, share = _apart(outputs, others)
+            name, share = _separation(outputs, others)
             if share > unmeasured[0]:
                 unmeasured = (share, name)
     names = tuple(rivals)
@@ -121,15 +65,16 @@ def next_experiment(
     if best is not None and separation >= SEPARATES_NOISE_SD:
         _, signal, manoeuvre = best
         advice = (
-            f'Drive "{manoeuvre.name}", add the run to the data set and run discover again: {signal} tells them apart.'
+            f'Drive "{manoeuvre.name}", add the run to the data set and run discover again. '
+            f"The explanations differ most in {signal}."
         )
         return Experiment(advice, names, separation, signal, manoeuvre)
     if unmeasured[1] is not None and unmeasured[0] > SEPARATES_SIGNAL_SHARE:
-        advice = f"No way of driving tells them apart in what is measured. Measure {unmeasured[1]} as well."
+        advice = f"No manoeuvre separates the explanations in the measured signals. Measure {unmeasured[1]} as well."
         return Experiment(advice, names, separation, unmeasured[1], None)
     advice = (
-        "Neither another way of driving nor another signal of the vehicle tells them apart: both say the same of it. "
-        "Only a look at the part itself does, such as timing the sensor on its own."
+        "No manoeuvre and no further signal of the vehicle separates the explanations: they have the same effect. "
+        "Examine the part itself, for example time the sensor on its own."
     )
     return Experiment(advice, names, separation, None, None)
 
@@ -147,15 +92,15 @@ def _drive(rivals: Mapping[str, Model], manoeuvre: Manoeuvre) -> list[dict[str, 
 
 
 def _held(time: Array, points: Sequence[tuple[float, float]]) -> Array:
-    """Linear between the break points; at a step, the value after it."""
+    """Returns (n,): linear between the break points; at a step, the value after it."""
     at, value = np.array(points).T
     index = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
     span = np.where(at[index + 1] > at[index], at[index + 1] - at[index], 1.0)
     return np.asarray(value[index] + (value[index + 1] - value[index]) * np.clip((time - at[index]) / span, 0.0, 1.0))
 
 
-def _apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[str, float]:
-    """The signal in which even the nearest two differ most, and by how much, in `sizes`, rms."""
+def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[str, float]:
+    """Returns the signal in which even the nearest two rivals differ most, and by how much: rms over `sizes`."""
     found = {
         name: min(
             float(np.sqrt(np.mean((one[name] - other[name]) ** 2))) / size for one, other in combinations(outputs, 2)

@@ -1,4 +1,4 @@
-"""What discovery found: the one record that verdict.json and the report are written from."""
+"""What discovery found. verdict.json and the report are written from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A fitted value, SI. `ci95`: (low, high); None where the data do not narrow it."""
+    """A fitted value, SI. `ci95`: (low, high); None if the data do not determine it."""
 
     value: float
     unit: str
@@ -26,12 +26,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Equivalent:
-    """Another explanation that the data cannot tell from the one given.
+    """An equivalent model: an explanation that the data cannot tell from the best one.
 
     Attributes:
         name: an effect, or several joined by " + ".
-        parameters: "effect.parameter" where there are several effects, else the parameter -> its value.
-        worse_by: fall in log likelihood beside the best one, for the data as they are.
+        parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
+        worse_by: how much lower its log likelihood is than that of the best one.
     """
 
     name: str
@@ -41,7 +41,12 @@ class Equivalent:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect that is named. `confidence`: how often it is found again when the manoeuvres are drawn anew, 0..1."""
+    """One effect that is named.
+
+    Attributes:
+        confidence: how often it comes first when stretches of the runs are drawn again, 0..1.
+        equivalents: the explanations that the data cannot tell from it.
+    """
 
     name: str
     acts_on: str
@@ -53,7 +58,12 @@ class Effect:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the gap was: a stretch of one signal of one run. `share_of_gap`: of all squared residual that went away."""
+    """Where the gap was: a time span of one signal of one run.
+
+    Attributes:
+        share_of_gap: its share of all the squared residual that the augmented model removed, 0..1.
+        when: what the vehicle was doing.
+    """
 
     run: str
     signal: str
@@ -65,7 +75,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Gap:
-    """rms of measured minus simulated over noise sd, sample by sample, from the inputs alone. None: no such runs."""
+    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
 
     before: float | None
     after: float | None
@@ -73,14 +83,14 @@ class Gap:
 
 @dataclass(frozen=True)
 class Rank:
-    """One explanation that was tried, in the order of the ranking; the first is the best.
+    """One explanation that was tried.
 
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        gap: residual rms over noise sd on the fit runs with it.
-        removed: share of the gap above the noise that it takes away, 0..1.
-        why: a sentence on why it was taken, or lost.
+        gap: rms of its residual on the fit runs, over that of noise.
+        removed: the share of the cost above that of noise that it removes, 0..1.
+        why: a sentence on why it was taken or lost.
     """
 
     names: tuple[str, ...]
@@ -92,7 +102,12 @@ class Rank:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """What is left looks like. `correlation`: at lags 1.. of `lag_s` s each; `bound`: 95 % of white noise."""
+    """How white the residual of a signal is.
+
+    Attributes:
+        correlation: autocorrelation at lags 1, 2, ... of `lag_s` seconds each.
+        bound: white noise stays within it 95 % of the time.
+    """
 
     lag_s: float
     correlation: tuple[float, ...]
@@ -102,7 +117,7 @@ class Whiteness:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An experiment to run: break points (s, V) of either motor's command, linear between; a step repeats its time."""
+    """An experiment to run: break points (s, V) of each motor's command, linear between. A step repeats its time."""
 
     name: str
     duration_s: float
@@ -112,9 +127,14 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to do next. `separation`: noise sd, rms, between the rivals in the signal where they differ most.
+    """What to do next.
 
-    `manoeuvre` is None where no way of driving helps and another measurement is needed: `advice` says which.
+    Attributes:
+        advice: sentences for the user.
+        separates: the rivals.
+        separation: rms difference between the rivals in `signal`, in noise sd.
+        signal: where they differ most, or the signal to measure as well.
+        manoeuvre: None where no manoeuvre helps; `advice` says what does.
     """
 
     advice: str
@@ -126,7 +146,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Visible:
-    """The smallest size of an effect that these data would have shown."""
+    """The smallest size of an effect that discovery would have named in these data."""
 
     parameter: str
     size: float
@@ -135,7 +155,7 @@ class Visible:
 
 @dataclass(frozen=True)
 class NominalChange:
-    """A nominal value as stated and as fitted. `leaves_prior`: by more than three of its sd: a finding, not a fix."""
+    """A nominal value as stated and as fitted. `leaves_prior`: the fit moved it by more than three of its sd."""
 
     before: float
     after: float
@@ -146,7 +166,14 @@ class NominalChange:
 
 @dataclass(frozen=True)
 class Term:
-    """A term composed for what has no name. `equation`: plain text; `html`: the same for a page; `source`: a C file."""
+    """A composed term.
+
+    Attributes:
+        place: where it acts.
+        equation, html: the equation as plain text and as MathML.
+        file_name, source: its C file.
+        removed_held_out: the share of the gap on held-out runs that it removes; NaN if no run is held out.
+    """
 
     place: str
     equation: str
@@ -158,16 +185,17 @@ class Term:
 
 @dataclass(frozen=True)
 class Finding:
-    """All that discovery says of a data set.
+    """All that discovery says about a data set.
 
     Attributes:
-        effects: those named, the strongest first; for `ambiguous` the best explanation, its rivals in `equivalents`.
-        gap: "fit", "held_out" -> gap; `by_signal` over all runs.
-        nominal_model: the re-calibrated nominal model, `augmented`: what is written to model.toml.
+        effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`.
+        gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
+        nominal_model: the calibrated nominal model.
+        augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
-        ranking: every explanation that was fitted, best first.
-        power: effect -> the smallest size that would have been found; of the effects that can show in these data.
-        notes: what was taken for granted, left out or could not be told.
+        ranking: every explanation that was fitted, the best first.
+        power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
+        notes: sentences on what was assumed, left out or not identifiable.
     """
 
     dataset: Dataset
@@ -193,7 +221,7 @@ class Finding:
     seed: int
 
     def to_json(self) -> dict[str, Any]:
-        """The object of verdict.json (interfaces.md)."""
+        """Returns the object of verdict.json."""
         return {
             "verdict": self.verdict,
             "effects": [_effect_json(effect) for effect in self.effects],
@@ -231,7 +259,7 @@ def _effect_json(effect: Effect) -> dict[str, Any]:
 
 
 def _plain(experiment: Experiment | None) -> dict[str, Any] | None:
-    """The experiment with its manoeuvre's name and break points at the top, as a script would drive it."""
+    """Returns the experiment with the manoeuvre's name and break points at its top level, ready for a script."""
     if experiment is None:
         return None
     entry = dataclasses.asdict(experiment)

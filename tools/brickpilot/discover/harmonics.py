@@ -1,4 +1,4 @@
-"""How many times a turn something repeats: read off the measured wheel speeds, before anything is simulated."""
+"""The orders (periods per turn) of periodic effects, read off the measured wheel speeds before any simulation."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from brickpilot.discover.windows import wheel_angles
 Array = NDArray[np.float64]
 
 _STEP = 2 * math.pi / 256  # rad
-_LOWEST, _HIGHEST = 0.9, 64.0  # a turn
+_LOWEST, _HIGHEST = 0.9, 64.0  # orders
 _PADDING = 4
-_BESIDE = 2.0  # orders either side that a peak is measured against
-_STANDS_OUT = 6.0  # times the median of what is beside it
+_NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
+_PROMINENCE = 6.0  # times the median of its neighbourhood
 _PEAKS = 3
-_SAME = 0.003  # orders that are one: nearer than a search finds the way between
-_LONGEST = 2**15  # steps of angle: 800 rad either way, beyond which angles wrap
+_SAME = 0.003  # orders nearer than this are one: a search finds the way between them
+_LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * _PADDING)
 
 
 def orders(dataset: Dataset) -> tuple[float, ...]:
-    """Orders at which the wheels' acceleration repeats with their angle, the strongest of each way to look first.
+    """Returns the orders at which the wheels' acceleration repeats with their angle, the strongest first.
 
-    Three ways, as no model is needed to see what repeats more often a turn than the drive does: with one phase for all
-    runs of a wheel; with that in proportion to the current, as a motor's ripple is; and with the phases of each run for
-    themselves. What stands for the current is the voltage that the speed does not account for.
+    There are three spectra: one phase for all runs of a wheel; the same in proportion to the current, as a motor's
+    ripple is; and a phase for each run. The current is taken as the voltage that the speed does not explain. No model
+    is needed, because an effect repeats more often per turn than the drive does.
     """
     alone = np.zeros(_LONGEST * _PADDING // 2 + 1)
     together: dict[tuple[str, bool], NDArray[np.complex128]] = {}
@@ -54,17 +54,17 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
 
 
 def _peaks(power: Array) -> list[float]:
-    """Orders at which `power` (orders,) stands out, the strongest first."""
+    """Returns the orders at which `power` (orders,) has a peak, the strongest first."""
     if not power.any():
         return []
     order = np.arange(len(power)) * _RESOLUTION
     found: list[float] = []
     inside = (order > _LOWEST) & (order < _HIGHEST)
     for index in np.argsort(np.where(inside, -power, 0.0))[: 50 * _PEAKS].tolist():
-        if not inside[index] or any(abs(order[index] - one) < _BESIDE for one in found):
+        if not inside[index] or any(abs(order[index] - one) < _NEIGHBOURHOOD for one in found):
             continue
-        beside = (np.abs(order - order[index]) < _BESIDE) & (np.abs(order - order[index]) > 0.25)
-        if power[index] > _STANDS_OUT * float(np.median(power[beside])):
+        neighbours = (np.abs(order - order[index]) < _NEIGHBOURHOOD) & (np.abs(order - order[index]) > 0.25)
+        if power[index] > _PROMINENCE * float(np.median(power[neighbours])):
             found.append(float(order[index]))
         if len(found) == _PEAKS:
             break
@@ -72,7 +72,7 @@ def _peaks(power: Array) -> list[float]:
 
 
 def _sums(angle: Array, values: Array) -> NDArray[np.complex128]:
-    """(orders,): Fourier sum over angle of `values` (n,) at `angle` (n,)."""
+    """Returns (orders,): the Fourier sum over the angle of `values` (n,) at `angle` (n,)."""
     bins = np.zeros(_LONGEST * _PADDING)
     np.add.at(bins, np.round(angle / _STEP).astype(np.int64) % len(bins), values)
     return np.asarray(np.fft.rfft(bins))

@@ -1,4 +1,4 @@
-"""Where simulation and measurement disagree: how much, in which runs, signals and moments, and what is left."""
+"""Where simulation and measurement disagree: in which runs, signals and times, and how much."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from brickpilot.fit.replay import Outputs
 
 Array = NDArray[np.float64]
 
-_PLACES = 8  # that are told
-_TAIL = 0.05  # of the gap of a place, at either end, that its stretch leaves out
+_PLACES = 8  # that are reported
+_LEAST_SHARE = 0.02  # of the gap: a smaller place is not reported
+_TAIL = 0.05  # of a place's gap at either end: its time span leaves so much out
+_CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers less is not reported
+_CONDITION_LIFT = 1.3  # the condition covers so many times more of the gap than of the time
 _LAGS = 20
-_LEAST_SHARE = 0.02
-_MOST_IN = 0.6  # of a place's gap that a condition has to hold, to be worth telling
-_LIFT = 1.3  # times as much as its share of the time
 
 
 def gaps(
@@ -31,10 +31,10 @@ def gaps(
     roles: Mapping[str, str],
     noise_sd: Mapping[str, float],
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
-    """rms of measured minus simulated over noise sd, by role and by signal, before ("nominal") and after ("augmented").
+    """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
 
-    Sample by sample and from the inputs alone; a signal that sums up is taken from its first sample. Signals count
-    alike, samples within a signal too.
+    It is the rms of measured less simulated over the noise sd, sample by sample, in free runs. A signal that sums up
+    is taken from its first sample. All signals have the same weight, and so have all samples of a signal.
     """
 
     def gap(run_names: Sequence[str], signals: Sequence[str]) -> Gap:
@@ -68,7 +68,7 @@ def _rms(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Measured minus simulated, (n,); NaN where nothing was measured. What sums up starts from 0."""
+    """Returns measured less simulated, (n,); NaN where nothing was measured. A signal that sums up starts from 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))
@@ -77,13 +77,14 @@ def residual(run: Run, signal: str, simulated: Array) -> Array:
 
 
 def places(
-    error: BinnedOutputError, dataset: Dataset, before: Array, after: Array, moving: Mapping[str, Outputs]
+    error: BinnedOutputError, dataset: Dataset, before: Array, after: Array, motion: Mapping[str, Outputs]
 ) -> tuple[Place, ...]:
-    """The runs and signals that most of the gap came from, the largest first.
+    """Returns the runs and signals that most of the gap came from, the largest first.
 
     Args:
-        error: over all runs; `before`, `after`: (samples,) its losses with the nominal and the augmented model.
-        moving: run -> outputs of the augmented model, for what the vehicle was doing.
+        error: the residual of all runs.
+        before, after: (samples,) its losses with the nominal and with the augmented model.
+        motion: run -> outputs of the augmented model: they say what the vehicle was doing.
     """
     fall = before - after
     total = float(fall[fall > 0].sum())
@@ -99,7 +100,7 @@ def places(
         grown = np.cumsum(part) / part.sum()
         first, last = int(np.searchsorted(grown, _TAIL)), int(np.searchsorted(grown, 1 - _TAIL))
         run = clock[run_of(block.run)]
-        when = _condition(run, moving[run.name], block.middle, part)
+        when = _condition(run, motion[run.name], block.middle, part)
         found.append(
             Place(
                 run.name,
@@ -114,7 +115,7 @@ def places(
 
 
 def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
-    """What the vehicle was doing while the gap was there: the narrowest plain condition that holds most of it."""
+    """Returns what the vehicle was doing where the gap was: the narrowest condition that covers most of it."""
     held = {name: np.interp(middle, run.time, np.nan_to_num(values)) for name, values in outputs.items()}
     speed = next((held[name] for name in ("surge", "velocity", "speed") if name in held), np.zeros(len(middle)))
     turn = held.get("yaw_rate", np.zeros(len(middle)))
@@ -130,19 +131,19 @@ def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
         "turning": np.abs(turn) > turning,
         "while the speed changes": change > 0.2 * float(change.max()),
     }
-    best, lift = "throughout", _LIFT
+    best, lift = "throughout", _CONDITION_LIFT
     for text, mask in conditions.items():
         inside, time = float(part[mask].sum() / part.sum()), float(mask.mean())
-        if inside >= _MOST_IN and time > 0 and inside / time > lift and float(np.ptp(speed) + np.ptp(turn)) > 0:
+        if inside >= _CONDITION_SHARE and time > 0 and inside / time > lift and float(np.ptp(speed) + np.ptp(turn)) > 0:
             best, lift = text, inside / time
     return best
 
 
-def whiteness(error: BinnedOutputError, left: Array) -> dict[str, Whiteness]:
-    """Autocorrelation of what is left, by signal, over the bins. `left`: (samples,), whitened."""
+def whiteness(error: BinnedOutputError, whitened: Array) -> dict[str, Whiteness]:
+    """Returns the autocorrelation of `whitened` (samples,), a residual, by signal and over the bins."""
     found = {}
     for signal in error.signals:
-        parts = [left[block.place] for block in error.blocks if block.signal == signal]
+        parts = [whitened[block.place] for block in error.blocks if block.signal == signal]
         parts = [part - part.mean() for part in parts if len(part) > 2 * _LAGS]
         if not parts:
             continue

@@ -67,12 +67,12 @@ def discover(
     began = time.perf_counter()
     tell = Counter(progress, _PROGRESS_STEPS)
     prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs)
-    tell("reading what was measured")
+    tell("preparing the data")
     tell("calibrating the nominal model")
     explained: Explained = _explain(prepared, tell)
     explained = _explain_in_windows(explained, tell)
     composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
-    tell("intervals and what to do next")
+    tell("computing intervals and the next experiment")
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, composed)
     finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, composed, experiment)
     return dataclasses.replace(finding, elapsed_s=round(time.perf_counter() - began, 2))
@@ -82,7 +82,7 @@ def _explain(prepared: Prepared, tell: Counter) -> Explained:
     """Calibrates the nominal model, searches for effects on the coarse grid, and judges at the measured samples."""
     nominal: FittedModel = calibrate(prepared)
     searched: Searched = search(prepared, nominal, tell)
-    tell("judging at the measured samples")
+    tell("fitting at the measured samples")
     verdict: Verdict = judge(prepared, searched)
     return Explained(prepared, searched, verdict)
 
@@ -99,6 +99,6 @@ def _explain_in_windows(whole: Explained, tell: Counter) -> Explained:
     windows = prepare_windows(whole.prepared)
     if windows is None:
         return whole
-    tell("looking again, from the measured state every so often")
+    tell("searching again in short windows")
     again = _explain(windows, tell)
     return again if again.verdict.removed > least else whole

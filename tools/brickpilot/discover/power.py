@@ -1,4 +1,4 @@
-"""The smallest size of each effect that a data set would have shown: what "none" is worth."""
+"""The smallest size of each effect that would have been named in a data set: what the verdict "none" is worth."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from brickpilot.discover.screen import signature_strengths
 
 
 def smallest(error: BinnedOutputError, best: FittedModel, excitation: Excitation) -> dict[str, Visible]:
-    """effect -> the size at which it would have taken away enough to be named, beside what is in `best` already.
+    """Returns effect -> the size at which it would gain enough to be named beside the effects of `best`.
 
-    Extrapolated from the simulated size that is nearest; effects of which nothing shows at any size are left out.
+    The size is extrapolated from the nearest simulated size. Effects that nothing here excites are left out.
     """
     here = error.with_plan(best.plan)
     here.keep_sensitivities(best.point, len(best.point))

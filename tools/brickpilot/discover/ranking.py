@@ -11,6 +11,8 @@ from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import value_of
 
 _WORSE = "Fits worse by {:.0f} units of log likelihood."
+_GAINS_LITTLE = "Gains too little beside the effects that were taken before."
+_MORE_EFFECTS = "Fits a little better, but it has more effects, and the gain may be chance."
 
 
 def ranking(verdict: Verdict, searched: Searched) -> tuple[Rank, ...]:
@@ -19,7 +21,7 @@ def ranking(verdict: Verdict, searched: Searched) -> tuple[Rank, ...]:
     for step in searched.rounds:
         for one in step.tried:
             by = one.penalised_cost - searched.best.penalised_cost
-            why = _WORSE.format(max(by, 1.0)) if by > 0 else "Takes away too little beside what was taken already."
+            why = _WORSE.format(max(by, 1.0)) if by > 0 else _GAINS_LITTLE
             found.append(_rank(one, verdict, searched.nominal.cost, why))
     first: dict[tuple[str, ...], Rank] = {}
     for rank in found:
@@ -33,7 +35,7 @@ def _why(one: FittedModel, verdict: Verdict) -> str:
     if one in verdict.rivals:
         return "The data cannot tell it from the best one."
     by = one.penalised_cost - verdict.best.penalised_cost
-    return _WORSE.format(max(by, 1.0)) if by > 0 else "Does better by no more than chance, and with more effects."
+    return _WORSE.format(max(by, 1.0)) if by > 0 else _MORE_EFFECTS
 
 
 def _rank(one: FittedModel, verdict: Verdict, before: float, why: str) -> Rank:

@@ -83,7 +83,7 @@ def search(prepared: Prepared, nominal: FittedModel, tell: Tell) -> Searched:
     error, excitation, jobs = prepared.coarse, prepared.excitation, prepared.jobs
     current, rounds, structured = nominal, list[Round](), STRUCTURED * error.noise_cost()
     while len(current.chosen) < MOST_EFFECTS and len(rounds) < _ROUNDS:
-        tell(f"looking for effect {len(current.chosen) + 1}")
+        tell(f"searching for effect {len(current.chosen) + 1}")
         tried, taken = _search_wider(
             prepared, nominal, current, rounds, try_candidates(error, current, excitation, jobs)
         )
@@ -94,7 +94,7 @@ def search(prepared: Prepared, nominal: FittedModel, tell: Tell) -> Searched:
         loses_phase = excitation.wheels_measured and not excitation.windowed and current.is_periodic
         if loses_phase and current.cost > structured:
             break
-    tell("removing what is not needed")
+    tell("removing needless effects")
     return Searched(nominal, prune(error, current, jobs), tuple(rounds))
 
 

@@ -95,7 +95,7 @@ def find_terms(problem: Problem, *, rough: Problem | None = None, tell: Tell = l
 def _search(problem: Problem, tell: Tell) -> tuple[Fit, list[Fit]]:
     """Forward, an atom at a time; then each exchanged for a better one; then without those that are not needed."""
     current = unfitted(problem)
-    tell("simulating every term that could be")
+    tell("simulating every possible term")
     library = Screen(problem, nominal_point(problem, problem.base))
     everything: list[Fit] = []
     while len(current.atoms) < MOST_TERMS and _may_gain(problem, current):
