@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from brickpilot.hil import ends, fly
-from brickpilot.link.links import Frame, Link, encode_frame
+from brickpilot.link.links import Link, Message, encode_frame
 from brickpilot.link.messages import book
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
@@ -24,20 +24,20 @@ class Listener:
 
     def __init__(self, link: Link) -> None:
         self.damaged = 0
-        self.sent: list[Frame] = []
+        self.sent: list[Message] = []
         self._link = link
 
-    def send(self, frames: Sequence[Frame]) -> None:
-        self.sent += frames
-        self._link.send(frames)
+    def send(self, messages: Sequence[Message]) -> None:
+        self.sent += messages
+        self._link.send(messages)
 
-    def receive(self, timeout: float) -> list[Frame]:
+    def receive(self, timeout: float) -> list[Message]:
         return self._link.receive(timeout)
 
     def close(self) -> None: ...
 
 
-def flown(sensors: str) -> list[Frame]:
+def flown(sensors: str) -> list[Message]:
     """What a host sends in a flight of STEPS steps."""
     mission = scenario.load(scenario.packaged()["mission"])
     mission = dataclasses.replace(mission, duration=STEPS * flight.STEP_S, start_at=0.0)
@@ -48,9 +48,9 @@ def flown(sensors: str) -> list[Frame]:
     return link.sent
 
 
-def record(frame: Frame) -> bytes:
+def record(message: Message) -> bytes:
     """As fuzz_brick.c reads it: sealed as it stands, or anew where the fuzzer has changed it."""
-    identifier, data = frame
+    identifier, data = message
     sync = identifier == book().by_name["SYNC"].id
     return bytes([2 if sync else 1]) + identifier.to_bytes(2, "little") + data
 

@@ -1,4 +1,4 @@
-"""What telling the firmware of the robot's effects is worth: the mission on plants that have them, without and with it.
+"""Measures what a compensation improves: the mission on plants with effects, without and with the compensation.
 
 Prints the table of firmware/README.md: `.venv/bin/python tests/loop/compensation_study.py`.
 """
@@ -14,40 +14,44 @@ from brickpilot.vehicle import compensation, flight, scenario
 from brickpilot.vehicle.model import Model, rcx
 
 SEEDS = 12
-CROSS, BELIEF = "cross_track_rms_m", "position_estimate_error_m"
+CROSS, POSITION = "cross_track_rms_m", "position_estimate_error_m"
 PRESETS = {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
 
 
 def robot(effects: dict[str, dict[str, float]], **parameters: float) -> Model:
-    """The packaged robot with these effects (what is left out of one is 0) and other nominal values."""
+    """Returns the packaged robot with these effects, whose absent parameters are 0, and other nominal values."""
     chosen = {name: {**dict.fromkeys(PRESETS[name], 0.0), **on} for name, on in effects.items()}
     return dataclasses.replace(rcx(), parameters={**rcx().parameters, **parameters}, effects=chosen)
 
 
-def told(model: Model) -> compensation.Compensation:
-    """What the firmware is told of a robot."""
+def compensation_of(model: Model) -> compensation.Compensation:
+    """Returns the compensation of a robot."""
     nothing = compensation.Compensation(model.name, dict.fromkeys(compensation.FORMATS, 0))
     return compensation.from_model(model) or nothing
 
 
 @dataclasses.dataclass(frozen=True)
 class Mission:
-    """Flights over some plants, and which of their errors have to shrink in the mean."""
+    """Flights of some plants, and the errors whose mean has to shrink."""
 
     title: str
     plants: tuple[Model, ...]
     sensors: str
     rest: float = 1.0  # s before the start
-    shrinks: tuple[str, ...] = (CROSS, BELIEF)
+    shrinks: tuple[str, ...] = (CROSS, POSITION)
 
     def fly(self, known: bool, seeds: int) -> list[dict[str, Any]]:
-        """Figures of each flight, the firmware told or not."""
+        """Returns the figures of each flight, with the compensation if `known`."""
         mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), start_at=self.rest)
         return [
             flight.summary(
                 flight.fly(
                     flight.plan(
-                        mission, model, sensors=self.sensors, seed=seed, compensation=told(model) if known else None
+                        mission,
+                        model,
+                        sensors=self.sensors,
+                        seed=seed,
+                        compensation=compensation_of(model) if known else None,
                     )
                 )
             )
@@ -57,7 +61,7 @@ class Mission:
 
 
 def _of(name: str, parameter: str, size: float, beside: dict[str, dict[str, float]] | None = None) -> tuple[Model, ...]:
-    """Both signs where the effect has two: the mission turns more to one side, which by itself favours one sign."""
+    """Returns plants with an effect; with both signs if it has two, as the mission itself favours one of them."""
     info = next(i for e in catalogue.effects() if e.name == name for i in e.parameters if i.name == parameter)
     signs = (1, -1) if info.minimum < 0 else (1,)
     return tuple(robot({name: {parameter: sign * size}, **(beside or {})}) for sign in signs)
@@ -73,14 +77,14 @@ ANOTHER = robot(
     torque_constant=0.25,
     emf_constant=0.25,
 )
-_HELD = {"coulomb_friction": {"torque": 0.008}}  # without friction a constant load rolls the robot away at rest
+_HELD = {"coulomb_friction": {"torque": 0.008}}  # without friction a constant load moves the robot at rest
 _COULOMB, _DEADBAND = _of("coulomb_friction", "torque", 0.005), _of("actuator_deadband", "voltage", 0.5)
 _MISMATCH = _of("wheel_radius_mismatch", "mismatch", 0.1)
 _MOTORS = _of("motor_asymmetry", "difference", 0.2)
 _FLUXES = _of("torque_constant_asymmetry", "difference", 0.1)
 _LARGER = tuple(robot({}, wheel_radius=0.0408 * share) for share in (1.02, 0.98))
 
-# After 6 s at rest the gyro's bias is learnt well enough for the small errors of the asymmetries to show.
+# After 6 s at rest the bias of the gyro is known so well that the small errors of the asymmetries are visible.
 MISSIONS = (
     Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu"),
     Mission("the same", _COULOMB, "imu+encoders", shrinks=(CROSS,)),
@@ -99,12 +103,12 @@ MISSIONS = (
     Mission("`gyro_bias` +-0.1 rad/s", _of("gyro_bias", "bias", 0.1), "imu+encoders", 0.0),
     Mission("`gyro_scale` +-10 %", _of("gyro_scale", "error", 0.1), "imu+encoders"),
     Mission("`encoder_scale` +-10 %", _of("encoder_scale", "error", 0.1), "imu+encoders"),
-    Mission("wheels 2 % larger or smaller", _LARGER, "imu+encoders", shrinks=(BELIEF,)),
+    Mission("wheels 2 % larger or smaller", _LARGER, "imu+encoders", shrinks=(POSITION,)),
     Mission("another robot, with friction", (ANOTHER,), "imu+encoders"),
 )
 
-# Sensors and feedback have done it already: what is left is within, or little above, the scatter of the seeds.
-KNOWN_ANYWAY = (
+# Here sensors and feedback compensate already: the rest is hardly above the scatter of the seeds.
+COMPENSATED_ANYWAY = (
     Mission("`motor_asymmetry` +-20 %", _MOTORS, "imu+encoders", 6.0),
     Mission("`torque_constant_asymmetry` +-10 %", _FLUXES, "imu+encoders", 6.0),
     Mission("`battery_sag` 4 ohm", _of("battery_sag", "resistance", 4.0), "imu", 6.0),
@@ -114,19 +118,19 @@ KNOWN_ANYWAY = (
 
 
 def mean(figures: list[dict[str, Any]], measure: str) -> float:
-    """Of one figure over flights."""
+    """Returns the mean of one figure over flights."""
     return float(np.mean([flown[measure] for flown in figures]))
 
 
 def main() -> None:
-    print("| plant | sensors | rest | waypoints | cross-track rms, mm | position believed wrong by, rms, mm |")
+    print("| plant | sensors | rest | waypoints | cross-track rms, mm | error of the position estimate, rms, mm |")
     print("|---|---|---|---|---|---|")
-    for mission in (*MISSIONS, *KNOWN_ANYWAY):
+    for mission in (*MISSIONS, *COMPENSATED_ANYWAY):
         before, after = (mission.fly(known, SEEDS) for known in (False, True))
         waypoints = " -> ".join(f"{mean(figures, 'waypoints_reached'):.1f}" for figures in (before, after))
         errors = (
             " -> ".join(f"{1e3 * mean(figures, measure):.1f}" for figures in (before, after))
-            for measure in (CROSS, BELIEF)
+            for measure in (CROSS, POSITION)
         )
         print(
             f"| {mission.title} | {mission.sensors} | {mission.rest:g} s | {waypoints} | {' | '.join(errors)} |",

@@ -1,10 +1,10 @@
-"""Every fault by every transport, many seeds: what must hold, and the table of hal/README.md.
+"""Flies every fault over every transport with many seeds, and prints the table of hal/README.md.
 
     python tests/loop/fault_matrix.py [RUNS]      default 1000
 
-A run is the mission's first 1.5 s in lockstep; its fault acts from 0.6 s to 0.9 s, on a share of the messages that the
-seed draws. It holds when the flight ends by itself, and the motor stream is, step for step, that of a flight without
-faults until a safe stop, where it is 0.
+A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s; the seed draws the share of
+messages that it hits. The flight has to end by itself. Its motor stream has to equal that of a flight without faults,
+step for step, until a safe stop, where it is 0.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from numpy.typing import NDArray
 
 TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
-ANSWER_S = 0.03
+REPLY_S = 0.03
 STOPS_WITHIN = 100
-"""Steps from the fault's beginning until motors are off, where it must stop them: 0.25 s, and time to notice."""
+"""Steps within which a fault that must stop the motors has done so: 0.25 s, and time to notice."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One run: ``trouble`` says what did not hold, "" where everything did."""
+    """The result of one flight. `trouble` names the condition that failed; it is "" if all held."""
 
     trouble: str
-    stopped: bool  # a safe stop
+    stopped: bool  # present was a safe stop
     lost_frames: int
 
 
 def plan(kind: str, seed: int, transport: str) -> flight.Plan:
-    """The flight of a cell, the dice thrown for rate, direction and sensor."""
+    """Returns the plan of a cell; the seed draws rate, direction and sensor."""
     dice = random.Random(f"{seed} {kind}")
     sensors = dice.choice(("ideal", "imu+encoders"))
     fault = Fault(kind, BEGIN_S, END_S)
@@ -46,8 +46,8 @@ def plan(kind: str, seed: int, transport: str) -> flight.Plan:
         rate = dice.choice((0.002, 0.02, 0.2, 1.0))
         fault = dataclasses.replace(fault, rate=rate, direction=dice.choice(("both", "to_brick", "from_brick")))
     if kind in SENSOR_KINDS:
-        there = ("battery", "reference") if sensors == "ideal" else ("imu", "rotation", "battery")
-        fault = dataclasses.replace(fault, sensor=dice.choice(there), to_s=DURATION_S)
+        present = ("battery", "reference") if sensors == "ideal" else ("imu", "rotation", "battery")
+        fault = dataclasses.replace(fault, sensor=dice.choice(present), to_s=DURATION_S)
     mission = dataclasses.replace(
         scenario.load(scenario.packaged()["mission"]), duration=DURATION_S, start_at=0.1, faults=(fault,)
     )
@@ -55,13 +55,13 @@ def plan(kind: str, seed: int, transport: str) -> flight.Plan:
 
 
 def unharmed(wanted: flight.Plan) -> NDArray[np.int16]:
-    """The motor stream without faults."""
+    """Returns the motor stream of the same flight without faults."""
     calm = dataclasses.replace(wanted.scenario, faults=())
     return flight.fly(dataclasses.replace(wanted, scenario=calm)).motors
 
 
 def run(kind: str, seed: int, transport: str) -> Outcome:
-    """Flies one cell once, and judges it."""
+    """Flies one cell once."""
     wanted = plan(kind, seed, transport)
     with ends.both_ends(transport) as both:
         flown = fly.fly(
@@ -71,40 +71,40 @@ def run(kind: str, seed: int, transport: str) -> Outcome:
             pace="lockstep",
             telemetry_every=10,
             progress=lambda *_: None,
-            answer_s=ANSWER_S,
+            reply_s=REPLY_S,
         )
-    return Outcome(judge(wanted, flown), flown.safe_stops > 0, flown.lost_frames)
+    return Outcome(trouble_of(wanted, flown), flown.safe_stops > 0, flown.lost_frames)
 
 
-def judge(wanted: flight.Plan, flown: fly.HilFlight) -> str:
-    """What does not hold, or ""."""
+def trouble_of(wanted: flight.Plan, flown: fly.HilFlight) -> str:
+    """Returns the condition that failed, or ""."""
     (fault,) = wanted.scenario.faults
     motors, calm = flown.flight.motors, unharmed(wanted)[: len(flown.flight.motors)]
     begin = round(fault.from_s / flight.STEP_S)
     if not np.array_equal(motors[:begin], calm[:begin]):
         return "differs before the fault"
     if fault.kind in MESSAGE_KINDS:
-        return _judge_messages(fault, flown, motors, calm)
+        return _message_trouble(fault, flown, motors, calm)
     if fault.kind in END_KINDS or (fault.kind == "missing_sensor" and fault.sensor in ("imu", "reference")):
         late = begin + STOPS_WITHIN + (round((END_S - BEGIN_S) / flight.STEP_S) if fault.kind == "brown_out" else 0)
         return "" if not motors[late:].any() else "the motors were not stopped in time"
     return ""
 
 
-def _judge_messages(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int16], calm: NDArray[np.int16]) -> str:
+def _message_trouble(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int16], calm: NDArray[np.int16]) -> str:
     differs = np.flatnonzero((motors != calm).any(axis=1))
     if fault.kind == "disconnect":
         held = motors[round(fault.from_s / flight.STEP_S) : round(fault.to_s / flight.STEP_S)]
-        return "" if not held.any() and flown.safe_stops else "the motors ran on a link that was gone"
+        return "" if not held.any() and flown.safe_stops else "the motors ran although the link was lost"
     if len(differs) == 0:
         return ""
     if flown.safe_stops == 0:
-        return "another motor command than that of the controller"
-    return "" if not motors[differs[0]].any() else "it is not a stop that makes the difference"
+        return "a motor command that the controller did not give"
+    return "" if not motors[differs[0]].any() else "the first difference is not a stop"
 
 
 def main() -> int:
-    """Flies the matrix and prints its table; status 1 where anything did not hold."""
+    """Flies the matrix and prints its table. Returns 1 if any condition failed."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     cells = [(kind, transport) for kind in KINDS for transport in TRANSPORTS]
     found: dict[tuple[str, str], list[Outcome]] = {cell: [] for cell in cells}

@@ -1,4 +1,4 @@
-"""Writes golden/motor_streams.txt: SHA-256 of the motor commands, seed 0. A change needs a reason in its commit."""
+"""Writes golden/motor_streams.txt: the SHA-256 of the motor commands with seed 0. A commit explains each change."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FLIGHTS = (("coupled", "ideal"), ("coupled", "imu+encoders"), ("coupled", "imu")
 
 
 def streams() -> dict[str, str]:
-    """ "profile/sensors" -> hex digest of the little-endian pairs of every control step."""
+    """Returns "profile/sensors" -> hex digest of the little-endian pairs of every control step."""
     mission = scenario.load(scenario.packaged()["mission"])
     found = {}
     for profile, sensors in FLIGHTS:
@@ -23,7 +23,7 @@ def streams() -> dict[str, str]:
 
 
 def golden() -> dict[str, str]:
-    """What the file holds."""
+    """Returns the digests of the file."""
     lines = GOLDEN.read_text(encoding="utf-8").splitlines()
     return dict(line.split() for line in lines if not line.startswith("#"))
 

@@ -1,4 +1,4 @@
-"""What each set of sensors allows: the mission over many seeds, on a plant as the firmware believes and on others.
+"""Compares sets of sensors: the mission with many seeds, on a plant that the firmware's model fits and on others.
 
 Prints the table of firmware/README.md and draws firmware/sensors.svg: `.venv/bin/python tests/loop/sensor_study.py`.
 """
@@ -15,7 +15,7 @@ from brickpilot.vehicle.model import rcx
 
 SEEDS = 50
 PLANTS: dict[str, dict[str, dict[str, object]]] = {
-    "as believed": {},
+    "as in the firmware's model": {},
     "10 % heavier, motors 5 % weaker": {"parameters": {"mass": 0.99, "torque_constant": 0.18525}},
     "dry friction 5 mN m a wheel": {"effects": {"coulomb_friction": {"torque": 0.005}}},
     "wheels 2 % larger": {"parameters": {"wheel_radius": 0.041616}},
@@ -28,7 +28,7 @@ def fly(sensors: str, changes: dict[str, dict[str, object]], seed: int) -> fligh
     return flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed))
 
 
-def believed_wrong_by(flown: flight.Flight) -> np.ndarray:
+def position_error(flown: flight.Flight) -> np.ndarray:
     log = flown.log
     return np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
 
@@ -37,7 +37,7 @@ def main() -> None:
     drawn, axes = figure(len(PLANTS), row_height=1.7)
     print(
         "| plant | sensors | all 8 waypoints | waypoints, mean "
-        "| position believed wrong by, rms, median (95th) | cross-track rms, median |"
+        "| error of the position estimate, rms, median (95th) | cross-track rms, median |"
     )
     print("|---|---|---|---|---|---|")
     for axis, (title, changes) in zip(axes, PLANTS.items(), strict=True):
@@ -52,13 +52,13 @@ def main() -> None:
                 f"{1000 * np.median(error):.0f} mm ({1000 * np.percentile(error, 95):.0f} mm) "
                 f"| {1000 * np.median(cross):.0f} mm |"
             )
-            wrong = np.median([believed_wrong_by(flown) for flown in flights], axis=0)
+            wrong = np.median([position_error(flown) for flown in flights], axis=0)
             axis.plot(flights[0].log["time_s"][::20], 1000 * wrong[::20], color=colour, label=sensors)
         axis.set_title(title, fontsize=9, loc="left")
         axis.set_ylabel("mm")
     axes[0].legend(loc="upper left", ncols=3)
     axes[-1].set_xlabel("time (s)")
-    svg = to_svg(drawn, "position the robot believes in: error over time, median of the seeds")
+    svg = to_svg(drawn, "error of the position estimate over time, median of the seeds")
     Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(
         svg.replace("currentColor", "#808080") + "\n"
     )

@@ -1,8 +1,8 @@
-"""What a longer control step costs: the mission over some seeds by the firmware as an RCX gets it, at several steps.
+"""Compares lengths of the control step: the mission with some seeds, by the firmware as it is built for an RCX.
 
 Prints the table of firmware/README.md: `.venv/bin/python tests/loop/step_study.py`. The firmware is built for this
-machine, behind the link that the simulator of the RCX's processor has; `tests/python/test_hil_h8sim.py` shows that
-both do the same.
+machine with the link of the simulator of the RCX's processor. `tests/python/test_hil_h8sim.py` shows that both give the
+same motor commands.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from brickpilot.vehicle.settings import settings
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12
 STEPS_MS = (3, 6, 9, 12, 15)
-RESTS_S = (1.0, 2.0)  # before the start: as `brickpilot run` has it, and as firmware/targets/rcx/main.c
-SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # of the brick, and what a scenario calls them
+RESTS_S = (1.0, 2.0)  # rest before the start, in `brickpilot run` and in firmware/targets/rcx/main.c
+SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # name of the brick's build -> name in a scenario
 
 
 def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
-    """The brick's program as `firmware/targets/rcx/flags` has it, for this machine, in `folder`.
+    """Builds the brick's program with the flags of `firmware/targets/rcx/flags` for this machine, in `folder`.
 
-    At another step it gets constants made for that.
+    With `step_ms` it gets the constants of that step.
     """
     command = [ROOT / "firmware/targets/rcx/flags", sensors]
     flags = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
@@ -57,7 +57,7 @@ def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
 
 
 def fly_by(program: Path, plan: flight.Plan) -> fly.HilFlight:
-    """A flight by a brick's program that speaks on its standard input and output, in lockstep."""
+    """Flies `plan` in lockstep with a brick's program that is linked by its standard input and output."""
     ours, theirs = socket.socketpair()
     with theirs:
         brick = subprocess.Popen([program], stdin=theirs, stdout=theirs)
@@ -74,7 +74,7 @@ def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
 
 
 def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any]]:
-    """`flight.summary` of the packaged mission, by seed."""
+    """Returns `flight.summary` of the packaged mission for each seed."""
     mission = scenario.load(scenario.packaged()["mission"])
     plans = [flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed) for seed in range(SEEDS)]
     start_step = round(rest_s / flight.STEP_S)
@@ -84,7 +84,7 @@ def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any
 
 def main() -> None:
     names = {"cross_track_rms_m": 1e3, "heading_rms_rad": 1e3, "position_estimate_error_m": 1e3}
-    print("| sensors | rest | step | all 8 waypoints | cross-track | heading error | position believed wrong by |")
+    print("| sensors | rest | step | all 8 waypoints | cross-track | heading error | error of the position estimate |")
     print("|---|---|---|---|---|---|---|")
     for of_brick, sensors in SENSORS.items():
         for step_ms in STEPS_MS:
@@ -93,12 +93,12 @@ def main() -> None:
                 for rest_s in RESTS_S:
                     figures = figures_of(program, sensors, rest_s)
                     whole = sum(figure["waypoints_reached"] == 8 for figure in figures)
-                    cross, heading, wrong = (
+                    cross, heading, position = (
                         scale * np.mean([figure[name] for figure in figures]) for name, scale in names.items()
                     )
                     print(
                         f"| {of_brick} | {rest_s:.0f} s | {step_ms} ms | {whole} of {SEEDS} | {cross:.0f} mm "
-                        f"| {heading:.0f} mrad | {wrong:.0f} mm |",
+                        f"| {heading:.0f} mrad | {position:.0f} mm |",
                         flush=True,
                     )
 

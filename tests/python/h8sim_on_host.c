@@ -1,4 +1,4 @@
-/* h8sim_on_host.c: what firmware/targets/h8sim/main.c needs from start.s, for this machine: the same program, by its own compiler. */
+/* h8sim_on_host.c: stands in for start.s, so that firmware/targets/h8sim/main.c runs on this machine too. */
 #include <stdint.h>
 #include <unistd.h>
 

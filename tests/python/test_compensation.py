@@ -16,7 +16,7 @@ from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, compensation_values, flight, scenario
 from brickpilot.vehicle.model import Model, rcx, save
 from command import brickpilot
-from compensation_study import ANOTHER, BELIEF, CROSS, MISSIONS, PRESETS, Mission, mean, robot, told
+from compensation_study import ANOTHER, CROSS, MISSIONS, POSITION, PRESETS, Mission, compensation_of, mean, robot
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 4
@@ -46,7 +46,7 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
     """What is left for the compensation is a battery below the floor that the mixer reckons with."""
     firm, little, much = (
-        mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), BELIEF)
+        mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), POSITION)
         for ohm in (0.0, 4.0, 16.0)
     )
     assert little < 1.2 * firm
@@ -55,7 +55,7 @@ def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_friction_misjudged_by_a_fifth_is_still_better_told(share: float) -> None:
-    known = told(robot({"coulomb_friction": {"torque": 0.005 * share}}))
+    known = compensation_of(robot({"coulomb_friction": {"torque": 0.005 * share}}))
     mission = scenario.load(scenario.packaged()["mission"])
     for seed in range(SEEDS):
         plan = flight.plan(
@@ -63,7 +63,7 @@ def test_friction_misjudged_by_a_fifth_is_still_better_told(share: float) -> Non
         )
         figures = flight.summary(flight.fly(plan))
         assert figures["waypoints_reached"] == 8
-        assert figures[BELIEF] < 0.08
+        assert figures[POSITION] < 0.08
 
 
 def test_all_effects_at_once_are_undone_together() -> None:
@@ -76,7 +76,7 @@ def test_all_effects_at_once_are_undone_together() -> None:
 
 
 def test_friction_is_the_voltage_that_holds_it() -> None:
-    found = told(robot({"coulomb_friction": {"torque": 0.005}}))
+    found = compensation_of(robot({"coulomb_friction": {"torque": 0.005}}))
     assert found.raw["left_friction_mv"] == found.raw["right_friction_mv"] == round(1e3 * 0.005 * 22 / 0.195)
     assert found.raw["left_gain_q15"] == found.raw["left_emf_mv_q15"] == 0
     assert found.sources["left_friction_mv"] == ("coulomb_friction",)
@@ -84,7 +84,7 @@ def test_friction_is_the_voltage_that_holds_it() -> None:
 
 
 def test_a_stronger_flux_needs_less_voltage_at_rest_and_more_at_speed() -> None:
-    found = told(robot({"torque_constant_asymmetry": {"difference": 0.1}}))
+    found = compensation_of(robot({"torque_constant_asymmetry": {"difference": 0.1}}))
     for side, flux in (("left", 1.05), ("right", 0.95)):
         gain, emf = found.value(f"{side}_gain_q15"), found.value(f"{side}_emf_mv_q15")
         assert gain == pytest.approx(1 / flux - 1, abs=1e-4)
@@ -93,7 +93,9 @@ def test_a_stronger_flux_needs_less_voltage_at_rest_and_more_at_speed() -> None:
 
 
 def test_sensors_are_scaled_back() -> None:
-    found = told(robot({"gyro_scale": {"error": 0.1}, "encoder_scale": {"error": -0.1}, "gyro_bias": {"bias": -0.07}}))
+    found = compensation_of(
+        robot({"gyro_scale": {"error": 0.1}, "encoder_scale": {"error": -0.1}, "gyro_bias": {"bias": -0.07}})
+    )
     assert found.value("gyro_scale_q15") == pytest.approx(1 / 1.1 - 1, abs=1e-4)
     assert found.value("travel_scale_q15") == pytest.approx(1 / 0.9 - 1, abs=1e-4)
     assert found.raw["gyro_bias_mrad_s"] == -70
@@ -103,7 +105,7 @@ def test_sensors_are_scaled_back() -> None:
 def test_a_mirrored_robot_gets_the_mirrored_parameters() -> None:
     odd = {"motor_asymmetry": "difference", "torque_constant_asymmetry": "difference"}
     odd |= {"wheel_radius_mismatch": "mismatch", "gyro_bias": "bias"}
-    one, other = (told(robot({name: {key: sign * 0.07} for name, key in odd.items()})) for sign in (1, -1))
+    one, other = (compensation_of(robot({name: {key: sign * 0.07} for name, key in odd.items()})) for sign in (1, -1))
     for name, raw in one.raw.items():
         swapped = name.replace("left", "x").replace("right", "left").replace("x", "right")
         negated = name in ("gyro_bias_mrad_s", "count_mismatch_q15")
@@ -121,28 +123,28 @@ def test_nothing_to_undo_is_none() -> None:
 
 def test_what_is_not_undone_is_named() -> None:
     stiction = PRESETS["stiction_stribeck"]
-    found = told(robot({"stiction_stribeck": stiction, "input_delay": PRESETS["input_delay"]}))
+    found = compensation_of(robot({"stiction_stribeck": stiction, "input_delay": PRESETS["input_delay"]}))
     assert found.left_out == ("stiction_stribeck.breakaway", "stiction_stribeck.stribeck_speed", "input_delay")
 
 
 def test_an_effect_keeps_its_preset_where_the_model_leaves_it_out() -> None:
-    found = told(dataclasses.replace(rcx(), effects={"coulomb_friction": {}}))
+    found = compensation_of(dataclasses.replace(rcx(), effects={"coulomb_friction": {}}))
     assert found.raw["left_friction_mv"] == 564
 
 
 def test_another_belief_changes_what_has_to_be_undone() -> None:
     assert compensation.from_model(ANOTHER, dataclasses.replace(ANOTHER, effects={})) == dataclasses.replace(
-        told(robot({"coulomb_friction": {"torque": 0.005 * 0.195 / 0.25}})), name=ANOTHER.name
+        compensation_of(robot({"coulomb_friction": {"torque": 0.005 * 0.195 / 0.25}})), name=ANOTHER.name
     )
-    found = told(robot({}, wheel_radius=0.0408 * 0.9))
+    found = compensation_of(robot({}, wheel_radius=0.0408 * 0.9))
     assert found.sources["travel_scale_q15"] == (compensation.NOMINAL,)
     assert found.undone == ()
-    assert told(ANOTHER).undone == ("coulomb_friction",)
+    assert compensation_of(ANOTHER).undone == ("coulomb_friction",)
     assert found.value("travel_scale_q15") == pytest.approx(-0.1, abs=1e-4)
 
 
 def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
-    found = told(robot({"coulomb_friction": {"torque": 1.0}}))
+    found = compensation_of(robot({"coulomb_friction": {"torque": 1.0}}))
     assert found.raw["left_friction_mv"] == compensation.FORMATS["left_friction_mv"].high
     assert found.limited == ("left_friction_mv", "right_friction_mv")
 
@@ -170,7 +172,7 @@ def test_whatever_the_plant_takes_fits_the_formats(seed: int) -> None:
 
 
 def test_a_saved_compensation_is_read_back_exactly(tmp_path: Path) -> None:
-    before = told(dataclasses.replace(EVERYTHING, name='näme = "odd"'))
+    before = compensation_of(dataclasses.replace(EVERYTHING, name='näme = "odd"'))
     before.save(tmp_path / "compensation.toml")
     assert compensation.load(tmp_path / "compensation.toml") == before
     assert [path.name for path in tmp_path.iterdir()] == ["compensation.toml"]
@@ -179,7 +181,7 @@ def test_a_saved_compensation_is_read_back_exactly(tmp_path: Path) -> None:
 
 def test_an_older_file_stays_whole_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "compensation.toml"
-    told(EVERYTHING).save(target)
+    compensation_of(EVERYTHING).save(target)
     text = target.read_text()
 
     def fail(*_: object) -> str:
@@ -187,13 +189,13 @@ def test_an_older_file_stays_whole_when_writing_fails(tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(compensation, "render", fail)
     with pytest.raises(OSError, match="disk full"):
-        told(ANOTHER).save(target)
+        compensation_of(ANOTHER).save(target)
     assert target.read_text() == text
     assert [path.name for path in tmp_path.iterdir()] == ["compensation.toml"]
 
 
 def test_the_c_calls_are_taken_by_a_compiler(tmp_path: Path) -> None:
-    found = told(EVERYTHING)
+    found = compensation_of(EVERYTHING)
     calls = compensation.c_calls(found)
     source = tmp_path / "found.c"
     body = "".join(f"    {call}\n" for call in calls)
@@ -236,7 +238,7 @@ BAD: dict[str, tuple[Change, str]] = {
 def test_a_bad_file_is_refused_with_its_place(name: str, tmp_path: Path) -> None:
     change, message = BAD[name]
     path = tmp_path / "c.toml"
-    path.write_text(change(compensation.render(told(robot({"coulomb_friction": {"torque": 0.005}})))))
+    path.write_text(change(compensation.render(compensation_of(robot({"coulomb_friction": {"torque": 0.005}})))))
     with pytest.raises(InputError) as refused:
         compensation.load(path)
     assert message in str(refused.value)
@@ -252,7 +254,7 @@ def test_a_file_may_hold_a_part_of_the_parameters(tmp_path: Path) -> None:
 def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> None:
     model = robot({"coulomb_friction": {"torque": 0.005}})
     save(model, tmp_path / "model.toml")
-    told(model).save(tmp_path / "compensation.toml")
+    compensation_of(model).save(tmp_path / "compensation.toml")
     flying = ("run", "--model", "model.toml", "--sensors", "imu", "--json")
     without = brickpilot(*flying, "--out", "without", cwd=tmp_path)
     compensated = brickpilot(*flying, "--compensation", "compensation.toml", "--out", "with", cwd=tmp_path)
@@ -261,13 +263,13 @@ def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> N
     assert (before["waypoints_reached"], after["waypoints_reached"]) == (0, 8)
     assert after[CROSS] < before[CROSS]
     assert before["compensation"] is None
-    assert after["compensation"] == told(model).raw
+    assert after["compensation"] == compensation_of(model).raw
     assert "--compensation compensation.toml" in (tmp_path / "with" / "report.html").read_text()
 
 
 @pytest.mark.parametrize("extra", [("--profile", "paper"), ("fig4",)])
 def test_run_refuses_a_compensation_that_it_has_no_use_for(extra: tuple[str, ...], tmp_path: Path) -> None:
-    told(robot({"coulomb_friction": {"torque": 0.005}})).save(tmp_path / "c.toml")
+    compensation_of(robot({"coulomb_friction": {"torque": 0.005}})).save(tmp_path / "c.toml")
     run = brickpilot("run", *extra, "--compensation", "c.toml", cwd=tmp_path)
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr == "brickpilot: compensation: is for a mission in the profile coupled\n"
@@ -275,6 +277,6 @@ def test_run_refuses_a_compensation_that_it_has_no_use_for(extra: tuple[str, ...
 
 
 def test_the_reserve_is_what_the_weaker_side_lacks() -> None:
-    found = told(robot({"motor_asymmetry": {"difference": 0.1}}))
+    found = compensation_of(robot({"motor_asymmetry": {"difference": 0.1}}))
     assert found.value("reserve_mv") == pytest.approx(9 - 9 * 0.95, abs=1e-3)
     assert math.isclose(found.value("right_gain_q15"), 1 / 0.95 - 1, abs_tol=1e-4)

@@ -1,4 +1,4 @@
-"""Images arrive on an emulated RCX bit for bit: by third parties' tools, by `brickpilot flash`, on bad lines too."""
+"""Images reach an emulated RCX bit for bit: by other tools and by `brickpilot flash`, also on bad lines."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run(*command: str, cwd: Path) -> None:
 
 @pytest.fixture(scope="module")
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """brickOS's kernel from its first byte to its last, as binutils read it."""
+    """Returns brickOS's kernel as binutils read it."""
     folder = tmp_path_factory.mktemp("kernel")
     run("h8300-hms-objcopy", "-I", "srec", "-O", "binary", str(KERNEL), "kernel.bin", cwd=folder)
     return (folder / "kernel.bin").read_bytes()
@@ -52,7 +52,7 @@ def kernel(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @pytest.fixture(scope="module")
 def linked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
-    """Links a program for an address; gives the COFF file."""
+    """Returns a function that links a program for an address and returns its COFF file."""
     folder = tmp_path_factory.mktemp("program")
     (folder / "program.c").write_text(PROGRAM)
     includes = [f"-I/usr/include/brickos{part}" for part in ("", "/lnp")]
@@ -81,22 +81,22 @@ def linked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
 
 @pytest.fixture(scope="module")
 def program(linked: Callable[[int], Path]) -> Path:
-    """An .lx, made as brickOS's Makefile makes it."""
+    """Returns an .lx that is made as in brickOS's Makefile."""
     for base in (0xB000, 0xB210):
         coff = linked(base)
-        names = (coff.name, f"{base:x}")  # without a path: it would stand in a record too long for makelx
+        names = (coff.name, f"{base:x}")  # without a path, which would make an S-record too long for makelx
         run("h8300-hms-objcopy", "-I", "coff-h8300", "-O", "symbolsrec", *names, cwd=coff.parent)
     run(str(BRICKOS / "makelx"), "b000", "b210", "program.lx", cwd=coff.parent)
     return coff.with_name("program.lx")
 
 
 def plain_image() -> srec.Image:
-    """727 bytes that are sent as 200, 200, 200 and 127."""
+    """Returns 727 bytes, which are sent as 200, 200, 200 and 127."""
     return srec.Image(bytes(n * n % 61 | 0x80 for n in range(700)) + srec.KNOCK, 0x8000)
 
 
 def small_image(size: int = 1000) -> srec.Image:
-    """An image with many bytes that read as opcodes, and runs of equal bytes."""
+    """Returns an image with many bytes that look like opcodes, and with runs of equal bytes."""
     body = bytes(
         0x45 if n % 97 == 0 else 0x4D if n % 89 == 0 else n * n // 7 & 0xF0 | n // 50 & 0xF for n in range(size)
     )
@@ -109,7 +109,7 @@ def large_program(text: int = 1100, data: int = 200) -> lx.Program:
 
 
 def downloads(brick: RcxBrick) -> int:
-    """How often the image was begun; a request that was repeated for its answer counts once."""
+    """Returns the number of downloads that were begun; a repeated request counts once."""
     opcodes = [request[0] for request in brick.rom.requests]
     return sum(
         opcode & 0xF7 == BEGIN and opcode != before for before, opcode in zip([0, *opcodes], opcodes, strict=False)
@@ -120,13 +120,15 @@ def downloads(brick: RcxBrick) -> int:
     ("command", "last_block"),
     [
         (("firmdl3", "-s", "--tty={}", str(KERNEL)), 56),
-        (("nqc", "-S{}", "-firmware", str(KERNEL)), 0),  # its last block has number 0, for the ROM to play a sound
+        (("nqc", "-S{}", "-firmware", str(KERNEL)), 0),  # its last block has number 0, so that the ROM plays a sound
     ],
 )
-def test_third_parties_deliver_the_kernel_bit_for_bit(
+def test_other_tools_deliver_the_kernel_bit_for_bit(
     kernel: bytes, tmp_path: Path, command: tuple[str, ...], last_block: int
 ) -> None:
-    with RcxBrick(lego=command[0] == "nqc") as brick:  # nqc asks what it started for its version, in LEGO's protocol
+    with RcxBrick(
+        lego=command[0] == "nqc"
+    ) as brick:  # nqc asks the started firmware for its version in LEGO's protocol
         run(*(word.format(brick.path) for word in command), cwd=tmp_path)
     assert brick.firmware(len(kernel)) == kernel
     assert brick.rom.entry == 0x801A
@@ -149,7 +151,7 @@ def test_flash_delivers_the_kernel_bit_for_bit(kernel: bytes, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("faults", BAD_LINES, ids=str)
-def test_flash_delivers_firmware_on_a_line_that_hits_one_byte_of_a_hundred(faults: Faults) -> None:
+def test_flash_delivers_firmware_on_a_line_that_damages_one_byte_of_a_hundred(faults: Faults) -> None:
     image = small_image()
     with RcxBrick(faults=faults) as brick:
         done = flash_firmware(image, brick.path)
@@ -172,8 +174,8 @@ def test_flash_delivers_the_whole_kernel_on_a_bad_line(kernel: bytes, faults: Fa
 
 @pytest.mark.parametrize("lost", range(1, 9))
 @pytest.mark.parametrize("lego", [False, True])
-def test_a_lost_answer_costs_a_packet_not_the_image(lost: int, lego: bool) -> None:
-    """Answers: alive, delete, begin, four blocks, start. The ROM answers a request that comes again without acting."""
+def test_a_lost_reply_costs_a_packet_and_not_the_image(lost: int, lego: bool) -> None:
+    """The replies are to alive, delete, begin, four blocks and start. The ROM repeats a reply without acting again."""
     image = plain_image()
     with RcxBrick(lose_replies=frozenset([lost]), lego=lego) as brick:
         done = flash_firmware(image, brick.path)
@@ -184,8 +186,8 @@ def test_a_lost_answer_costs_a_packet_not_the_image(lost: int, lego: bool) -> No
     assert done.tally.sent_again >= (4 <= lost <= 7)
 
 
-def test_several_lost_answers_to_one_block_shorten_it_and_leave_no_gap() -> None:
-    """The ROM has the long block when the short one comes: it must go on behind the short one."""
+def test_several_lost_replies_to_one_block_shorten_it_and_skip_no_byte() -> None:
+    """The ROM has the long block already when the short one comes, and has to continue behind the short one."""
     image = plain_image()
     with RcxBrick(lose_replies=frozenset([5, 6, 7])) as brick:
         done = flash_firmware(image, brick.path)
@@ -196,8 +198,8 @@ def test_several_lost_answers_to_one_block_shorten_it_and_leave_no_gap() -> None
 
 
 @pytest.mark.parametrize("back_after", [1300, 2000])
-def test_a_brick_that_comes_back_into_the_beam_goes_on_where_it_was(back_after: int) -> None:
-    """Away for a few tries, and for more than half of them: by then it has been asked whether it is there."""
+def test_a_delivery_continues_when_the_brick_comes_back_into_the_beam(back_after: int) -> None:
+    """The brick is away for a few tries, or for more than half of them, after which it is asked whether it is alive."""
     image = plain_image()
     with RcxBrick(vanish_after=700, back_after=back_after) as brick:
         done = flash_firmware(image, brick.path)
@@ -207,7 +209,7 @@ def test_a_brick_that_comes_back_into_the_beam_goes_on_where_it_was(back_after: 
     assert (done.tally.sent_again > rom.TRIES // 2) == (back_after == 2000)
 
 
-def test_a_block_whose_checksum_was_wrong_begins_the_image_again() -> None:
+def test_a_block_with_a_wrong_checksum_restarts_the_image() -> None:
     image = plain_image()
     with RcxBrick(broken_sums=1) as brick:
         flash_firmware(image, brick.path)
@@ -217,7 +219,7 @@ def test_a_block_whose_checksum_was_wrong_begins_the_image_again() -> None:
 
 
 @pytest.mark.parametrize("tool", ["dll", "brickpilot"])
-def test_a_program_arrives_as_linked_for_where_it_stands(
+def test_a_program_arrives_linked_for_its_address(
     program: Path, linked: Callable[[int], Path], tmp_path: Path, tool: str
 ) -> None:
     with RcxBrick(brickos=True) as brick:
@@ -250,7 +252,7 @@ def test_flash_and_dll_send_the_same_commands(program: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("faults", BAD_LINES, ids=str)
-def test_flash_delivers_a_program_on_a_line_that_hits_one_byte_of_a_hundred(faults: Faults) -> None:
+def test_flash_delivers_a_program_on_a_line_that_damages_one_byte_of_a_hundred(faults: Faults) -> None:
     program = large_program()
     with RcxBrick(faults=faults, brickos=True) as brick:
         done = flash_program(program, brick.path, slot=4, execute=True)
@@ -261,8 +263,8 @@ def test_flash_delivers_a_program_on_a_line_that_hits_one_byte_of_a_hundred(faul
 
 
 @pytest.mark.parametrize("lost", [*([number] for number in range(1, 10)), [3, 4, 5], [8, 9, 10], [2, 4]], ids=str)
-def test_lost_acknowledgements_leave_a_program_whole(lost: list[int]) -> None:
-    """Acknowledged: delete, create, six packets of data, run. The last one of data and create are acknowledged once."""
+def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: list[int]) -> None:
+    """brickOS acknowledges delete, create, six packets of data and run; create and the last data only once."""
     program = large_program()
     with RcxBrick(brickos=True, lose_replies=frozenset(lost)) as brick:
         flash_program(program, brick.path, execute=True)
@@ -271,22 +273,22 @@ def test_lost_acknowledgements_leave_a_program_whole(lost: list[int]) -> None:
     assert brick.brickos.running == 0
 
 
-def test_an_answer_counts_whole_and_not_from_the_echo() -> None:
-    """A block of an image may hold, with its complements, exactly what would answer it."""
-    answer = rom.frame(b"\xba\x00")
-    assert rom.find_reply(b"\x12" + answer, 0x45, 2) == b"\xba\x00"
-    for at in range(3, len(answer)):  # the header need not come
-        damaged = bytearray(answer)
+def test_a_reply_counts_only_if_complete_and_not_from_the_echo() -> None:
+    """A block of an image may hold, with its complements, exactly the bytes of its reply."""
+    reply = rom.frame(b"\xba\x00")
+    assert rom.find_reply(b"\x12" + reply, 0x45, 2) == b"\xba\x00"
+    for at in range(3, len(reply)):  # the header may be damaged
+        damaged = bytearray(reply)
         damaged[at] ^= 0x10
         assert rom.find_reply(bytes(damaged), 0x45, 2) is None
-    assert rom.find_reply(answer, 0x4D, 2) is None
+    assert rom.find_reply(reply, 0x4D, 2) is None
     request = rom.frame(b"\x45\x01\x00\x05\x00\xaa\xff\xba\x00\xba\x1d")
     assert rom.find_reply(request, 0x45, 2) == b"\xba\x00"
     with RcxBrick(on=False) as brick, Tower(brick.path, BYTE_S) as tower:
-        assert tower.exchange(request, lambda heard: rom.find_reply(heard, 0x45, 2), 9) is None
+        assert tower.exchange(request, lambda received: rom.find_reply(received, 0x45, 2), 9) is None
 
 
-def test_an_acknowledgement_counts_whole_and_from_the_brick() -> None:
+def test_an_acknowledgement_counts_only_if_complete_and_from_the_brick() -> None:
     acknowledged = lnp.packet(b"\x00", 0x80, 0x30)
     assert acknowledged.hex() == "f103803000a3"
     assert lnp.find(b"\xf1\x02" + acknowledged, 0x80, 0x30) == b"\x00"

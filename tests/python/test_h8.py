@@ -1,4 +1,4 @@
-"""Counting on the RCX's processor: the manual's states of an instruction, and steps found in a trace."""
+"""Counts on the RCX's processor: the states of an instruction by the manual, and the steps in a trace."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ON_CHIP = {
 
 
 @pytest.mark.parametrize("instruction", ON_CHIP)
-def test_states_on_chip_are_the_manuals(instruction: str) -> None:
+def test_states_on_chip_equal_the_manuals(instruction: str) -> None:
     first, expected = ON_CHIP[instruction]
     assert h8_states.by_first_byte(h8_states.ON_CHIP)[first] == expected
 
@@ -40,18 +40,18 @@ def test_a_word_behind_the_external_bus_takes_six_states_and_a_byte_three() -> N
     assert external[0x6E] == 2 * 6 + 3
     assert external[0x6F] == 2 * 6 + 6
     assert external[0x50] == 6 + 12
-    assert external[0x7B] == -1  # eepmov: by its count
+    assert external[0x7B] == -1  # eepmov depends on its count
 
 
 def program() -> Program:
-    """Functions at 0x100, 0x110, ...; every instruction takes one state in one memory and two in the other."""
+    """Returns a program with functions at 0x100, 0x110, ...; an instruction takes one state on chip and two outside."""
     names = ["loop_tick", "hal_imu_read", *(name for functions in STAGES.values() for name in functions)]
     ones = np.ones(0x10000, dtype=np.int64)
     return Program({"external": 2 * ones, "on_chip": ones}, {name: 0x100 + 16 * i for i, name in enumerate(names)})
 
 
 def step_of(functions: list[tuple[str, int]]) -> list[tuple[int, int]]:
-    """A step that calls each function for so many instructions: (address, stack pointer)."""
+    """Returns the trace of a step that calls each function for so many instructions: (address, stack pointer)."""
     at = program().at
     trace = [(at["loop_tick"], 0x7000), (at["loop_tick"] + 2, 0x6FF0)]
     for name, count in functions:
@@ -61,7 +61,7 @@ def step_of(functions: list[tuple[str, int]]) -> list[tuple[int, int]]:
 
 
 @pytest.mark.parametrize("piece", [1, 3, 1000])
-def test_a_step_is_found_whatever_the_pieces_of_its_trace(piece: int) -> None:
+def test_a_step_is_found_however_its_trace_is_cut(piece: int) -> None:
     trace = step_of([("hal_imu_read", 4), ("heading_step", 5), ("pid_step", 2), ("pid_step", 3)]) * 3
     counter = Counter(program())
     for begin in range(0, len(trace), piece):

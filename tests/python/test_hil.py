@@ -1,4 +1,4 @@
-"""Hardware in the loop: the same motor stream over every link, what a brick refuses, and what happens without one."""
+"""Hardware in the loop: the same motor stream over every link, what a brick refuses, and a lost brick."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) 
 
 
 def undisturbed(flight_in_real_time: Callable[[], fly.HilFlight]) -> fly.HilFlight:
-    """The first of six whose watchdog did not end it: a machine that stalls for 20 ms is no fault of either end."""
+    """Returns the first of six flights that no watchdog ended, as the machine itself can stall for 20 ms."""
     for _ in range(6):
         flown = flight_in_real_time()
         if flown.flight.log["fault"][-1] != COMMANDED:
@@ -82,7 +82,7 @@ def test_the_paper_profile_over_a_pty_is_the_golden_one_too() -> None:
     assert figures["motor_stream_sha256"] == make_golden.golden()["paper/ideal"]
 
 
-def test_with_telemetry_every_step_the_whole_log_is_that_of_run() -> None:
+def test_with_telemetry_every_step_the_log_equals_that_of_run() -> None:
     wanted = plan("imu+encoders", duration=20.0)
     alone, linked = flight.fly(wanted), over("serial:pty", wanted, every=1).flight
     assert list(linked.log) == list(alone.log)
@@ -92,9 +92,9 @@ def test_with_telemetry_every_step_the_whole_log_is_that_of_run() -> None:
 
 def test_cruise_and_compensation_reach_the_brick() -> None:
     names = {"left_friction_mv": 120, "right_friction_mv": 110, "travel_scale_q15": 500, "battery_sags": 1}
-    told = Compensation("m", dict.fromkeys(FORMATS, 0) | names)
+    compensation = Compensation("m", dict.fromkeys(FORMATS, 0) | names)
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=9.0, cruise={"coupled": 0.31})
-    wanted = flight.plan(mission, rcx(), sensors="imu+encoders", seed=3, compensation=told)
+    wanted = flight.plan(mission, rcx(), sensors="imu+encoders", seed=3, compensation=compensation)
     plain = dataclasses.replace(wanted, compensation=None)
     assert np.array_equal(over("serial:pty", wanted).flight.motors, flight.fly(wanted).motors)
     assert not np.array_equal(flight.fly(plain).motors, flight.fly(wanted).motors)
@@ -141,7 +141,7 @@ def test_hil_writes_the_folder_and_the_keys_of_run(tmp_path: Path) -> None:
         ("", "no link"),
     ],
 )
-def test_a_bad_link_is_told_in_one_line(
+def test_a_bad_link_is_refused_in_one_line(
     spec: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -154,7 +154,7 @@ def test_a_bad_link_is_told_in_one_line(
 
 
 @pytest.mark.parametrize(("field", "says"), [("protocol", "speaks protocol 1"), ("crc", "another brickpilot.dbc")])
-def test_a_brick_of_another_version_is_told_in_one_line(
+def test_a_brick_of_another_version_is_refused_in_one_line(
     field: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(book(), field, getattr(book(), field) ^ 2)
@@ -165,20 +165,18 @@ def test_a_brick_of_another_version_is_told_in_one_line(
     assert says in said.err
 
 
-def test_a_line_without_a_brick_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_without_a_brick_is_reported_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     server = socket.create_server(("127.0.0.1", 0))
     threading.Thread(target=server.accept, daemon=True).start()
     with pytest.raises(SystemExit) as ended:
         main.main(["hil", "--link", f"tcp:127.0.0.1:{server.getsockname()[1]}", "--out", str(tmp_path / "out")])
     said = capsys.readouterr()
     server.close()
-    assert ended.value.code in (1, 2)  # it may close the connection before we give up
+    assert ended.value.code in (1, 2)  # the server may close the connection first
     assert said.err.count("\n") == 1
 
 
-def test_a_manoeuvre_has_no_controller_to_put_at_the_other_end(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_manoeuvre_is_refused_as_it_needs_no_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main.main(["hil", "fig4", "--link", "serial:pty", "--out", str(tmp_path / "out")])
     assert ended.value.code == 2
@@ -208,7 +206,7 @@ def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_p
     assert abs(flown.flight.log["true_speed_m_s"][-1]) < 0.01
 
 
-def test_a_lost_link_is_told_with_status_1_and_what_was_flown_is_kept(tmp_path: Path) -> None:
+def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         'name = "s"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[0.3, 0.1]]\n'
         '[[faults]]\nkind = "plant_restart"\nfrom_s = 0.3\n',
@@ -216,7 +214,7 @@ def test_a_lost_link_is_told_with_status_1_and_what_was_flown_is_kept(tmp_path: 
     )
     done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert "no answer, 0.300 s into the flight; the motors were stopped" in done.stderr
+    assert "no reply, 0.300 s into the flight; the motors were stopped" in done.stderr
     figures = json.loads(done.stdout)
     assert figures["steps"] == 100 + fly.GIVE_UP_STEPS
     assert figures["safe_stops"] >= 1
@@ -224,8 +222,8 @@ def test_a_lost_link_is_told_with_status_1_and_what_was_flown_is_kept(tmp_path: 
 
 
 @pytest.mark.parametrize("pace", [LOCKSTEP, REALTIME])
-def test_a_brick_that_hears_nothing_stops_and_wants_a_reset(pace: str) -> None:
-    """Its plant falls silent for longer than it bears; then only reset and start drive again."""
+def test_a_brick_without_messages_stops_and_needs_a_reset(pace: str) -> None:
+    """Its plant is silent for longer than its watchdog allows; then it drives only after reset and start."""
     silent_s = 1.3 if pace == LOCKSTEP else 0.3
     wanted = plan(duration=9.0 if pace == LOCKSTEP else 3.0)
 
@@ -291,7 +289,7 @@ def test_a_route_is_written_read_back_and_refused_as_a_whole(session: Session) -
     for bad, says in (
         ([(1, 1), (30001, 0)], "waypoint 1: .* out of range"),
         ([(5, 5), (5, 5)], "repeated"),
-        ([(0, k) for k in range(33)], "waypoint 32: the brick knows none"),
+        ([(0, k) for k in range(33)], "waypoint 32: is unknown to the brick"),
         ([], "empty"),
         ([(99999, 0)], "out of range"),
     ):
@@ -300,13 +298,13 @@ def test_a_route_is_written_read_back_and_refused_as_a_whole(session: Session) -
         assert session.route() == route
 
 
-def test_a_command_that_leads_nowhere_is_refused(session: Session) -> None:
-    with pytest.raises(InputError, match="abort: means nothing in mode idle"):
+def test_a_command_without_meaning_in_its_mode_is_refused(session: Session) -> None:
+    with pytest.raises(InputError, match="abort: has no meaning in mode idle"):
         session.command("abort")
     session.command("start")
 
 
-def test_two_runs_may_meet_the_same_brick_one_after_the_other() -> None:
+def test_two_flights_can_use_the_same_brick_in_turn() -> None:
     process, address = ends.start_brick("--pty")
     wanted = plan(duration=3.0)
     streams = [over(address, wanted).flight.motors for _ in range(2)]
@@ -336,7 +334,7 @@ def test_a_recording_opens_with_python_can_and_replays_bit_for_bit(suffix: str, 
     }  # fmt: skip
 
 
-def test_a_replay_that_differs_is_told(tmp_path: Path) -> None:
+def test_a_replay_that_differs_is_reported(tmp_path: Path) -> None:
     wanted = plan(duration=0.6)
     file = tmp_path / "r.log"
     with ends.both_ends("serial:pty") as both:
@@ -359,13 +357,13 @@ def test_a_replay_that_differs_is_told(tmp_path: Path) -> None:
     ("name", "content", "says"),
     [
         ("none.log", None, "cannot be read"),
-        ("r.txt", "", "ends in none of"),
+        ("r.txt", "", "needs one of the suffixes"),
         ("r.log", "what is this\n", "is no log"),
         ("r.log", "", "holds no flight"),
         ("r.blf", "LOGGnothing", "is no log"),
     ],
 )
-def test_what_cannot_be_replayed_is_told_in_one_line(name: str, content: str | None, says: str, tmp_path: Path) -> None:
+def test_a_bad_recording_is_refused_in_one_line(name: str, content: str | None, says: str, tmp_path: Path) -> None:
     if content is not None:
         (tmp_path / name).write_text(content, encoding="utf-8")
     done = brickpilot("hil", "--link", "serial:pty", "--replay", name, cwd=tmp_path)
@@ -374,7 +372,7 @@ def test_what_cannot_be_replayed_is_told_in_one_line(name: str, content: str | N
     assert says in done.stderr
 
 
-def test_a_recording_in_real_time_is_not_replayed(tmp_path: Path) -> None:
+def test_a_recording_in_real_time_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         'name = "s"\nkind = "mission"\nduration_s = 0.3\nwaypoints_m = [[0.3, 0.1]]\n', encoding="utf-8"
     )
@@ -384,8 +382,8 @@ def test_a_recording_in_real_time_is_not_replayed(tmp_path: Path) -> None:
     assert "real time" in done.stderr
 
 
-def test_priority_is_what_the_system_grants() -> None:
-    """In a process of its own: this one keeps what it has."""
+def test_claim_priority_returns_whether_the_system_grants_it() -> None:
+    """Runs in another process, so that this one keeps its priority."""
     code = (
         "import os; from brickpilot.hil.ends import claim_priority as c; print(c() is (os.sched_getscheduler(0) == 1))"
     )

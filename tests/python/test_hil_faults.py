@@ -1,4 +1,4 @@
-"""Faults beneath the controller: a corner of the matrix in tests/loop/fault_matrix.py, and the dice."""
+"""Faults of messages, sensors and ends: a part of the matrix in tests/loop/fault_matrix.py, and the seeds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
 from brickpilot.hil.faults import FLOOD, HELD_FOR, FaultyLink
-from brickpilot.link.links import Frame
+from brickpilot.link.links import Message
 from brickpilot.vehicle import scenario
 from brickpilot.vehicle.faults import KINDS, MESSAGE_KINDS, Fault
 
@@ -17,24 +17,24 @@ MISSION = 'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]
 
 
 class Loop:
-    """A link that gives back what it was sent."""
+    """A link that returns the messages that it was sent."""
 
     damaged = 0
 
     def __init__(self) -> None:
-        self.frames: list[Frame] = []
+        self.messages: list[Message] = []
 
-    def send(self, frames: list[Frame]) -> None:
-        self.frames += frames
+    def send(self, messages: list[Message]) -> None:
+        self.messages += messages
 
-    def receive(self, timeout: float) -> list[Frame]:
-        taken, self.frames = self.frames, []
+    def receive(self, timeout: float) -> list[Message]:
+        taken, self.messages = self.messages, []
         return taken
 
     def close(self) -> None: ...
 
 
-def through(kind: str, count: int = 40, rate: float = 1.0, seed: int = 0) -> list[Frame]:
+def through(kind: str, count: int = 40, rate: float = 1.0, seed: int = 0) -> list[Message]:
     link = FaultyLink(Loop(), [Fault(kind, 0.0, 1.0, rate, "to_brick")], seed)
     for number in range(count):
         link.send([(number, bytes([number] * 8))])
@@ -47,10 +47,10 @@ def test_no_fault_reaches_the_motors_over_any_transport(kind: str, transport: st
     assert fault_matrix.run(kind, 0, transport).trouble == ""
 
 
-def test_every_kind_does_what_it_is_named_for() -> None:
+def test_every_kind_of_fault_does_what_its_name_says() -> None:
     sent = [(number, bytes([number] * 8)) for number in range(40)]
     assert through("drop") == through("disconnect") == []
-    assert through("duplicate") == [frame for frame in sent for _ in range(2)]
+    assert through("duplicate") == [message for message in sent for _ in range(2)]
     assert through("delay")[0] == sent[0]
     assert len(through("delay")) == 40 - HELD_FOR + 1
     late = through("reorder", rate=0.5)
@@ -65,20 +65,20 @@ def test_every_kind_does_what_it_is_named_for() -> None:
 
 
 @pytest.mark.parametrize("kind", MESSAGE_KINDS)
-def test_the_same_seed_throws_the_same_dice(kind: str) -> None:
+def test_the_same_seed_gives_the_same_faults(kind: str) -> None:
     assert through(kind, 200, 0.5, 7) == through(kind, 200, 0.5, 7)
     if kind != "delay":
         assert through(kind, 200, 0.5, 7) != through(kind, 200, 0.5, 8)
 
 
-def test_a_fault_acts_in_its_time_and_in_its_direction() -> None:
+def test_a_fault_acts_in_its_time_and_direction() -> None:
     link = FaultyLink(Loop(), [Fault("drop", 0.3, 0.6, 1.0, "from_brick")], 0)
-    heard = []
+    received = []
     for step in range(300):
         link.step = step
         link.send([(step, b"")])
-        heard += [identifier for identifier, _ in link.receive(0.0)]
-    assert heard == [*range(100), *range(200, 300)]
+        received += [identifier for identifier, _ in link.receive(0.0)]
+    assert received == [*range(100), *range(200, 300)]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_fault_acts_in_its_time_and_in_its_direction() -> None:
         ("faults = 3", "faults"),
     ],
 )
-def test_a_bad_fault_names_its_place(text: str, field: str, tmp_path: Path) -> None:
+def test_a_bad_fault_is_refused_with_its_place(text: str, field: str, tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text((text + "\n" + MISSION) if text.startswith("faults") else MISSION + text, encoding="utf-8")
     with pytest.raises(InputError, match=r"s\.toml:\d+:") as refused:
@@ -103,7 +103,7 @@ def test_a_bad_fault_names_its_place(text: str, field: str, tmp_path: Path) -> N
     assert field.replace(".0", "[0]") in str(refused.value) or field in str(refused.value)
 
 
-def test_run_flies_no_scenario_with_faults(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_refuses_a_scenario_with_faults(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "s.toml"
     file.write_text(MISSION + '[[faults]]\nkind = "drop"\nfrom_s = 1\n', encoding="utf-8")
     with pytest.raises(SystemExit) as ended:

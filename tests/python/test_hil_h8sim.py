@@ -1,4 +1,4 @@
-"""Whole missions by the RCX's program on the simulator of its processor: the golden motor streams, bit for bit."""
+"""The RCX's program flies whole missions on the simulator of its processor: the golden motor streams, bit for bit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def fly_golden(profile: str, sensors: str, folder: Path) -> subprocess.Completed
 def flights(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Mapping[tuple[str, str], Future[subprocess.CompletedProcess[str]]]:
-    """All of them, as many at a time as there are processors: half a minute each."""
+    """Starts all flights, as many at a time as there are processors; each takes half a minute."""
     folder = tmp_path_factory.mktemp("h8sim")
     pool = ThreadPoolExecutor(os.cpu_count())
     return {
@@ -54,7 +54,7 @@ def test_a_whole_mission_on_the_h8_gives_the_motor_stream_of_the_host(
 
 
 @pytest.mark.parametrize(("built_for", "sensors"), [("imu", "imu"), ("rotation", "imu+encoders")])
-def test_the_mission_at_the_step_of_the_rcx_is_flown_whole_and_is_that_of_the_host(
+def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
     built_for: str, sensors: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
@@ -73,6 +73,6 @@ def test_the_mission_at_the_step_of_the_rcx_is_flown_whole_and_is_that_of_the_ho
     np.testing.assert_array_equal(flown.flight.motors, commands)
 
 
-def test_a_brick_without_a_reference_is_not_flown_with_one() -> None:
-    with pytest.raises(InputError, match=r"--sensors ideal: a brick has no reference; h8sim:imu flies imu or"):
+def test_ideal_sensors_are_refused_for_a_brick_that_lacks_them() -> None:
+    with pytest.raises(InputError, match=r"--sensors ideal: a brick has no ideal sensors; h8sim:imu flies with imu or"):
         ends.check_sensors("h8sim:imu", "ideal")

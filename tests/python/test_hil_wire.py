@@ -1,4 +1,4 @@
-"""The wire's C against Python's own: COBS, CRC, slcan, and the DBC's layouts against cantools."""
+"""The C code of the wire against Python: COBS, CRC, slcan, and the layouts of the DBC against cantools."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ DATA = st.binary(max_size=8)
 
 
 def in_c(function: str, identifier: int, data: bytes) -> bytes:
-    """What the C encoder writes."""
+    """Returns what the C encoder writes."""
     out = ffi.new("unsigned char[22]")
     size = getattr(LIBRARY, function)(identifier, data, len(data), out)
     return bytes(ffi.buffer(out, size))
 
 
 def from_c(function: str, line: bytes) -> tuple[int, bytes] | None:
-    """What the C decoder reads."""
+    """Returns what the C decoder reads."""
     identifier, out = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
     size = getattr(LIBRARY, function)(line, len(line), identifier, out)
     return None if size < 0 else (identifier[0], bytes(ffi.buffer(out, size)))
@@ -44,7 +44,7 @@ def test_a_frame_in_c_is_cobs_and_crc_in_python(identifier: int, data: bytes) ->
 
 
 @given(st.binary(max_size=40))
-def test_both_ends_take_the_same_for_a_frame(rubbish: bytes) -> None:
+def test_both_ends_accept_the_same_frames(rubbish: bytes) -> None:
     block = rubbish.replace(b"\0", b"\1")
     assert from_c("bp_frame_decode", block + b"\0") == (decode_frame(block) if block else None)
 

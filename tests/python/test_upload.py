@@ -51,7 +51,7 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
         session = Session(ends.open_link(f"infrared:{far.path}"), "again")
         assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)
         assert session.route() == [(1000, 500), (0, -250)]
-        with pytest.raises(InputError, match="start: means nothing in mode run"):
+        with pytest.raises(InputError, match="start: has no meaning in mode run"):
             session.command("start")
         session.link.close()
 
@@ -85,7 +85,7 @@ def test_a_missing_brick_is_one_line(capsys: pytest.CaptureFixture[str], monkeyp
         upload(capsys, "mission", "--link", f"infrared:{far.path}")
     assert left.value.code == 2
     said = capsys.readouterr().err
-    assert said.startswith(f"brickpilot: --link infrared:{far.path}: no brick has answered for ")
+    assert said.startswith(f"brickpilot: --link infrared:{far.path}: no brick has replied for ")
     assert said.count("\n") == 1
 
 

@@ -1,4 +1,5 @@
 """Puts an image on a brick.
 
-srec and lx read the file, rom and program speak to the brick over the infrared link; rcx delivers.
+`srec` and `lx` read the file. `rom` and `program` speak the two download protocols over the infrared link. `rcx`
+puts a whole file on a brick.
 """

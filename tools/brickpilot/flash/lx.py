@@ -1,8 +1,9 @@
 """brickOS programs (.lx), as makelx writes them.
 
-"brickOS" and a zero; eight 16-bit numbers, big-endian: version, base (where the text was linked), sizes of text, data,
-bss and stack in bytes, start (from the text), number of relocations; text; data; relocations. Each of these is the
-offset, from the start of the text, of a 16-bit address that moves with the text.
+A file holds "brickOS" and a zero byte; eight 16-bit numbers, big-endian; the text; the data; and the relocations. The
+numbers are the version, the base (the address for which the text was linked), the sizes of text, data, bss and stack in
+bytes, the start as an offset in the text, and the number of relocations. A relocation is the offset, from the start of
+the text, of a 16-bit address that moves with the text.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from brickpilot.errors import InputError
 MAGIC = b"brickOS\0"
 VERSION = 0
 ROOM = 0x7000
-"""The RCX's memory in bytes, all of it; the brick itself says whether there is room beside its kernel."""
+"""The size of the RCX's memory in bytes. Only the brick knows how much of it is free beside its kernel."""
 
 _HEADER = struct.Struct(">8H")
 
 
 @dataclasses.dataclass(frozen=True)
 class Program:
-    """Sizes in bytes; `image` is text and data, linked for `base`."""
+    """A program. Sizes are in bytes; `image` is the text and the data, linked for `base`."""
 
     base: int
     text_size: int
@@ -36,11 +37,11 @@ class Program:
 
     @property
     def room(self) -> int:
-        """Bytes that the brick sets aside: it keeps a second copy of the data for the next start."""
+        """Bytes that the brick reserves. It keeps a second copy of the data for the next start."""
         return self.text_size + 2 * self.data_size + self.bss_size
 
     def at(self, base: int) -> bytes:
-        """Text and data as they stand when the text begins at `base`."""
+        """Returns text and data, relocated to a text that begins at `base`."""
         moved = bytearray(self.image)
         for place in self.relocations:
             address = int.from_bytes(moved[place : place + 2], "big") + base - self.base
@@ -52,7 +53,7 @@ def read(file: Path) -> Program:
     """Reads and checks a program.
 
     Raises:
-        InputError: naming what is wrong with it.
+        InputError: the file is no valid program; the message names the fault.
     """
     try:
         content = file.read_bytes()
@@ -62,20 +63,20 @@ def read(file: Path) -> Program:
         raise InputError('is no brickOS program: it does not begin with "brickOS"', file=file)
     body = content[len(MAGIC) :]
     if len(body) < _HEADER.size:
-        raise InputError("is cut short in its header", file=file)
+        raise InputError("ends within its header", file=file)
     version, base, text, data, bss, stack, start, count = _HEADER.unpack_from(body)
     if version != VERSION:
-        raise InputError(f"has format version {version}; version {VERSION} is known", file=file)
+        raise InputError(f"has format version {version}; only version {VERSION} is supported", file=file)
     expected = len(MAGIC) + _HEADER.size + text + data + 2 * count
     if len(content) != expected:
-        raise InputError(f"has {len(content)} bytes, its header says {expected}", file=file)
+        raise InputError(f"has {len(content)} bytes, but its header gives {expected}", file=file)
     image, table = body[_HEADER.size : _HEADER.size + text + data], body[_HEADER.size + text + data :]
     relocations = struct.unpack(f">{count}H", table)
     if any(place + 2 > text + data for place in relocations):
-        raise InputError("relocates what lies outside its text and data", file=file)
+        raise InputError("has a relocation outside its text and data", file=file)
     if start >= text:
-        raise InputError(f"starts at {start}, behind its {text} bytes of text", file=file)
+        raise InputError(f"starts at {start}, beyond its {text} bytes of text", file=file)
     program = Program(base, text, data, bss, stack, start, relocations, image)
     if program.room + stack > ROOM:
-        raise InputError(f"needs {program.room + stack} bytes, too large for the RCX's {ROOM}", file=file)
+        raise InputError(f"needs {program.room + stack} bytes, which is too large for the RCX's {ROOM}", file=file)
     return program

@@ -1,13 +1,17 @@
-"""brickOS's program loader, as dll speaks to it: delete, create, data, run, each acknowledged over LNP.
+"""The protocol of brickOS's program loader, as dll uses it: delete, create, data and run over LNP.
 
-What brickOS 0.9 leaves without an acknowledgement: `delete` while a program runs; `create` where a program is already
-(so too when it is sent again) and where memory is short; `data` beyond what it has, and any `data` once the program is
-whole. `data` that it has already it acknowledges and forgets. An acknowledgement does not say of what.
+brickOS acknowledges each command, but an acknowledgement does not name its command. brickOS 0.9 does not acknowledge:
 
-Two packets need 7 ms of silence between them, as `Tower.exchange` leaves: where damage makes a byte of data pass for a
-length, the receiver reads on until the line is silent, and past its buffer begins the table of the programs.
+- `delete` while a program runs;
+- `create` if the slot holds a program (so also a `create` that is sent again), or if memory is short;
+- `data` that leaves a gap behind the data that have arrived, and all `data` once the program is complete.
 
-Sources: brickOS 0.9.0, its headers and its loader, compared with the kernel of Debian's package, disassembled.
+It acknowledges `data` that it has already, and ignores them.
+
+`Tower.exchange` leaves 7 ms of silence between two packets. They are needed: when damage makes a byte of data look like
+a length, the receiver reads until the line is silent, and the table of the programs lies behind its buffer.
+
+Sources: the headers and the loader of brickOS 0.9.0, compared with the disassembled kernel of Debian's package.
 """
 
 from __future__ import annotations
@@ -21,25 +25,25 @@ from brickpilot.link.tower import Tower
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SLOTS = 8
 HOST = 8
-"""This end's host address, dll's."""
+"""The host address of this end; it is the one that dll uses."""
 PRIORITY = 10
-"""Of the program's first task, as dll has it."""
+"""The priority of the program's first task, as dll sets it."""
 
 LONGEST = 0xF8
-"""Bytes of program in a packet, as dll sends them."""
+"""The most bytes of program in a packet, as dll sends them."""
 SHORTEST = 8
 TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""Tries in a row after which the program may be whole rather than the line bad."""
+"""After so many failed tries in a row, the program may be complete; the line need not be bad."""
 
 
 class Loader:
-    """The loader of the brick before `tower`.
+    """Speaks to the loader of a brick.
 
     Args:
-        tower: where to speak.
+        tower: the tower in front of the brick.
         host: the brick's LNP address, 0..15.
     """
 
@@ -48,37 +52,40 @@ class Loader:
         self._host = host
 
     def alive(self, tries: int = TRIES_PRESENT) -> bool:
-        """Whether brickOS answers: it is given the address that it has."""
+        """Returns whether brickOS replies. The request sets the brick's address to its present value."""
         return self._ask(bytes([SET_HOST, self._host]), tries) is not None
 
     def delete(self, slot: int) -> bool:
-        """Empties `slot`, 0..7; False when that was not acknowledged."""
+        """Deletes the program in `slot`, 0..7. Returns False if the brick did not acknowledge it."""
         return self._ask(bytes([DELETE, slot]), TRIES_PRESENT) is not None
 
     def run(self, slot: int) -> None:
-        """Starts the program of `slot`.
+        """Starts the program in `slot`.
 
         Raises:
-            TimeoutError: that was not acknowledged.
+            TimeoutError: the brick did not acknowledge the start.
         """
         if self._ask(bytes([RUN, slot]), TRIES_PRESENT, patience=4) is None:
-            raise TimeoutError(f"{self._tower.device}: the program is on the brick, which does not confirm its start")
+            raise TimeoutError(
+                f"{self._tower.device}: the program is on the brick, but the brick did not confirm its start"
+            )
 
     def send(self, program: Program, slot: int, tally: Tally, progress: Progress) -> int:
-        """Puts `program` into the empty `slot`, 0..7.
+        """Sends `program` to the empty `slot`, 0..7.
 
         Returns:
             The address of its text.
 
         Raises:
             InputError: the brick has no room.
-            TimeoutError: it stopped answering.
+            TimeoutError: the brick stopped replying.
         """
         base = self._create(program, slot)
         self._send_data(program.at(base), slot, tally, progress)
         return base
 
     def _create(self, program: Program, slot: int) -> int:
+        """Creates the slot's program and returns the address of its text."""
         sizes = (program.text_size, program.data_size, program.bss_size, program.stack_size, program.start)
         command = bytes([CREATE, slot]) + b"".join(size.to_bytes(2, "big") for size in sizes) + bytes([PRIORITY])
         for _ in range(ROUNDS):
@@ -87,17 +94,17 @@ class Loader:
                 text, data, bss = (int.from_bytes(reply[at : at + 2], "big") for at in (2, 4, 6))
                 if (data, bss) == (text + program.text_size, text + program.text_size + program.data_size):
                     return text
-            if not self.delete(slot):  # an acknowledgement that was lost cannot be had again
+            if not self.delete(slot):  # a lost acknowledgement is not repeated
                 raise self._tower.lost()
         raise InputError(
-            f"the brick refuses the program: too large, no room for its {program.room} bytes; other programs may be "
-            "deleted with dll -d",
+            f"the brick refuses the program: it has no room for {program.room} bytes (dll -d deletes programs)",
             field=self._tower.device,
         )
 
     def _send_data(self, image: bytes, slot: int, tally: Tally, progress: Progress) -> None:
+        """Sends the image in packets. A packet that fails is sent again, and is shorter each time."""
         at, size = 0, LONGEST
-        ends: set[int] = set()  # of packets that may have arrived though nothing said so: none may reach across them
+        ends: set[int] = set()  # ends of packets that may have arrived unacknowledged; no packet may reach across one
         while at < len(image):
             progress(at, len(image), "program")
             ends = {end for end in ends if end > at}
@@ -110,22 +117,22 @@ class Loader:
                 if self._exchange(command, 1) is not None:
                     break
                 ends.add(at + length)
-                if attempt % _SILENT == _SILENT - 1 and len(image) in ends and self._whole(image, slot):
+                if attempt % _SILENT == _SILENT - 1 and len(image) in ends and self._complete(image, slot):
                     return
             else:
                 raise self._tower.lost(f" after {at} of {len(image)} bytes")
             at += length
             size = length if attempt else min(LONGEST, size + max(4, size // 4))
 
-    def _whole(self, image: bytes, slot: int) -> bool:
-        """Whether the last acknowledgement was lost: the brick answers, but not to data, of which it has all."""
+    def _complete(self, image: bytes, slot: int) -> bool:
+        """Returns whether the program is complete: the brick replies, but acknowledges no data."""
         old = bytes([DATA, slot, 0, 0]) + image[:1]
-        answers = 0
+        replies = 0
         for _ in range(ROUNDS):
             if self._exchange(old, 1) is not None:
                 return False
-            answers += self.alive(1)
-        return answers >= ROUNDS // 2
+            replies += self.alive(1)
+        return replies >= ROUNDS // 2
 
     def _ask(self, command: bytes, tries: int, patience: float = 1.0) -> bytes | None:
         for _ in range(tries):
@@ -137,8 +144,8 @@ class Loader:
     def _exchange(self, command: bytes, reply_length: int, patience: float = 1.0) -> bytes | None:
         here, brick = lnp.address(HOST), lnp.address(self._host)
 
-        def acknowledged(heard: bytes) -> bytes | None:
-            data = lnp.find(heard, here, brick)
+        def acknowledged(received: bytes) -> bytes | None:
+            data = lnp.find(received, here, brick)
             return data if data is not None and data[0] == ACKNOWLEDGE else None
 
         return self._tower.exchange(lnp.packet(command, brick, here), acknowledged, 5 + reply_length, patience)

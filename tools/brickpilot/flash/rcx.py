@@ -1,4 +1,4 @@
-"""Delivers a file to an RCX: firmware by its ROM, programs by brickOS; and says what stands in the way."""
+"""Puts a file on an RCX: firmware by its ROM, programs by brickOS."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from brickpilot.flash.rom import Rom
 from brickpilot.flash.tally import Progress, Tally
 from brickpilot.link.tower import BYTE_S, Tower
 
-_SILENCE = "no answer from the brick: is it on, its batteries good, its window towards the tower, 10 to 20 cm away?"
+_SILENCE = (
+    "the brick does not reply: is it on, are its batteries good, and does its window face the tower at 10 to 20 cm?"
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class Delivered:
-    """What arrived: `image` as it stands in the brick from `address` on."""
+    """The result of a delivery. `image` is in the brick's memory from `address` on."""
 
     image: bytes
     address: int
@@ -29,8 +31,8 @@ def flash_firmware(image: srec.Image, device: str, *, progress: Progress, byte_s
     """Replaces a brick's firmware and starts it.
 
     Raises:
-        InputError: no port, no tower, no answer, or the brick refuses.
-        TimeoutError: the brick fell silent midway.
+        InputError: there is no port, no tower or no reply, or the brick refuses the firmware.
+        TimeoutError: the brick stopped replying.
     """
     began, tally = time.monotonic(), Tally()
     with Tower(device, byte_s) as tower:
@@ -38,18 +40,18 @@ def flash_firmware(image: srec.Image, device: str, *, progress: Progress, byte_s
         if not rom.alive():
             if loader.alive():
                 raise InputError(
-                    "brickOS is running on the brick, and nothing but its keys deletes it: stop its program, hold Prgm "
-                    "and press On-Off, then flash again",
+                    "brickOS runs on the brick, and only the brick's keys delete it: stop its program, hold Prgm and "
+                    "press On-Off, then flash again",
                     field=device,
                 )
             raise InputError(
-                f"{_SILENCE} A brickOS with another LNP address is deleted by holding Prgm and pressing On-Off",
+                f"{_SILENCE} If it runs a brickOS with another LNP address, hold Prgm and press On-Off to delete it",
                 field=device,
             )
         if not rom.download(image, tally, progress) and not loader.alive():
             raise TimeoutError(
-                f"{device}: all of the image is on the brick, but it did not confirm the start; if its display shows "
-                "no firmware, flash again"
+                f"{device}: the whole image is on the brick, but the brick did not confirm the start. If its display "
+                "shows no firmware, flash again"
             )
     return Delivered(image.data, srec.START, tally, time.monotonic() - began)
 
@@ -64,20 +66,20 @@ def flash_program(
     progress: Progress,
     byte_s: float = BYTE_S,
 ) -> Delivered:
-    """Puts a program into a slot, 0..7, of a brick with brickOS, in place of what is there.
+    """Puts a program into a slot, 0..7, of a brick with brickOS, and replaces the program that is there.
 
     Raises:
-        InputError: no port, no tower, no answer, or the brick refuses.
-        TimeoutError: the brick fell silent midway.
+        InputError: there is no port, no tower or no reply, or the brick refuses the program.
+        TimeoutError: the brick stopped replying.
     """
     began, tally = time.monotonic(), Tally()
     with Tower(device, byte_s) as tower:
         loader = Loader(tower, host)
         if not loader.delete(slot):
             if loader.alive():
-                raise InputError("a program is running on the brick: stop it with Run, then try again", field=device)
+                raise InputError("a program runs on the brick: stop it with Run, then try again", field=device)
             if Rom(tower).alive():
-                raise InputError("the brick has no brickOS: flash its brickOS.srec first", field=device)
+                raise InputError("the brick has no brickOS: flash brickOS.srec first", field=device)
             raise InputError(f"{_SILENCE} Is its LNP address {host}?", field=device)
         base = loader.send(program, slot, tally, progress)
         if execute:

@@ -1,18 +1,18 @@
 """The download protocol of the RCX's ROM.
 
-Packet: 55 FF 00, then opcode, operands and the sum of both, each byte followed by its complement. The opcode of an
-answer is the complement of the request's. What one must know to send again what was lost:
+A packet is 55 FF 00, then the opcode, the operands and the sum of both. Each of these bytes is followed by its
+complement. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
 
-- The ROM keeps the opcode that it answered last. A request with the same one gets the same answer and does nothing
-  else: a new request toggles bit 3, one that is sent again does not.
-- It writes a block's bytes to memory as they come, and goes back to where the block began when the same index comes
-  again: a block may be sent again, and shorter, until it is acknowledged.
-- Behind damage it looks for the next opcode at once, in the same packet. If it takes bytes of the image for the head
-  of another block, it forgets where this one began; if it takes them for the same short request twice, it repeats the
-  answer to the last block, and passes for having this one. So on a line that damages packets, blocks end before they
-  hold such bytes.
-- If both a byte of the index and its complement are lost, it forgets where the block began too; and after a block
-  whose checksum was wrong it waits for the next one. Then only a new download helps.
+- The ROM remembers the opcode of its last reply. It repeats this reply to a request with the same opcode, and does
+  nothing else. So a new request toggles bit 3 of its opcode, and a repeated request does not.
+- The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, it goes back to the
+  start of the block. So a block can be sent again, also shorter, until it is acknowledged.
+- After a damaged byte the ROM looks for an opcode in the rest of the same packet. It may take bytes of the image for
+  the head of another block; then it loses the start of this block. It may also take them for the same short request
+  twice; then it repeats its reply to the last block, which looks like an acknowledgement. So on a line that damages
+  packets, a block ends before such bytes.
+- The ROM also loses the start of a block if a byte of the index and its complement are both lost. After a block with a
+  wrong checksum it waits for the next block. Only a new download helps then.
 
 Sources: K. Proudfoot, RCX Internals; the ROM that J. Hoenicke wrote for brickEmu.
 """
@@ -33,42 +33,42 @@ BLOCK = b"\x45"
 UNLOCK = b"\xa5LEGO\xae"
 
 LONGEST = 200
-"""Bytes of image in a block, as firmdl3 and nqc send them."""
+"""The most bytes of image in a block, as firmdl3 and nqc send them."""
 SHORTEST = 8
 _SKIPPED = (0x00, 0x55, 0xFF)
-"""What the ROM passes over where it looks for an opcode."""
+"""Bytes that the ROM skips when it looks for an opcode."""
 _AROUND = 6
-"""Bytes of a block that are not the image's: opcode, index, length, checksum."""
+"""Bytes of a block beside the image: opcode, index, length and checksum."""
 TRIES_PRESENT = 10
 TRIES = 40
-"""Of one packet, once the brick has answered: 20 s and more, so that a brick that is put back into the beam goes on."""
+"""Tries of one packet once the brick has replied. They last 20 s, in which a brick can be put back into the beam."""
 DOWNLOADS = 12
-"""Of the whole image, where nothing less helps."""
+"""The most downloads of the whole image."""
 
 
 def frame(body: bytes) -> bytes:
-    """The packet of opcode and operands `body`."""
+    """Returns the packet that carries `body`, an opcode and its operands."""
     checked = body + bytes([sum(body) & 0xFF])
     return b"\x55\xff\x00" + bytes(byte for value in checked for byte in (value, value ^ 0xFF))
 
 
-def find_reply(heard: bytes, opcode: int, length: int) -> bytes | None:
-    """Finds the answer to `opcode`, `length` bytes with its own opcode; its header need not have come unharmed."""
+def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
+    """Returns the reply to `opcode`, `length` bytes with its own opcode, or None; its header may be damaged."""
     pairs = length + 1
-    for at in range(len(heard) - 2 * pairs + 1):
-        values = heard[at : at + 2 * pairs : 2]
+    for at in range(len(received) - 2 * pairs + 1):
+        values = received[at : at + 2 * pairs : 2]
         if values[0] != opcode ^ 0xFF or sum(values[:-1]) & 0xFF != values[-1]:
             continue
-        if all(low ^ high == 0xFF for low, high in zip(values, heard[at + 1 : at + 2 * pairs : 2], strict=True)):
+        if all(low ^ high == 0xFF for low, high in zip(values, received[at + 1 : at + 2 * pairs : 2], strict=True)):
             return values[:-1]
     return None
 
 
 def _misread(packet: bytes) -> bool:
-    """Whether the ROM may take what is left of this block, when its beginning is damaged, for another packet.
+    """Returns whether the ROM can take the rest of this block for another packet when its beginning is damaged.
 
-    The head of a block is enough for that: five bytes. Of any other packet it would be opcode, operands (as many as the
-    opcode's low bits say) and sum. The block's index, at 1 and 2, has to be what it is.
+    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, as many operands as the
+    opcode's low bits say, and the right sum. The search begins behind the block's index, which cannot be changed.
     """
     for at in range(3, len(packet)):
         if packet[at] & ~TOGGLE == BLOCK[0]:
@@ -82,7 +82,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Opcode and operands of `piece`; if careful, of as much of it as cannot be misread, or of one byte."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, with as much of it as cannot be misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")
@@ -93,7 +93,7 @@ def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
 
 
 class Rom:
-    """The ROM of the brick before `tower`."""
+    """Speaks to the ROM of the brick in front of `tower`."""
 
     def __init__(self, tower: Tower) -> None:
         self._tower = tower
@@ -101,18 +101,18 @@ class Rom:
         self._size = LONGEST
 
     def alive(self) -> bool:
-        """Whether the ROM answers, or a firmware that speaks its protocol, as LEGO's does."""
+        """Returns whether the ROM replies, or a firmware with the same protocol, such as LEGO's."""
         return self._ask(ALIVE, 1, TRIES_PRESENT) is not None
 
     def download(self, image: Image, tally: Tally, progress: Progress) -> bool:
         """Replaces the firmware of a brick that is `alive`.
 
         Returns:
-            Whether the brick confirmed the start; if not, it fell silent when it was told to start.
+            Whether the brick confirmed the start. If not, it stopped replying at the start command.
 
         Raises:
-            InputError: it refuses the image.
-            TimeoutError: it stopped answering.
+            InputError: the brick refuses the image.
+            TimeoutError: the brick stopped replying.
         """
         begin = BEGIN + image.entry.to_bytes(2, "little") + image.checksum.to_bytes(2, "little") + b"\0"
         for _ in range(DOWNLOADS):
@@ -121,26 +121,27 @@ class Rom:
             if code != 0:
                 raise InputError(f"the brick refuses to begin a download, code {code}", field=self._tower.device)
             if self._send_blocks(image.data, tally, progress):
-                progress(len(image.data), len(image.data), "starting it")
+                progress(len(image.data), len(image.data), "start")
                 started = self._start()
                 if started is not False:
                     return bool(started)
         raise InputError(
-            f"the brick refuses the image, {DOWNLOADS} times: it arrives damaged; move it nearer, out of the light",
+            f"the brick refused the image {DOWNLOADS} times because it arrived damaged; move the brick nearer and out "
+            "of bright light",
             field=self._tower.device,
         )
 
     def _send_blocks(self, data: bytes, tally: Tally, progress: Progress) -> bool:
-        """Sends the image; False when only another download helps."""
+        """Sends the image. Returns False if only a new download helps."""
         at, index = 0, 1
         while at < len(data):
             progress(at, len(data), "firmware")
             opcode = self._toggled(BLOCK[0])
             limit = min(self._size, len(data) - at)
             for attempt in range(TRIES):
-                if attempt > 1:  # the longer a packet, the likelier that it is hit
+                if attempt > 1:  # a long packet is damaged more often
                     limit = max(min(limit, SHORTEST), limit // 2)
-                careful = attempt > 0 or index == 1 or self._size < LONGEST  # else the line has proved clean
+                careful = attempt > 0 or index == 1 or self._size < LONGEST  # otherwise the line is clean
                 packet = block(opcode, index, data[at : at + limit], careful=careful)
                 length = len(packet) - _AROUND
                 tally.tried(again=attempt > 0)
@@ -148,7 +149,7 @@ class Rom:
                 if reply is not None:
                     break
                 if attempt == TRIES // 2:
-                    if self.alive():  # it hears, yet not this block: it has lost its place
+                    if self.alive():  # the brick replies, but not to this block: it has lost its place
                         return False
                     self._last = opcode
             else:
@@ -159,19 +160,19 @@ class Rom:
             index += 1
             if attempt:
                 self._size = limit
-            elif length == limit:  # a shorter one that came through says nothing of longer ones
+            elif length == limit:  # the success of a shorter block says nothing about longer ones
                 self._size = min(LONGEST, self._size + max(8, self._size // 3))
         return True
 
     def _start(self) -> bool | None:
-        """Has the ROM check and start the image: True started, False it will not, None it fell silent."""
+        """Lets the ROM check and start the image. Returns True: started, False: refused, None: no reply."""
         for _ in range(3):
             if self._ask(UNLOCK, 26, 3, patience=4) is not None:
                 return True
             versions = self._ask(VERSIONS, 9, 6)
             if versions is None:
                 return None
-            if any(versions[5:]):  # a firmware runs that speaks the ROM's protocol: its answer to UNLOCK was lost
+            if any(versions[5:]):  # a firmware with the ROM's protocol runs: its reply to UNLOCK was lost
                 return True
         return False
 
@@ -190,11 +191,14 @@ class Rom:
         return None
 
     def _toggled(self, opcode: int) -> int:
-        """`opcode` as a new request: bit 3 other than in the last one."""
+        """Returns `opcode` as a new request: its bit 3 differs from the last request's."""
         self._last = opcode ^ TOGGLE if self._last == opcode else opcode
         return self._last
 
     def _exchange(self, packet: bytes, reply_length: int, patience: float = 1.0) -> bytes | None:
         return self._tower.exchange(
-            frame(packet), lambda heard: find_reply(heard, packet[0], reply_length), 5 + 2 * reply_length, patience
+            frame(packet),
+            lambda received: find_reply(received, packet[0], reply_length),
+            5 + 2 * reply_length,
+            patience,
         )

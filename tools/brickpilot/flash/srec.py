@@ -1,7 +1,7 @@
-"""Firmware images: Motorola S-records, judged by what the RCX's ROM demands before anything is sent.
+"""Firmware images as Motorola S-records. They are checked against the rules of the RCX's ROM before they are sent.
 
-The ROM loads from 0x8000 upwards without gaps, sums the bytes below 0xCC00 and looks for its string there; its own
-variables begin at 0xEE5E (K. Proudfoot, RCX Internals, and lugnet.robotics, n=13499).
+The ROM loads one block of memory from 0x8000 upwards. It sums the bytes below 0xCC00 and looks for its string there.
+Its own variables begin at 0xEE5E (K. Proudfoot, RCX Internals, and lugnet.robotics, n=13499).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pathlib import Path
 from brickpilot.errors import InputError
 
 START = 0x8000
-"""Where the ROM puts the first byte."""
+"""The address of the first byte."""
 SUMMED_END = 0xCC00
-"""End of what the ROM sums and searches."""
+"""The end of the memory that the ROM sums and searches."""
 END = 0xEE5E
-"""Where the ROM's own variables begin; they are in use while an image arrives."""
+"""The start of the ROM's own variables, which are in use while an image arrives."""
 KNOCK = b"Do you byte, when I knock?\0"
-"""Without it below SUMMED_END the ROM starts nothing; it compares the zero at the end too."""
+"""The ROM starts no image without this string, its zero byte included, below SUMMED_END."""
 
 _ADDRESS_BYTES = {"1": 2, "2": 3, "3": 4}
 _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
@@ -26,30 +26,34 @@ _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """What goes to the brick: `data` from START on, gaps filled with zero, and the address at which it is entered."""
+    """A firmware image: `data` from START on, with zeros where the file has none, and the address of its entry."""
 
     data: bytes
     entry: int
 
     @property
     def checksum(self) -> int:
-        """The 16-bit sum that the ROM forms of the bytes from START to SUMMED_END."""
+        """The 16-bit sum of the bytes from START to SUMMED_END, as the ROM computes it."""
         return sum(self.data[: SUMMED_END - START]) & 0xFFFF
 
 
 def _record(line: str, file: Path, number: int) -> tuple[str, bytes]:
-    """Type and bytes (address and data) of one record, its count and sum checked."""
+    """Returns the type and the bytes (address and data) of one S-record after checking its count and sum."""
     if len(line) < 4 or line[0] != "S" or not line[1].isdigit():
         raise InputError(f"is no S-record: {line[:20]!r}", file=file, line=number)
     try:
         content = bytes.fromhex(line[2:])
     except ValueError:
-        raise InputError("an S-record has an even number of hexadecimal digits", file=file, line=number) from None
+        raise InputError(
+            "is no S-record: it needs an even number of hexadecimal digits", file=file, line=number
+        ) from None
     if content[0] != len(content) - 1:
-        raise InputError(f"says it has {content[0]} bytes, and has {len(content) - 1}", file=file, line=number)
+        raise InputError(f"gives its length as {content[0]} bytes, but has {len(content) - 1}", file=file, line=number)
     right = 0xFF - (sum(content[:-1]) & 0xFF)
     if content[-1] != right:
-        raise InputError(f"wrong checksum {content[-1]:02X}, its bytes give {right:02X}", file=file, line=number)
+        raise InputError(
+            f"has the wrong checksum {content[-1]:02X}; its bytes give {right:02X}", file=file, line=number
+        )
     return line[1], content[1:-1]
 
 
@@ -59,7 +63,7 @@ def _lines(file: Path) -> list[str]:
     except OSError as error:
         raise InputError(error.strerror or "cannot be read", file=file) from None
     if text.startswith(b"brickOS\0"):
-        raise InputError("is a brickOS program, which travels as .lx; a firmware image is S-records", file=file)
+        raise InputError("is a brickOS program and needs the suffix .lx; a firmware image is S-records", file=file)
     return text.decode("latin-1").splitlines()
 
 
@@ -67,52 +71,74 @@ def read(file: Path) -> Image:
     """Reads and checks an image.
 
     Raises:
-        InputError: naming the line, where one is to blame.
+        InputError: the file is no valid image; the message names the line if there is one.
     """
-    memory = bytearray(END - START)
-    written = bytearray(len(memory))
-    entry: int | None = None
+    memory = _Memory(file)
     for number, line in enumerate((text.strip() for text in _lines(file)), 1):
-        if not line:
-            continue
         if line.startswith("$$"):
             raise InputError(
-                "S-records with symbols are a program's: makelx makes its .lx of them", file=file, line=number
+                "holds a program: S-records with symbols. Convert them to .lx with makelx", file=file, line=number
             )
-        kind, content = _record(line, file, number)
-        if entry is not None:
-            raise InputError("stands after the record that ends the image", file=file, line=number)
+        if line:
+            memory.take(line, number)
+    return _checked(memory)
+
+
+class _Memory:
+    """The brick's memory for firmware as the lines of `file` fill it."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.data = bytearray(END - START)
+        self.written = bytearray(END - START)  # 1 where a line has written
+        self.entry: int | None = None
+
+    def take(self, line: str, number: int) -> None:
+        """Takes one S-record."""
+        kind, content = _record(line, self.file, number)
+        if self.entry is not None:
+            raise InputError("stands behind the S-record that ends the image", file=self.file, line=number)
         width = _ADDRESS_BYTES.get(kind) or _ENTRY_BYTES.get(kind) or 0
         if len(content) < width:
-            raise InputError("is too short for an address", file=file, line=number)
+            raise InputError("is too short for an address", file=self.file, line=number)
         address, data = int.from_bytes(content[:width], "big"), content[width:]
         if kind in _ENTRY_BYTES:
-            entry = address
+            self.entry = address
         elif kind in _ADDRESS_BYTES and data:
-            if address < START or address + len(data) > END:
-                raise InputError(
-                    f"0x{address:04X}..0x{address + len(data) - 1:04X} is outside the RCX's memory for firmware, "
-                    f"0x{START:04X}..0x{END - 1:04X}",
-                    file=file,
-                    line=number,
-                )
-            place = slice(address - START, address - START + len(data))
-            if any(written[place]):
-                raise InputError(f"writes again what an earlier line wrote at 0x{address:04X}", file=file, line=number)
-            memory[place] = data
-            written[place] = b"\1" * len(data)
-    if not any(written):
+            self._write(address, data, number)
+
+    def _write(self, address: int, data: bytes, number: int) -> None:
+        if address < START or address + len(data) > END:
+            raise InputError(
+                f"0x{address:04X}..0x{address + len(data) - 1:04X} is outside the RCX's memory for firmware, "
+                f"0x{START:04X}..0x{END - 1:04X}",
+                file=self.file,
+                line=number,
+            )
+        place = slice(address - START, address - START + len(data))
+        if any(self.written[place]):
+            raise InputError(
+                f"writes to 0x{address:04X}, where an earlier line wrote already", file=self.file, line=number
+            )
+        self.data[place] = data
+        self.written[place] = b"\1" * len(data)
+
+
+def _checked(memory: _Memory) -> Image:
+    """Returns the image if it obeys the rules of the ROM."""
+    file, entry = memory.file, memory.entry
+    if not any(memory.written):
         raise InputError("holds no data", file=file)
     if entry is None:
-        raise InputError("has no record that ends it (S9): it is cut short", file=file)
-    first, past = START + written.index(1), START + written.rindex(1) + 1
-    image = Image(bytes(memory[: past - START]), entry)
+        raise InputError("is cut short: its end record (S9) is missing", file=file)
+    first, past = START + memory.written.index(1), START + memory.written.rindex(1) + 1
     if first != START:
         raise InputError(f"starts at 0x{first:04X}; the ROM loads and starts firmware at 0x{START:04X}", file=file)
     if not START <= entry < past:
-        raise InputError(f"is entered at 0x{entry:04X}, where it has nothing", file=file)
+        raise InputError(f"has its entry at 0x{entry:04X}, outside its data", file=file)
+    image = Image(bytes(memory.data[: past - START]), entry)
     if KNOCK not in image.data[: SUMMED_END - START]:
         raise InputError(
-            f'lacks "{KNOCK[:-1].decode()}" below 0x{SUMMED_END:04X}, without which the ROM starts nothing', file=file
+            f'lacks "{KNOCK[:-1].decode()}" below 0x{SUMMED_END:04X}, which the ROM needs to start it', file=file
         )
     return image

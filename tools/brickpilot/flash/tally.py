@@ -1,4 +1,4 @@
-"""What a delivery reports while it runs, and counts."""
+"""Progress and packet counts of a delivery."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Callable
 
 Progress = Callable[[int, int, str], None]
-"""Bytes that have arrived, bytes in all, and what to say."""
+"""Takes the bytes that have arrived, the bytes in all, and a text."""
 
 
 @dataclasses.dataclass
 class Tally:
-    """Packets that carried the image, and how many of them were sent again; the brick's answers count as theirs."""
+    """Counts the packets that carried the image, and those of them that were sent again."""
 
     packets: int = 0
     sent_again: int = 0

@@ -1,1 +1,1 @@
-"""Hardware in the loop: the plant at this end of a link, a brick at the other. The manual is hal/README.md."""
+"""Hardware in the loop: the plant at one end of a link, a brick at the other. hal/README.md is the manual."""

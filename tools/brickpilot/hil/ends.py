@@ -1,4 +1,4 @@
-"""The two ends of a link: opens the plant's, and starts a brick at the other where the link asks for one here."""
+"""Opens the plant's end of a link, and starts a brick at the other end if the link names one on this machine."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from cffi import FFI
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.link.infrared import InfraredLink
 from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
-from brickpilot.link.session import ANSWER_S
+from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
 
 PROGRAM = Path(__file__).parents[1] / "brick"
 
-_PRIORITY = 20  # of 99: below what keeps the machine itself going
+_PRIORITY = 20  # of 99; the system's own threads have more
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
-"""Links whose brick is a process of its own -> its options."""
+"""Link whose brick is a process that is started here -> the options of that process."""
 
 H8SIM = "h8sim"
-"""The firmware on the simulator of the RCX's processor, by a stream to its standard input and output."""
+"""The firmware on the simulator of the RCX's processor, linked by its standard input and output."""
 
 H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Target -> sensors of the brick that it is built for (firmware/targets/rcx/flags); None: built as for this machine."""
+"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built as for this machine."""
 
-H8SIM_ANSWER_S = 10.0
-"""A simulated instruction takes microseconds, and the simulator seconds to start."""
+H8SIM_REPLY_S = 10.0
+"""Time for a reply: a simulated instruction takes microseconds, and the simulator takes seconds to start."""
 
 INFRARED = "infrared"
-"""An RCX's tower: `brickpilot upload` alone, since it carries no plant."""
+"""The infrared tower of an RCX. It is too slow for a plant; only `brickpilot upload` uses it."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
 FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
@@ -49,7 +49,7 @@ FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT"
 
 @cache
 def brick_interface() -> tuple[FFI, Any]:
-    """cffi's `ffi` and the library with a brick in it."""
+    """Returns cffi's `ffi` and the library that holds a brick."""
     folder = Path(__file__).parents[1]
     header = (folder / "brickpilot_brick.h").read_text(encoding="utf-8")
     ffi = FFI()
@@ -58,10 +58,10 @@ def brick_interface() -> tuple[FFI, Any]:
 
 
 class BrickThread:
-    """A brick in this process, at one end of a CAN bus.
+    """A brick in a thread of this process, at one end of a CAN bus.
 
     Args:
-        bus: shut down by ``stop``.
+        bus: an open bus, which `stop` shuts down.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -97,22 +97,22 @@ class BrickThread:
             self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
 
     def restart(self) -> None:
-        """Switches the brick off and on; returns when it is done."""
+        """Switches the brick off and on, and returns when it runs again."""
         self._restart.set()
         while self._restart.is_set() and self._thread.is_alive():
             time.sleep(0.001)
 
     def stop(self) -> None:
-        """Ends the thread and shuts the bus down."""
+        """Ends the thread and shuts down the bus."""
         self._ended.set()
         self._thread.join(5.0)
         self._bus.shutdown()
 
 
 def claim_priority() -> bool:
-    """Real-time priority (sched(7), SCHED_FIFO) for this thread and for what it starts; false where it is not granted.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; False if it is refused.
 
-    What else the machine does then makes fewer ticks late. Both ends sleep between their ticks.
+    With it, other programs make fewer ticks late. Both ends sleep between their ticks.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
@@ -122,7 +122,7 @@ def claim_priority() -> bool:
 
 
 def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
-    """Starts the process; it ends with its standard input. Returns it, and the link that meets it."""
+    """Starts a brick as a process, which ends with its standard input. Returns it and the link to it."""
     process = subprocess.Popen(
         [PROGRAM, *options.split(), "--until-eof"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
     )
@@ -131,12 +131,12 @@ def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
     address = process.stdout.readline().decode().strip() if ready else ""
     if not address:
         end_brick(process)
-        raise SimulationError(f"{PROGRAM.name} {options}: did not start")
+        raise SimulationError(f"{PROGRAM.name} {options}: the brick did not start")
     return process, address
 
 
 def end_brick(process: subprocess.Popen[bytes]) -> None:
-    """Closes its standard input, and waits for its end."""
+    """Ends a brick: closes its standard input and waits."""
     assert process.stdin is not None
     assert process.stdout is not None
     process.stdin.close()
@@ -153,19 +153,19 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def h8_simulator(target: str) -> tuple[str, str]:
-    """The simulator and the program for it, both built by the project's scripts if need be.
+    """Builds the simulator and its program by the project's scripts if necessary, and returns their paths.
 
     Args:
         target: one of `H8SIM_TARGETS`.
 
     Raises:
-        InputError: no checkout here or above, or one of them cannot be built.
+        InputError: no checkout is in this folder or above it, or a build fails.
     """
     folder = next((folder for folder in _here_and_above() if (folder / "firmware/targets/h8sim/build").exists()), None)
     if folder is None:
-        raise InputError("needs a checkout of the project, here or above", field=f"--target {target}")
+        raise InputError("needs a checkout of the project in this folder or above it", field=f"--target {target}")
 
-    def printed(*command: str) -> str:
+    def output(*command: str) -> str:
         done = subprocess.run([folder / command[0], *command[1:]], stdout=subprocess.PIPE, text=True, check=False)
         if done.returncode != 0:
             raise InputError(f"{command[0]} failed", field=f"--target {target}")
@@ -174,14 +174,16 @@ def h8_simulator(target: str) -> tuple[str, str]:
     sensors = H8SIM_TARGETS[target]
     built = []
     if sensors is not None:
-        built = [str(folder / f"build/h8sim-{sensors}"), *printed("firmware/targets/rcx/flags", sensors).split()]
-    return printed("hal/h8sim/simulator"), printed("firmware/targets/h8sim/build", *built)
+        built = [str(folder / f"build/h8sim-{sensors}"), *output("firmware/targets/rcx/flags", sensors).split()]
+    return output("hal/h8sim/simulator"), output("firmware/targets/h8sim/build", *built)
 
 
 def check_sensors(target: str, sensors: str) -> None:
-    """Raises InputError where the target's brick cannot have them."""
+    """Raises InputError if the target's brick cannot have these sensors."""
     if H8SIM_TARGETS.get(target) is not None and sensors == "ideal":
-        raise InputError(f"a brick has no reference; {target} flies imu or imu+encoders", field=f"--sensors {sensors}")
+        raise InputError(
+            f"a brick has no ideal sensors; {target} flies with imu or imu+encoders", field=f"--sensors {sensors}"
+        )
 
 
 def _here_and_above() -> tuple[Path, ...]:
@@ -190,11 +192,11 @@ def _here_and_above() -> tuple[Path, ...]:
 
 
 def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the program on the simulator; it ends with its standard input. Returns it, and the link to it.
+    """Starts the firmware on the simulator, which ends with its standard input. Returns it and the link to it.
 
     Args:
         target: one of `H8SIM_TARGETS`.
-        trace: where it writes address and stack pointer of each instruction, two native 16-bit words.
+        trace: file to which it writes the address and the stack pointer of each instruction, as native 16-bit words.
     """
     simulator, image = h8_simulator(target)
     ours, theirs = socket.socketpair()
@@ -211,10 +213,10 @@ def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[b
 
 
 def open_link(spec: str) -> Link:
-    """Opens this end of a link to a brick that is already there.
+    """Opens this end of a link to a brick that runs already.
 
     Raises:
-        InputError: it cannot be opened, or is no link.
+        InputError: the link is unknown or cannot be opened.
     """
     kind, _, rest = spec.partition(":")
     if kind == "serial" and rest:
@@ -226,11 +228,11 @@ def open_link(spec: str) -> Link:
     name, _, channel = rest.partition(":")
     if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
         return CanLink(open_bus(spec, name, channel))
-    raise InputError(f"is no link; known: {', '.join(FORMS)}", field=f"--link {spec}")
+    raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
 
 
 def _restart_process(process: subprocess.Popen[bytes]) -> None:
-    """It answers SIGUSR1 with a line, when it has begun afresh."""
+    """Restarts a brick by SIGUSR1 and waits for the line that it then prints."""
     assert process.stdout is not None
     process.send_signal(signal.SIGUSR1)
     if select.select([process.stdout], [], [], 2.0)[0]:
@@ -239,26 +241,29 @@ def _restart_process(process: subprocess.Popen[bytes]) -> None:
 
 @dataclass(frozen=True)
 class Ends:
-    """The plant's end of a link, and how to switch the brick off and on: None where it is not ours.
+    """The plant's end of a link.
 
-    ``answer_s``: in lockstep, how long an answer may take, s of the clock, before the question is repeated.
+    Attributes:
+        link: the open link.
+        restart: switches the brick off and on; None if the brick was not started here.
+        reply_s: time for a reply in lockstep, s of the clock, before the set is sent again.
     """
 
     link: Link
     restart: Callable[[], None] | None
-    answer_s: float = ANSWER_S
+    reply_s: float = REPLY_S
 
 
 @contextmanager
 def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
-    """The plant's end of the link, open; with the brick at the other end where the link starts one here.
+    """Opens the plant's end of a link, and starts the brick at the other end if the link names one here.
 
     Args:
         spec: the link, or one of `H8SIM_TARGETS`.
         trace: see `start_h8`.
 
     Raises:
-        InputError: no such link, or it cannot be opened.
+        InputError: the link is unknown or cannot be opened.
     """
     process: subprocess.Popen[bytes] | None = None
     simulator: subprocess.Popen[bytes] | None = None
@@ -280,7 +285,7 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
             link = CanLink(open_bus(spec, kind, channel))
         else:
             link = open_link(spec)
-        yield Ends(link, restart, H8SIM_ANSWER_S if spec in H8SIM_TARGETS else ANSWER_S)
+        yield Ends(link, restart, H8SIM_REPLY_S if spec in H8SIM_TARGETS else REPLY_S)
     except LinkGoneError as error:
         raise SimulationError(f"{spec}: {error}") from error
     finally:

@@ -1,64 +1,63 @@
-"""Faults beneath the controller, from a scenario's [[faults]]: in messages, in sensors, in either end. Seeded.
+"""Faults of a scenario's [[faults]]: in messages, in sensors, and in the plant or the brick. They are seeded.
 
-They act on messages, above the carrier, so that they are the same in every one; damage done here therefore meets the
-checks that messages carry themselves, not those of a carrier.
+They act on messages, above the transport, and so are the same on every transport. So the CRC of a message has to find
+the damage that is done here, and not the checksum of a transport.
 """
 
 from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from brickpilot.link.links import Link, Message, WrappedLink
 from brickpilot.vehicle.faults import MESSAGE_KINDS, Fault
 
-if TYPE_CHECKING:
-    from brickpilot.link.links import Frame, Link
-
 HELD_FOR = 20
-"""Messages that overtake a delayed one."""
+"""The number of messages that overtake a delayed one."""
 
 FLOOD = 20
-"""Messages of rubbish beside each message that a flood hits."""
+"""The number of random messages before each message that a flood hits."""
 
 BROWN_OUT_MV = 4500
 
 
-class _Way:
-    """One direction of a link: what is held back, and the dice."""
+class _Direction:
+    """One direction of a link with its delayed messages and its random generator."""
 
     def __init__(self, name: str, faults: Sequence[Fault], seed: int) -> None:
         self._faults = [fault for fault in faults if fault.direction in ("both", name)]
         self._dice = random.Random(f"{seed} {name}")
-        self._held: list[tuple[int, Frame]] = []  # messages still to pass first, message
+        self._held: list[tuple[int, Message]] = []  # (number of messages that still overtake it, message)
 
-    def through(self, frames: Sequence[Frame], step: int) -> list[Frame]:
-        """What comes out for what goes in at control step `step`."""
+    def through(self, messages: Sequence[Message], step: int) -> list[Message]:
+        """Returns the messages that come out when `messages` go in at control step `step`."""
         if not self._held and not any(fault.acts(step) for fault in self._faults):
-            return list(frames)
-        out: list[Frame] = []
-        for frame in frames:
-            passed = [frame]
+            return list(messages)
+        out: list[Message] = []
+        for message in messages:
+            passed = [message]
             for fault in self._faults:
                 if fault.acts(step):
                     passed = [each for one in passed for each in self._hit(fault, one)]
             out += passed
-            due = [frame for left, frame in self._held if left <= 1]
-            self._held = [(left - 1, frame) for left, frame in self._held if left > 1]
+            due = [message for left, message in self._held if left <= 1]
+            self._held = [(left - 1, message) for left, message in self._held if left > 1]
             out += due
         return out
 
-    def _hit(self, fault: Fault, frame: Frame) -> list[Frame]:
+    def _hit(self, fault: Fault, message: Message) -> list[Message]:
+        """Returns what becomes of a message that meets `fault`."""
         dice = self._dice
         if dice.random() >= fault.rate:
-            return [frame]
-        identifier, data = frame
+            return [message]
+        identifier, data = message
         if fault.kind in ("drop", "disconnect"):
             return []
         if fault.kind == "duplicate":
-            return [frame, frame]
+            return [message, message]
         if fault.kind in ("delay", "reorder"):
-            self._held.append((HELD_FOR if fault.kind == "delay" else 2, frame))
+            self._held.append((HELD_FOR if fault.kind == "delay" else 2, message))
             return []
         if fault.kind == "truncate":
             return [(identifier, data[: dice.randrange(len(data) or 1)])]
@@ -68,40 +67,29 @@ class _Way:
                 return [(identifier ^ 1 << bit, data)]
             whole = int.from_bytes(data, "little") ^ 1 << bit - 11
             return [(identifier, whole.to_bytes(len(data), "little"))]
-        return [(dice.randrange(0x800), dice.randbytes(dice.randrange(9))) for _ in range(FLOOD)] + [frame]
+        return [(dice.randrange(0x800), dice.randbytes(dice.randrange(9))) for _ in range(FLOOD)] + [message]
 
 
-class FaultyLink:
-    """A link whose messages meet faults on their way. ``step`` is the control step of now: the owner sets it.
+class FaultyLink(WrappedLink):
+    """A link whose messages meet faults. The owner sets `step`, the present control step.
 
     Args:
-        link: closed with this one.
-        faults: those of MESSAGE_KINDS act, the others are left alone.
-        seed: of the dice.
+        link: the link to wrap, which is closed with this one.
+        faults: the faults of the scenario; only those of MESSAGE_KINDS act here.
+        seed: seed of the random generator.
     """
 
     def __init__(self, link: Link, faults: Sequence[Fault], seed: int) -> None:
         hits = [fault for fault in faults if fault.kind in MESSAGE_KINDS]
+        super().__init__(link)
         self.step = 0
-        self._link = link
-        self._out, self._back = _Way("to_brick", hits, seed), _Way("from_brick", hits, seed)
+        self._out, self._back = _Direction("to_brick", hits, seed), _Direction("from_brick", hits, seed)
 
-    @property
-    def damaged(self) -> int:
-        return self._link.damaged
+    def send(self, messages: Sequence[Message]) -> None:
+        self._link.send(self._out.through(messages, self.step))
 
-    @damaged.setter
-    def damaged(self, count: int) -> None:
-        self._link.damaged = count
-
-    def send(self, frames: Sequence[Frame]) -> None:
-        self._link.send(self._out.through(frames, self.step))
-
-    def receive(self, timeout: float) -> list[Frame]:
+    def receive(self, timeout: float) -> list[Message]:
         return self._back.through(self._link.receive(timeout), self.step)
-
-    def close(self) -> None:
-        self._link.close()
 
 
 FIELDS = {
@@ -110,16 +98,16 @@ FIELDS = {
     "battery": ("battery_mv",),
     "reference": ("x_um", "y_um", "heading_bam16", "speed_mm_s_q4", "true_yaw_rate_mrad_s"),
 }
-"""Of ``bp_sensed``."""
+"""Sensor -> its fields of `bp_sensed`."""
 
 STALE = 2
 
 
 class SensorFaults:
-    """What faults make of the readings.
+    """Changes sensor readings as the faults demand.
 
     Args:
-        faults: those of SENSOR_KINDS, brown-outs and restarts of the plant act.
+        faults: the faults of the scenario; those of messages do not act here.
     """
 
     def __init__(self, faults: Sequence[Fault]) -> None:
@@ -128,7 +116,7 @@ class SensorFaults:
         self._clock_ms = 0
 
     def act(self, sensed: Any, step: int) -> None:
-        """Changes a ``bp_sensed`` in place, at control step `step`."""
+        """Changes a `bp_sensed` in place, at control step `step`."""
         for fault in self._faults:
             if fault.kind == "plant_restart":
                 self._clock_ms = sensed.time_ms if fault.begins(step) else self._clock_ms
@@ -148,7 +136,7 @@ class SensorFaults:
 
 
 def controller_restarts(faults: Sequence[Fault], step: int) -> bool:
-    """Whether the controller is switched on afresh at control step `step`: it does so when a brown-out ends, too."""
+    """Returns whether the controller restarts at control step `step`; it also restarts when a brown-out ends."""
     return any(
         (fault.kind == "controller_restart" and fault.begins(step)) or (fault.kind == "brown_out" and fault.ends(step))
         for fault in faults

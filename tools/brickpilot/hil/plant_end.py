@@ -1,4 +1,4 @@
-"""The plant's end of a link: readings as messages, and the C plant that is moved by the answers."""
+"""The plant's end of a link: the C plant, its sensor readings as messages, and its motors."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from brickpilot import compiled
 from brickpilot.errors import SimulationError
 from brickpilot.hil.faults import SensorFaults
-from brickpilot.link.links import Frame
-from brickpilot.link.messages import book, set_check
+from brickpilot.link.links import Message
+from brickpilot.link.messages import book, set_crc
 from brickpilot.vehicle import flight
 
 OK = 0
 
 
 class PlantEnd:
-    """One closed loop whose controller is elsewhere; made by ``open_plant``."""
+    """One closed loop whose controller is at the other end of the link; `open_plant` makes it."""
 
     def __init__(self, library: Any, loop: Any, sensed: Any, faults: SensorFaults) -> None:
         self._faults = faults
@@ -31,21 +31,21 @@ class PlantEnd:
         self._layouts = book().by_name
 
     def sense(self) -> None:
-        """Reads the sensors: once per step."""
+        """Reads the sensors; call it once per step."""
         self._library.bp_loop_sense(self._loop, self._sensed)
         self._faults.act(self._sensed, self._step)
         self._step += 1
 
     @property
     def tick_ms(self) -> int:
-        """Low byte of the readings' time: an answer carries it."""
+        """The low byte of the readings' time, which the reply carries too."""
         return int(self._sensed.time_ms) & 255
 
-    def messages(self, sequence: int) -> list[Frame]:
-        """The readings as a set, under this sequence number."""
+    def messages(self, sequence: int) -> list[Message]:
+        """Returns the readings as a set of messages with this sequence number."""
         now, by = self._sensed, self._layouts
         tick = now.time_ms & 255
-        parts: list[Frame] = []
+        parts: list[Message] = []
         if now.imu_status == OK:
             layout = by["IMU"]
             data = layout.pack(now.accel_surge_mm_s2, now.accel_sway_mm_s2, now.yaw_rate_mrad_s, sequence, tick)
@@ -65,23 +65,23 @@ class PlantEnd:
         sync = by["SYNC"]
         status = (now.imu_status, now.rotation_status, now.battery_status, now.reference_status)
         head = sync.pack(now.time_ms, sequence, *status, 0)
-        check = set_check(head, [data for _, data in parts])
-        parts.append((sync.id, head[:6] + check.to_bytes(2, "little")))
+        crc = set_crc(head, [data for _, data in parts])
+        parts.append((sync.id, head[:6] + crc.to_bytes(2, "little")))
         return parts
 
     def act(self, left: int, right: int) -> None:
-        """Drives the motors at this duty (32767 = 1) for one step.
+        """Drives the motors with this duty (32767 is 1) for one step.
 
         Raises:
-            SimulationError: the plant's state left every bound.
+            SimulationError: the plant's state diverges.
         """
         if status := self._library.bp_loop_act(self._loop, left, right):
-            raise SimulationError(f"the flight broke off with status {status}")
+            raise SimulationError(f"the simulation ended with status {status}")
 
 
 @contextmanager
 def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.int16]) -> Iterator[PlantEnd]:
-    """Opens the loop of a mission; `log` and `motors` are filled as ``flight.fly`` fills them.
+    """Opens the plant of a mission, which fills `log` and `motors` as `flight.fly` does.
 
     Raises:
         SimulationError: the plant does not start.
@@ -91,7 +91,7 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
         status = ffi.new("int *")
         loop = library.bp_loop_open(asked, status)
         if loop == ffi.NULL:
-            raise SimulationError(f"{plan.scenario.name}: the flight does not begin, status {status[0]}")
+            raise SimulationError(f"{plan.scenario.name}: the simulation does not start, status {status[0]}")
         try:
             yield PlantEnd(library, loop, ffi.new("bp_sensed *"), SensorFaults(plan.scenario.faults))
         finally:

@@ -1,4 +1,4 @@
-"""Telemetry into the controller's columns of a flight's log."""
+"""Turns telemetry into the controller's columns of a flight's log."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ COLUMNS = {
     "surge_effort_v": ("TELEMETRY_EFFORT", "surge"),
     "yaw_effort_v": ("TELEMETRY_EFFORT", "yaw"),
 }
-"""Column of the log -> message and signal."""
+"""Column of the log -> (message, signal)."""
 
 LAST = "TELEMETRY_EFFORT"
 STEP_MS = 3
@@ -44,7 +44,7 @@ TICK_AT = 6
 
 
 class Telemetry:
-    """Collects what a brick reports. ``waypoint``, ``mode`` and ``fault`` are the newest, for a live view."""
+    """Collects a brick's telemetry. `waypoint` and `mode` are the newest values, for a live view."""
 
     def __init__(self) -> None:
         self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
@@ -66,13 +66,13 @@ class Telemetry:
         self.waypoint = 0
 
     def take(self, identifier: int, data: bytes, step: int, *, lockstep: bool) -> bool:
-        """Keeps a message; false: it is none of these.
+        """Stores a message. Returns False if it is no telemetry.
 
         Args:
-            identifier: the message's id.
+            identifier: the id of the message.
             data: its bytes.
-            step: the control step of now.
-            lockstep: the brick's clock is the plant's: the low byte of its time says which step, up to 85 ago.
+            step: the present control step.
+            lockstep: the brick has the plant's clock, so the low byte of its time gives the step, up to 85 steps ago.
         """
         layout = self._layouts.get(identifier)
         if layout is None:
@@ -84,7 +84,7 @@ class Telemetry:
             step -= age_ms // STEP_MS
         row = layout.unpack(data)
         if any(row[at] >= count for at, count in self._choices[layout.name]):
-            return True  # damaged on a carrier without a check
+            return True  # damaged on a transport without a checksum
         steps, values = self._rows[layout.name]
         steps.append(max(step, 0))
         values.append(row)
@@ -97,7 +97,7 @@ class Telemetry:
         return True
 
     def columns(self, steps: int) -> dict[str, Array]:
-        """Each of COLUMNS, (steps,); between reports the last one holds, before the first it is 0."""
+        """Returns each of COLUMNS with shape (steps,): 0 before the first report, then the last report."""
         found = {}
         for column, (message, signal) in COLUMNS.items():
             at, rows = self._rows[message]

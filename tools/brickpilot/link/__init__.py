@@ -1,1 +1,1 @@
-"""Links to a brick: transports, messages, sessions, and the infrared tower of the RCX."""
+"""How messages travel between this program and a brick."""

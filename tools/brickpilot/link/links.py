@@ -1,4 +1,4 @@
-"""Links: how messages travel. Each gives and takes pairs (id, data); what is damaged is dropped and counted."""
+"""Links: open connections to a brick that carry messages. A damaged frame is dropped and counted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from cobs import cobs
 from brickpilot.errors import InputError
 from brickpilot.link.messages import crc16
 
-Frame = tuple[int, bytes]
+Message = tuple[int, bytes]
+"""Id and data."""
 
 SERIAL = "serial"
 TCP = "tcp"
@@ -30,28 +31,56 @@ class LinkGoneError(Exception):
 
 
 class Link(Protocol):
-    """``damaged``: frames that were refused so far."""
+    """An open connection. `damaged` counts the frames that were refused."""
 
     damaged: int
 
-    def send(self, frames: Sequence[Frame]) -> None:
+    def send(self, messages: Sequence[Message]) -> None:
         """Sends them in order. Raises LinkGoneError."""
 
-    def receive(self, timeout: float) -> list[Frame]:
-        """What has come; waits up to `timeout` s for the first, which may give nothing. Raises LinkGoneError."""
+    def receive(self, timeout: float) -> list[Message]:
+        """Returns the messages that have come; waits up to `timeout` s for the first. Raises LinkGoneError."""
 
     def close(self) -> None:
-        """May be called twice."""
+        """Closes the link. It may be called twice."""
+
+
+class WrappedLink:
+    """A link that passes everything on to another; the base of links that change or record what passes.
+
+    Args:
+        link: the other link, which is closed with this one.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+
+    @property
+    def damaged(self) -> int:
+        return self._link.damaged
+
+    @damaged.setter
+    def damaged(self, count: int) -> None:
+        self._link.damaged = count
+
+    def send(self, messages: Sequence[Message]) -> None:
+        self._link.send(messages)
+
+    def receive(self, timeout: float) -> list[Message]:
+        return self._link.receive(timeout)
+
+    def close(self) -> None:
+        self._link.close()
 
 
 def encode_frame(identifier: int, data: bytes) -> bytes:
-    """A message as it stands on a serial line, see hal/wire/frame."""
+    """Returns the frame that carries a message on a serial line; see hal/wire/frame."""
     raw = struct.pack("<HB", identifier, len(data)) + data
     return bytes(cobs.encode(raw + struct.pack("<H", crc16(raw)))) + b"\0"
 
 
-def decode_frame(block: bytes) -> Frame | None:
-    """The message between two delimiters; None where it is damaged."""
+def decode_frame(block: bytes) -> Message | None:
+    """Returns the message of a frame, which stands between two delimiters; None if it is damaged."""
     try:
         raw = cobs.decode(block)
     except cobs.DecodeError:
@@ -64,10 +93,10 @@ def decode_frame(block: bytes) -> Frame | None:
 
 
 class StreamLink:
-    """COBS frames over a file descriptor that is ready to be read and written, a terminal's or a socket's.
+    """COBS frames over the file descriptor of a serial port or a socket.
 
     Args:
-        owner: closed with the link: has fileno() and close().
+        owner: an object with fileno() and close(), which is closed with the link.
     """
 
     def __init__(self, owner: Any) -> None:
@@ -78,7 +107,7 @@ class StreamLink:
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._rest = b""
-        self._write(b"\0")  # ends whatever stands on the line
+        self._write(b"\0")  # ends a frame that another program may have left incomplete
 
     def _write(self, data: bytes) -> None:
         try:
@@ -87,14 +116,14 @@ class StreamLink:
                     data = data[os.write(self._fd, data) :]
                 except BlockingIOError:
                     if not select.select([], [self._fd], [], 1.0)[1]:
-                        raise LinkGoneError("nobody reads at the other end") from None
+                        raise LinkGoneError("the other end does not read") from None
         except OSError as error:
             raise LinkGoneError(error.strerror or "closed") from error
 
-    def send(self, frames: Sequence[Frame]) -> None:
-        self._write(b"".join([encode_frame(identifier, data) for identifier, data in frames]))
+    def send(self, messages: Sequence[Message]) -> None:
+        self._write(b"".join([encode_frame(identifier, data) for identifier, data in messages]))
 
-    def receive(self, timeout: float) -> list[Frame]:
+    def receive(self, timeout: float) -> list[Message]:
         if not self._poll.poll(max(0.0, timeout) * 1000):
             return []
         try:
@@ -106,7 +135,7 @@ class StreamLink:
         if not chunk:
             raise LinkGoneError("closed by the other end")
         *blocks, self._rest = (self._rest + chunk).split(b"\0")
-        self._rest = self._rest[-64:]  # no frame is longer: a line that never ends costs no memory
+        self._rest = self._rest[-64:]  # no frame is longer, and an endless one must not fill the memory
         found = []
         for block in blocks:
             if not block:
@@ -128,28 +157,28 @@ class CanLink:
     """Classic CAN by python-can.
 
     Args:
-        bus: closed with the link.
+        bus: an open bus, which is closed with the link.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
         self.damaged = 0
         self._bus: can.BusABC | None = bus
 
-    def send(self, frames: Sequence[Frame]) -> None:
+    def send(self, messages: Sequence[Message]) -> None:
         assert self._bus is not None
         try:
-            for identifier, data in frames:
+            for identifier, data in messages:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False, check=False))
         except (can.CanError, OSError) as error:
             raise LinkGoneError(str(error)) from error
 
-    def receive(self, timeout: float) -> list[Frame]:
+    def receive(self, timeout: float) -> list[Message]:
         assert self._bus is not None
         try:
             message = self._bus.recv(max(0.0, timeout))
         except (can.CanError, OSError) as error:
             raise LinkGoneError(str(error)) from error
-        except (ValueError, IndexError):  # slcan: a line that is no frame; it has no check of its own
+        except (ValueError, IndexError):  # slcan has no checksum: a damaged line can be no frame
             self.damaged += 1
             return []
         if message is None:
@@ -161,7 +190,7 @@ class CanLink:
 
     def close(self) -> None:
         if self._bus is not None:
-            with contextlib.suppress(can.CanError, OSError):  # an adapter that has gone cannot be told goodbye
+            with contextlib.suppress(can.CanError, OSError):  # an adapter that was unplugged fails to shut down
                 self._bus.shutdown()
             self._bus = None
 
@@ -171,7 +200,7 @@ def _bad(spec: str, message: str) -> InputError:
 
 
 def open_serial(spec: str, port: str) -> Link:
-    """A serial port, ``PORT`` or ``PORT@BAUD`` (default 115200)."""
+    """Opens a serial port, `PORT` or `PORT@BAUD` (default 115200)."""
     path, _, rate = port.partition("@")
     try:
         return StreamLink(serial.Serial(path, int(rate or 115200), timeout=0, exclusive=True))
@@ -183,20 +212,20 @@ def open_serial(spec: str, port: str) -> Link:
 
 
 def open_tcp(spec: str, address: str) -> Link:
-    """A TCP connection to ``HOST:PORT``."""
+    """Opens a TCP connection to `HOST:PORT`."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise _bad(spec, "needs tcp:HOST:PORT, the port from 1 to 65535")
     try:
         connection = socket.create_connection((host, int(port)), timeout=5.0)
     except OSError as error:
-        raise _bad(spec, f"no connection: {error.strerror or error}") from error
+        raise _bad(spec, f"has no connection: {error.strerror or error}") from error
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return StreamLink(connection)
 
 
 def open_bus(spec: str, kind: str, channel: str | None) -> can.BusABC:
-    """A python-can bus of one of CAN_KINDS."""
+    """Opens a python-can bus; `kind` is one of CAN_KINDS."""
     extra: dict[str, Any] = {}
     if kind == "slcan":
         extra = {"sleep_after_open": 0, "bitrate": 500_000}

@@ -1,7 +1,7 @@
-"""The messages of a link, from the DBC itself: raw integers to and from 8 bytes, and the checks that go with them.
+"""The messages of a link as the DBC defines them: raw integers to and from 8 bytes, and their CRCs.
 
-cantools decodes a message in some 20 us; a step in lockstep has a dozen of them. The layouts are therefore taken from
-the DBC once, and packed by `struct` or by shifts.
+cantools needs some 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
+DBC once, and are packed by `struct` or by shifts.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from cantools.database.can import Database, Message
 
 CODES = {(8, False): "B", (8, True): "b", (16, False): "H", (16, True): "h", (32, False): "I", (32, True): "i"}
 SIZE = 8
-CHECK_AT = 6
+CRC_AT = 6
 
 
 class Layout:
-    """One message: ``pack`` takes raw values in the order of ``names``, ``unpack`` gives them.
+    """The layout of one message. `pack` takes raw values in the order of `names`; `unpack` returns them.
 
     Args:
-        message: from the DBC: 8 bytes, little-endian signals that do not overlap.
+        message: a message of the DBC with 8 bytes and little-endian signals that do not overlap.
     """
 
     def __init__(self, message: Message) -> None:
@@ -50,19 +50,19 @@ class Layout:
         return tuple((((whole >> start) & mask) ^ sign) - sign for start, mask, sign in self._fields)
 
     def seal(self, *values: int) -> bytes:
-        """Packed, with the check of this message in its last two bytes; `values` leave it out."""
+        """Packs `values` and puts the CRC of this message into the last two bytes; `values` leave it out."""
         data = self.pack(*values, 0)
-        return data[:CHECK_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CHECK_AT]))
+        return data[:CRC_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CRC_AT]))
 
     def sealed(self, data: bytes) -> bool:
-        """Whether the message has 8 bytes and its check holds."""
+        """Returns whether the data have 8 bytes and the right CRC."""
         if len(data) != SIZE:
             return False
-        return crc16(struct.pack("<H", self.id) + data[:CHECK_AT]) == data[6] | data[7] << 8
+        return crc16(struct.pack("<H", self.id) + data[:CRC_AT]) == data[6] | data[7] << 8
 
 
 def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
-    """For fields (start bit, bits, signed) that are whole bytes; else None."""
+    """Returns the `struct` of fields (start bit, bits, signed), or None if one does not consist of whole bytes."""
     form, at = "<", 0
     for start, bits, signed in fields:
         if start % 8 or (bits, signed) not in CODES:
@@ -73,12 +73,12 @@ def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
 
 
 def crc16(data: bytes, start: int = 0xFFFF) -> int:
-    """CRC-16/CCITT-FALSE of `data`, going on from `start`."""
+    """Returns the CRC-16/CCITT-FALSE of `data`, continued from `start`."""
     return binascii.crc_hqx(data, start)
 
 
 class Book:
-    """Every message, and what tells this DBC from another. ``by_name`` and ``by_id``: -> Layout."""
+    """Every message by name and by id, and the protocol version and CRC that identify the DBC."""
 
     def __init__(self, raw: bytes) -> None:
         database = cantools.database.load_string(raw.decode("utf-8"), "dbc")
@@ -91,27 +91,27 @@ class Book:
         self.by_id = {layout.id: layout for layout in layouts}
 
     def choices(self, message: str, signal: str) -> dict[str, int]:
-        """Name -> number of a signal that stands for one of several things."""
+        """Returns name -> number of a signal that has named values."""
         choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
         assert choices is not None
         return {str(name): int(number) for number, name in choices.items()}
 
     def scale(self, message: str, signal: str) -> float:
-        """SI per raw unit."""
+        """Returns the size of one raw unit in SI."""
         return float(self.database.get_message_by_name(message).get_signal_by_name(signal).scale)
 
 
 @cache
 def book() -> Book:
-    """The packaged DBC."""
+    """Returns the packaged DBC."""
     return Book(dbc_path().read_bytes())
 
 
 def dbc_path() -> Path:
-    """Where the packaged DBC stands: for cantools, SavvyCAN and others."""
+    """Returns the path of the packaged DBC, for cantools, SavvyCAN and others."""
     return Path(__file__).parents[1] / "brickpilot.dbc"
 
 
-def set_check(sync: bytes, parts: Sequence[bytes]) -> int:
-    """CRC over SYNC's id and its first 6 bytes, then over the parts in the order of their ids."""
-    return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CHECK_AT], *parts)))
+def set_crc(sync: bytes, parts: Sequence[bytes]) -> int:
+    """Returns the CRC of a set: over SYNC's id and first 6 bytes, then over the parts in the order of their ids."""
+    return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CRC_AT], *parts)))

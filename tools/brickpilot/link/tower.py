@@ -1,6 +1,6 @@
-"""The infrared tower: a serial line, 2400 baud, 8 bits, odd parity; it sends what it is given, and hears itself do it.
+"""The infrared tower on a serial line with 2400 baud, 8 bits and odd parity. It receives an echo of what it sends.
 
-Every time-out follows from the line's byte time, so that a faster line (a test's) waits in proportion.
+Every time-out is a multiple of the byte time, so that a test with a faster line waits in proportion.
 """
 
 from __future__ import annotations
@@ -17,39 +17,39 @@ from brickpilot.errors import InputError
 
 BAUD = 2400
 BYTE_S = 11 / BAUD
-"""Seconds per byte: start bit, eight bits, parity, stop bit."""
+"""Seconds per byte: a start bit, eight bits, a parity bit and a stop bit."""
 TURN_BYTES = 60
-"""How long a brick may take to begin its answer, in byte times: 275 ms, as firmdl3 and dll wait."""
+"""Time in which a brick has to begin its reply, in byte times: 275 ms, as in firmdl3 and dll."""
 
 _WAKE = b"\x10\xfe\x10\xfe"
 _WAKE_TRIES = 10
-_DEAF = 10
-"""Exchanges without an echo, in a row, after which it is not the brick that is missing."""
+_NO_ECHO = 10
+"""After so many exchanges in a row without an echo, the tower is missing and not the brick."""
 
 T = TypeVar("T")
 
 
 class Tower:
-    """An open port with a tower at its end.
+    """An open serial port with a tower.
 
     Args:
         device: path of the serial port.
-        byte_s: seconds that a byte takes.
+        byte_s: seconds per byte.
 
     Raises:
-        InputError: no such port, or no tower that echoes.
+        InputError: there is no such port, or no tower that echoes.
     """
 
     def __init__(self, device: str, byte_s: float = BYTE_S) -> None:
         self.device = device
         self.byte_s = byte_s
-        self._deaf = 0
+        self._without_echo = 0
         self._disturbed = False
         try:
             self._port = serial.Serial(
                 device, BAUD, parity=serial.PARITY_ODD, timeout=4 * byte_s, write_timeout=2000 * byte_s, exclusive=True
             )
-        except termios.error as error:  # pyserial lets this one through
+        except termios.error as error:  # pyserial does not catch this one
             raise InputError(f"cannot be set up as the tower's serial port: {error.args[-1]}", field=device) from None
         except (serial.SerialException, OSError) as error:
             why = {2: "no such device", 13: "no permission to use it", 11: "another program uses it"}
@@ -69,78 +69,83 @@ class Tower:
         self.close()
 
     def close(self) -> None:
-        """May be called twice."""
+        """Closes the port. It may be called twice."""
         self._port.close()
 
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and looks for its answer in what comes after the echo.
+        """Sends `packet` and looks for its reply behind the echo.
 
         Args:
             packet: the bytes to send.
-            find: gives the answer if the bytes it gets hold it, otherwise None.
-            reply_bytes: length of the answer on the line.
-            patience: how many times TURN_BYTES the brick may think.
+            find: returns the reply if it is in the bytes that it is given, otherwise None.
+            reply_bytes: length of the reply on the line.
+            patience: time for the brick to begin its reply, in multiples of TURN_BYTES.
 
         Returns:
-            What `find` gave, or None when time was up: then the line has been listened to until it was quiet.
+            The result of `find`, or None after the time-out. The next exchange then waits until the line is quiet.
         """
         if self._disturbed:
             self._quiet()
-        heard = bytearray()
+        received = bytearray()
         self._write(packet)
         wait = 1.25 * (len(packet) + reply_bytes) + patience * TURN_BYTES
         deadline = time.monotonic() + wait * self.byte_s
         while time.monotonic() < deadline:
-            heard += self._read()
-            reply = find(self._behind_echo(packet, heard))
+            received += self._read()
+            reply = find(self._behind_echo(packet, received))
             if reply is not None:
-                self._deaf = 0
+                self._without_echo = 0
                 return reply
         self._disturbed = True
-        self._deaf = 0 if heard else self._deaf + 1
+        self._without_echo = 0 if received else self._without_echo + 1
         return None
 
     def lost(self, done: str = "") -> TimeoutError:
-        """What to raise when exchange has come back empty too often.
+        """Returns the error to raise when too many exchanges had no reply.
 
         Args:
-            done: how far it had come.
+            done: text on how much was done before.
         """
-        if self._deaf >= _DEAF:
-            return TimeoutError(f"{self.device}: the tower no longer echoes{done}: unplugged, or its battery is empty")
-        return TimeoutError(f"{self.device}: the brick fell silent{done}: switched off, or out of range")
+        if self._without_echo >= _NO_ECHO:
+            return TimeoutError(
+                f"{self.device}: the tower no longer echoes{done}: it is unplugged, or its battery is empty"
+            )
+        return TimeoutError(f"{self.device}: the brick no longer replies{done}: it is switched off or out of range")
 
     @staticmethod
-    def _behind_echo(packet: bytes, heard: bytearray) -> bytes:
-        """What came after the echo; where that is damaged, its last bytes too, for some may have been lost."""
-        if heard.startswith(packet):
-            return bytes(heard[len(packet) :])
-        return bytes(heard[max(0, len(packet) - 4 - len(packet) // 50) :])
+    def _behind_echo(packet: bytes, received: bytearray) -> bytes:
+        """Returns the bytes behind the echo; behind a damaged echo, its last bytes too, as some may be lost."""
+        if received.startswith(packet):
+            return bytes(received[len(packet) :])
+        return bytes(received[max(0, len(packet) - 4 - len(packet) // 50) :])
 
     def _wake(self) -> None:
-        """A tower sleeps until its line moves: a byte to wake it, then a pattern that must come back."""
-        heard_any = False
+        """Wakes the tower with a byte, then sends a pattern until its echo comes back."""
+        echoed = False
         self._write(b"\xff")
         for _ in range(_WAKE_TRIES):
             self._quiet()
             self._write(_WAKE)
-            heard = bytearray()
+            received = bytearray()
             deadline = time.monotonic() + (len(_WAKE) + TURN_BYTES) * self.byte_s
-            while time.monotonic() < deadline and len(heard) < len(_WAKE):
-                heard += self._read()
-            if heard == _WAKE:
+            while time.monotonic() < deadline and len(received) < len(_WAKE):
+                received += self._read()
+            if received == _WAKE:
                 return
-            heard_any |= bool(heard)
-        if heard_any:
+            echoed |= bool(received)
+        if echoed:
             raise InputError(
-                "echoes, but not what was sent: no infrared tower, or harsh light on it", field=self.device
+                "echoes other bytes than were sent: it is no infrared tower, or bright light shines on it",
+                field=self.device,
             )
-        raise InputError("no tower: nothing echoes; is it plugged in here, with a good battery?", field=self.device)
+        raise InputError(
+            "has no tower: nothing echoes. Is the tower plugged in here, and is its battery good?", field=self.device
+        )
 
     def _quiet(self) -> None:
-        """Listens until nothing has come for a quarter of a turn, and forgets it."""
+        """Discards what arrives until the line is quiet for a quarter of TURN_BYTES."""
         last = time.monotonic()
         end = last + 2000 * self.byte_s
         while time.monotonic() - last < TURN_BYTES / 4 * self.byte_s and time.monotonic() < end:
@@ -152,11 +157,11 @@ class Tower:
         try:
             self._port.write(packet)
         except (serial.SerialException, OSError) as error:
-            raise TimeoutError(f"{self.device}: the port has gone: {error}") from None
+            raise TimeoutError(f"{self.device}: the port has disappeared: {error}") from None
 
     def _read(self) -> bytes:
-        """What has come, or nothing after a few byte times."""
+        """Returns the bytes that have come, or nothing after a few byte times."""
         try:
             return self._port.read(max(1, self._port.in_waiting))
         except (serial.SerialException, OSError) as error:
-            raise TimeoutError(f"{self.device}: the port has gone: {error}") from None
+            raise TimeoutError(f"{self.device}: the port has disappeared: {error}") from None
