@@ -18,9 +18,10 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import c_source
-from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
+from brickpilot.discover.terms.basis import EFFECT, Term, basis, parameters, settings_of, terms_of
+from brickpilot.discover.terms.equation import equation
 from brickpilot.discover.terms.fit import FINE, fit
-from brickpilot.discover.terms.screen import with_terms
+from brickpilot.discover.terms.problem import with_terms
 from brickpilot.discover.terms.search import ComposedTerms, find_terms
 from brickpilot.fit.parameters import Free, value_of, with_values
 from brickpilot.vehicle import model as model_file
@@ -61,7 +62,7 @@ def binned(values: np.ndarray) -> np.ndarray:
 
 
 class Data:
-    """Noisy runs as a `terms.screen.Problem`, with some nominal parameters calibrated to them."""
+    """Noisy runs as a `terms.problem.Problem`, with some nominal parameters calibrated to them."""
 
     def __init__(self, measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> None:
         noise = np.random.default_rng(5)
@@ -202,7 +203,7 @@ def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
 
 
 def test_a_fit_starts_anywhere_near_and_ends_at_the_truth() -> None:
-    from brickpilot.discover.terms.screen import Atom
+    from brickpilot.discover.terms.atoms import Atom
 
     data = by_plant(composed_term={"surge_push_sprung": 0.08, "frequency": 2.0, "damping": 0.1})
     start = with_terms(data.base, {"surge_push_sprung": 0.05, "frequency": 2.15, "damping": 0.15})

@@ -59,7 +59,7 @@ def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None
 
 
 class View:
-    """The residual as terms are fitted to it: see `terms.screen.Problem`."""
+    """The residual as terms are fitted to it: see `terms.problem.Problem`."""
 
     def __init__(self, error: BinnedOutputError, found: FittedModel) -> None:
         self._error = error.with_plan(found.plan)

@@ -1,4 +1,4 @@
-"""The basis of composed terms, as the plant's table tells it, and terms of it written as equations.
+"""The basis of composed terms, read from the plant's table of effects.
 
 The composed effect of the plant's table has one coefficient c for each term, whose meaning reads
 ``X += -c * [fabs(u)] * u``. The expression in brackets is C, and Python as well: it is parsed, not listed here again.
@@ -7,9 +7,8 @@ The composed effect of the plant's table has one coefficient c for each term, wh
 from __future__ import annotations
 
 import ast
-import html
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -17,7 +16,7 @@ from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 
 EFFECT = next(effect.name for effect in catalogue.effects() if effect.composed)
-"""The effect that holds the terms."""
+"""The name of the effect that holds the terms."""
 
 PLACES = {
     "drive": "drive voltage",
@@ -28,68 +27,27 @@ PLACES = {
     "accel_surge": "surge accelerometer output",
     "accel_sway": "sway accelerometer output",
 }
-"""Where a term may act -> in words."""
+"""Place where a term may act -> words for it."""
 
 _NAME = re.compile(rf"({'|'.join(sorted(PLACES, key=len, reverse=True))})_(gain|add|dry|loss|push)_(diff_)?(\w+)")
-_MINUS = "\u2212"
 _MEANING = re.compile(r"(\w+) \+= (.*)\[(.*)\](.*)")
 
-# What an expression's symbol takes with it.
-_TUNES = {"patch": ("patch_x", "patch_half_width"), "sprung": ("frequency", "damping"), "t": ("clock",)}
-
-_TARGETS = {
-    "V": "voltage at each motor",
-    "T": "torque of each wheel",
-    "X": "force ahead",
-    "N": "moment clockwise",
-    "yaw_rate": "yaw rate that is read",
-    "accel_surge": "surge acceleration that is read",
-    "accel_sway": "sway acceleration that is read",
-}
-_SYMBOLS = {
-    "psi": "ψ",
-    "theta": "θ",
-    "PI": "π",
-    "other": "V_o",
-    "patch": "P(x)",
-    "sprung": "q",
-    "side": "s",
-    "K_t": "K_t",
-    "i_left": "i_l",
-    "i_right": "i_r",
-    "yaw_rate": "r_read",
-    "accel_surge": "a_read",
-    "accel_sway": "b_read",
-}
-_LEGEND = {
-    "V": "V the motor's voltage",
-    "other": "V_o the other motor's voltage",
-    "i": "i the motor's current",
-    "w": "w the wheel's speed",
-    "theta": "θ its angle",
-    "u": "u the surge",
-    "r": "r the yaw rate",
-    "psi": "ψ the heading",
-    "x": "x, y the position",
-    "a": "a the specific force ahead",
-    "b": "b the specific force to the right",
-    "i_left": "i_l, i_r the motors' currents",
-    "side": "s is 1 at the left, -1 at the right",
-}
+# Symbol of an expression -> the parameters that shape it.
+_SHAPED_BY = {"patch": ("patch_x", "patch_half_width"), "sprung": ("frequency", "damping"), "t": ("clock",)}
 
 
 @dataclass(frozen=True)
 class Basis:
-    """One term that could be chosen.
+    """One term that a composed law may contain.
 
     Attributes:
-        info: the coefficient's row of the table.
+        info: the row of its coefficient in the table.
         place: key of `PLACES`.
-        kind: gain, add, dry, loss or push: how it acts there.
+        kind: how it acts there: gain, add, dry, loss or push.
         sided: its sign differs between left and right.
-        expression: C, in the symbols of the list in ``sim_host/effects``.
-        target, sign, factor: as in ``target += sign c * [expression] factor``.
-        tuned: the other parameters of the effect that shape it.
+        expression: C, in the symbols that ``sim_host/effects`` lists.
+        target, sign, factor: parts of its meaning, ``target += sign [expression] factor``. The sign holds c.
+        tuned: names of the other parameters of the effect that shape it.
     """
 
     info: ParameterInfo
@@ -108,40 +66,31 @@ class Basis:
 
     @property
     def symbols(self) -> frozenset[str]:
-        """Those of its expression and of what it is multiplied by."""
-        return _symbols(f"{self.sign}({self.expression}){self.factor}") - {"c"}
+        """The symbols of its expression and of its factors."""
+        return symbols_in(f"{self.sign}({self.expression}){self.factor}") - {"c"}
 
 
 @dataclass(frozen=True)
 class Term:
-    """A term with its coefficient, SI. `sd`: 0 where nobody estimated it."""
+    """A term with its coefficient, SI. `sd`: 0 if it was not estimated."""
 
     basis: Basis
     coefficient: float
     sd: float = 0.0
 
 
-@dataclass(frozen=True)
-class Equation:
-    """Terms as an equation. `mathml`: for HTML, escaped. `legend`: what the symbols are, one sentence."""
-
-    text: str
-    mathml: str
-    legend: str
-
-
 @cache
 def basis() -> tuple[Basis, ...]:
-    """Every term, in the order of the table."""
+    """Returns every term, in the order of the table."""
     found = []
     for info in parameters():
         name, meaning = _NAME.fullmatch(info.name), _MEANING.fullmatch(info.meaning)
         if name is None or meaning is None:
             continue
         expression = meaning[3]
-        symbols = _symbols(expression)
+        symbols = symbols_in(expression)
         tuned = [p.name for p in parameters() if p.name in symbols]
-        tuned += [tuner for symbol, tuners in _TUNES.items() if symbol in symbols for tuner in tuners]
+        tuned += [tuner for symbol, tuners in _SHAPED_BY.items() if symbol in symbols for tuner in tuners]
         found.append(
             Basis(
                 info,
@@ -160,191 +109,23 @@ def basis() -> tuple[Basis, ...]:
 
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
-    """The effect's rows: coefficients first, then what shapes their terms."""
+    """Returns the rows of the effect: coefficients first, then the parameters that shape their terms."""
     return catalogue.effect(EFFECT).parameters
 
 
 def terms_of(values: Mapping[str, float]) -> tuple[Term, ...]:
-    """The terms that a model's table of the effect switches on, in the order of the table."""
+    """Returns the terms whose coefficients are not 0 in `values`, in the order of the table."""
     return tuple(Term(one, values[one.name]) for one in basis() if values.get(one.name, 0.0) != 0.0)
 
 
 def settings_of(chosen: Iterable[Basis], values: Mapping[str, float]) -> dict[str, float]:
-    """What of `values`, or of the presets, shapes the chosen terms."""
+    """Returns the parameters that shape the chosen terms, from `values` or else from the presets."""
     needed = {name for one in chosen for name in one.tuned}
     return {p.name: values.get(p.name, p.preset) for p in parameters() if p.name in needed}
 
 
-def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
-    """Writes terms as what they add where they act, with their numbers put in, four digits each."""
-    texts, maths = [], []
-    for target in dict.fromkeys(term.basis.target for term in terms):
-        here = [_signed(term) for term in terms if term.basis.target == target]
-        texts.append(f"Δ{_symbol(target)} = {_joined(here, settings, _Text())}")
-        row = f"<mi>Δ</mi>{_Math().symbol(target)}<mo>=</mo>{_joined(here, settings, _Math())}"
-        maths.append(f'<math display="block">{row}</math>')
-    return Equation("; ".join(texts), "".join(maths), _legend(terms, settings))
-
-
-def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
-    symbols = frozenset().union(*(term.basis.symbols for term in terms))
-    parts = [f"Δ{_symbol(t)} is added to the {_TARGETS[t]}" for t in dict.fromkeys(term.basis.target for term in terms)]
-    parts += [text for name, text in _LEGEND.items() if name in symbols]
-    if "patch" in symbols:
-        edge = f"{settings['patch_half_width']:.4g} m either side of x = {settings['patch_x']:.4g} m"
-        parts.append(f"P(x) is 1 on the strip {edge} and 0 off it")
-    if "sprung" in symbols:
-        swings = f"{settings['frequency']:.4g} Hz with damping ratio {settings['damping']:.4g}"
-        parts.append(f"q is the push, over its mass, of a mass that swings at {swings}")
-    if "t" in symbols:
-        parts.append("t is the time since " + ("power-on" if settings.get("clock", 0.0) > 0.5 else "the run's start"))
-    return "; ".join(parts) + "; SI units."
-
-
-def _symbols(expression: str) -> frozenset[str]:
+def symbols_in(expression: str) -> frozenset[str]:
+    """Returns the variables of a C expression."""
     tree = ast.parse(expression.replace("[", "(").replace("]", ")").strip(), mode="eval")
     called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - called
-
-
-def _symbol(name: str) -> str:
-    return _SYMBOLS.get(name, name)
-
-
-def _signed(term: Term) -> tuple[bool, float, list[ast.expr]]:
-    """Whether it is subtracted, the size of its coefficient, and the other factors."""
-    one = term.basis
-    negative = one.sign.startswith("-") != (term.coefficient < 0)
-    factors = _factors(ast.parse(f"{one.sign.lstrip('-')}({one.expression}){one.factor}", mode="eval").body)
-    rest = []
-    for factor in factors:
-        if isinstance(factor, ast.UnaryOp):
-            negative, factor = not negative, factor.operand
-        if not (isinstance(factor, ast.Name) and factor.id == "c"):
-            rest.append(factor)
-    return negative, abs(term.coefficient), rest
-
-
-def _factors(node: ast.expr) -> list[ast.expr]:
-    """A product's factors, without ones."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
-        return [*_factors(node.left), *_factors(node.right)]
-    return [] if isinstance(node, ast.Constant) and node.value == 1 else [node]
-
-
-class _Text:
-    """Plain text."""
-
-    def number(self, value: float) -> str:
-        return f"{value:.4g}"
-
-    def symbol(self, name: str) -> str:
-        return _symbol(name)
-
-    def power(self, base: str, exponent: int) -> str:
-        return base + {2: "²", 3: "³", 4: "⁴"}[exponent]
-
-    def product(self, factors: list[str]) -> str:
-        """A number after a symbol gets a dot, lest it be read as an index."""
-        return "".join(
-            one if k == 0 else f" · {one}" if one[0].isdigit() else f" {one}" for k, one in enumerate(factors)
-        )
-
-    def bracket(self, inner: str) -> str:
-        return f"({inner})"
-
-    def call(self, name: str, inner: str) -> str:
-        return {"fabs": f"|{inner}|", "sqrt": f"√({inner})", "sign": f"sgn({inner})"}.get(name, f"{name}({inner})")
-
-    def over(self, above: str, below: str) -> str:
-        return f"{above}/{below}"
-
-    def operator(self, sign: str) -> str:
-        return f" {sign} "
-
-    def minus(self) -> str:
-        return _MINUS
-
-
-class _Math(_Text):
-    """Presentation MathML, escaped."""
-
-    def number(self, value: float) -> str:
-        return f"<mn>{value:.4g}</mn>"
-
-    def symbol(self, name: str) -> str:
-        shown = html.escape(_symbol(name))
-        letter, _, index = shown.partition("_")
-        return f"<msub><mi>{letter}</mi><mi>{index}</mi></msub>" if index else f"<mi>{shown}</mi>"
-
-    def power(self, base: str, exponent: int) -> str:
-        return f"<msup>{base}<mn>{exponent}</mn></msup>"
-
-    def product(self, factors: list[str]) -> str:
-        return "".join(
-            one if k == 0 else f"<mo>{'·' if one.startswith('<mn>') else '&#8290;'}</mo>{one}"
-            for k, one in enumerate(factors)
-        )
-
-    def bracket(self, inner: str) -> str:
-        return f"<mrow><mo>(</mo>{inner}<mo>)</mo></mrow>"
-
-    def call(self, name: str, inner: str) -> str:
-        if name == "fabs":
-            return f"<mrow><mo>|</mo>{inner}<mo>|</mo></mrow>"
-        if name == "sqrt":
-            return f"<msqrt>{inner}</msqrt>"
-        return f"<mi>{'sgn' if name == 'sign' else name}</mi>{self.bracket(inner)}"
-
-    def over(self, above: str, below: str) -> str:
-        return f"<mfrac><mrow>{above}</mrow><mrow>{below}</mrow></mfrac>"
-
-    def operator(self, sign: str) -> str:
-        return f"<mo>{sign}</mo>"
-
-    def minus(self) -> str:
-        return f"<mo>{_MINUS}</mo>"
-
-
-def _joined(signed: Sequence[tuple[bool, float, list[ast.expr]]], settings: Mapping[str, float], out: _Text) -> str:
-    written = ""
-    for number, (negative, size, rest) in enumerate(signed):
-        written += (out.minus() if negative else "") if number == 0 else out.operator(_MINUS if negative else "+")
-        written += out.product([out.number(size), *_powers(rest, settings, out)])
-    return written
-
-
-def _is_sum(node: ast.expr) -> bool:
-    return isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub))
-
-
-def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: _Text) -> list[str]:
-    """The factors, equal ones as a power, each where it first stands, and no ones."""
-    written = [
-        out.bracket(_write(one, settings, out)) if _is_sum(one) else _write(one, settings, out) for one in factors
-    ]
-    return [
-        one if written.count(one) == 1 else out.power(one, written.count(one))
-        for one in dict.fromkeys(written)
-        if one != out.number(1.0)
-    ]
-
-
-def _write(node: ast.expr, settings: Mapping[str, float], out: _Text) -> str:
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
-        return out.number(node.value)
-    if isinstance(node, ast.Name):
-        return out.number(settings[node.id]) if node.id in settings else out.symbol(node.id)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        if node.func.id == "copysign":  # size and sign of the same thing
-            size, of = node.args
-            return out.product([_write(size, settings, out), out.call("sign", _write(of, settings, out))])
-        return out.call(node.func.id, _write(node.args[0], settings, out))
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-        return out.over(_write(node.left, settings, out), _write(node.right, settings, out))
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
-        return out.product(_powers(_factors(node), settings, out))
-    if isinstance(node, ast.BinOp):
-        sign = "+" if isinstance(node.op, ast.Add) else _MINUS
-        return _write(node.left, settings, out) + out.operator(sign) + _write(node.right, settings, out)
-    raise ValueError(f"no way to write {ast.dump(node)}")

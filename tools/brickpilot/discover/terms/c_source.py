@@ -1,4 +1,4 @@
-"""A composed term as a C effect file of its own, to be built into the simulator like any other effect."""
+"""Writes a composed term as a C file: an effect that can be built into the simulator like any other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from brickpilot.discover.terms.basis import EFFECT, Term, parameters
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# Where each hook finds what its expressions speak of, in an order in which it can be declared.
+# Symbol of an expression -> C that computes it in each hook, in an order in which it can be declared.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -66,7 +66,13 @@ _OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
 
 @dataclass(frozen=True)
 class _Hook:
-    """`locals`: symbol -> C. `sums`: "surge_loss" -> the sum of its terms in C. `keeps`: whether it uses the memory."""
+    """One hook of the effect.
+
+    Attributes:
+        locals: symbol -> C.
+        sums: "surge_loss", for example -> the sum of its terms in C.
+        keeps: whether it uses the memory.
+    """
 
     locals: Mapping[str, str]
     sums: Mapping[str, str]
@@ -74,15 +80,15 @@ class _Hook:
 
 
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
-    """The text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
+    """Returns the text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
 
     Args:
-        settings: the other parameters of the composed effect, which shape the terms, by name.
-        name: of the effect and the file; a C identifier in lower case.
-        vehicle: "diff_drive" or "motor": the only kind it acts on.
+        settings: name -> value of the other parameters of the composed effect, which shape the terms.
+        name: name of the effect and of the file; a C identifier in lower case.
+        vehicle: "diff_drive" or "motor": the only kind of vehicle that it acts on.
 
     Raises:
-        ValueError: no terms, a name that is none, a missing setting, or a term that does not act on this vehicle.
+        ValueError: no terms, no C identifier, a missing setting, or a term that does not act on this vehicle.
     """
     if not terms or not _NAME.fullmatch(name):
         raise ValueError(f"no effect can be made of {len(terms)} terms and the name {name!r}")
@@ -91,7 +97,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         raise ValueError(f"no value for {', '.join(sorted(missing))}")
     motor = vehicle == "motor"
     if motor and any(term.basis.sided or term.basis.place not in _OF_A_MOTOR for term in terms):
-        raise ValueError("a term that does not act on a motor")
+        raise ValueError("a term does not act on a motor")
     hooks = {site: _hook(site, terms, settings, motor=motor) for site in _HOOKS}
     used = {symbol for hook in hooks.values() for symbol in hook.locals}
     words = _words(code for hook in hooks.values() for code in (*hook.sums.values(), *hook.locals.values()))
@@ -146,7 +152,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
-    """The terms of one way to act; left and right apart where a term is sided."""
+    """Returns the sum of the terms of one kind; those that differ between left and right in a bracket of their own."""
     chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
     place = kind.split("_")[0]
 
@@ -173,7 +179,7 @@ _WHEEL_KEEPS = frozenset({"time", "dry_surge", "dry_yaw"})
 
 
 def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
-    """Field of the memory -> comment, of those that are needed."""
+    """Returns the fields of the memory that are needed -> their comments."""
     body = hooks["body"].sums
     fields: dict[str, tuple[bool, str]] = {
         "start_age": ("t" in used, "s"),
@@ -191,7 +197,7 @@ def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
 
 
 def _laws(terms: Sequence[Term]) -> list[str]:
-    """The terms as they stand in the plant's table, with their parameters' names."""
+    """Returns the laws as the plant's table writes them, with the names of their parameters."""
     return [
         f"{one.target} += {one.sign.replace('c *', f'{one.name} *')}{_bracketed(one.expression)}{one.factor}"
         for one in (term.basis for term in terms)

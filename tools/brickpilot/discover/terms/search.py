@@ -1,8 +1,8 @@
-"""Composes a term for what no named effect takes away: few terms of a fixed basis, at one place where that will do.
+"""Searches for the terms that explain what no named effect does: few terms of a fixed basis, at one place if possible.
 
-Sparse regression by forward selection with refits (FROLS: Chen, Billings & Luo 1989), on signatures that simulation
-gives instead of on derivatives: a library regressed on derivatives of noisy data finds what the noise looks like. Each
-set of terms is fitted by simulation, together with the nominal parameters, before it is compared with others.
+The search is a sparse regression by forward selection with refits (FROLS: Chen, Billings & Luo 1989). It works on
+signatures from simulation, not on derivatives: a library that is regressed on derivatives of noisy data finds the
+noise. Each set of terms is fitted by simulation, together with the nominal parameters, before it is compared.
 """
 
 from __future__ import annotations
@@ -15,23 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.discover.gates import LEAST_GAIN, LEAST_GAIN_SHARE, MOST_TERMS, TERM_RIVAL_MARGIN
-from brickpilot.discover.terms.basis import EFFECT, Equation, Term, basis, equation
-from brickpilot.discover.terms.fit import FINE, FIRST, ROUGH, SETTLED, Effort, Fit, fit, nominal_point, unfitted
-from brickpilot.discover.terms.screen import Atom, Problem, Screen, Trial, residuals, values_of, with_terms
+from brickpilot.discover.terms.atoms import Atom
+from brickpilot.discover.terms.basis import EFFECT, Term, basis
+from brickpilot.discover.terms.coordinates import nominal_point
+from brickpilot.discover.terms.equation import Equation, equation
+from brickpilot.discover.terms.fit import FINE, FIRST, ROUGH, SETTLED, Effort, Fit, fit, unfitted
+from brickpilot.discover.terms.problem import Problem, residuals, with_terms
+from brickpilot.discover.terms.screen import Screen, Trial, values_of
 from brickpilot.fit.parameters import with_values
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_SCREENED, _FOLLOWED = 24, 8  # atoms that are simulated at their size; that are fitted
-_HOPELESS = 2.0  # times the cost of the best after a few steps: not fitted on
-_NOISE = 0.438  # of cost a sample: half the mean loss of unit normal noise
+_SIMULATED, _FITTED = 24, 8  # atoms that are simulated at their size; that are fitted
+_HOPELESS = 2.0  # times the cost of the best after a few steps: fitted no further
+_NOISE_COST = 0.438  # mean cost of a sample of unit normal noise
 
 
 @dataclass(frozen=True)
 class Rival:
-    """Another composition that was fitted and left no more than a little above the best: the data cannot decide."""
+    """Another set of terms that was fitted nearly as well: the data cannot tell it from the best one."""
 
     terms: tuple[Term, ...]
     settings: Mapping[str, float]
@@ -41,16 +45,16 @@ class Rival:
 
 @dataclass(frozen=True)
 class ComposedTerms:
-    """The composed term.
+    """The terms that were found.
 
     Attributes:
-        terms: with their coefficients and sds, SI; in the order of the table.
-        settings: what else shapes them, such as a frequency, and `settings_sd`.
-        model: the base model refitted, with the term in ``effects[EFFECT]``; only what is not preset.
-        equation: the term written out.
-        cost_before, cost_after: half the sum of the residual's loss and priors, in scales, over the fitted runs.
-        rms_before, rms_after: of the whitened residual.
-        rivals: compositions that did about as well, best first.
+        terms: with coefficients and sds, SI, in the order of the table.
+        settings, settings_sd: parameters that shape the terms, such as a frequency, and their sds.
+        model: the base model fitted together with the terms. ``effects[EFFECT]`` holds only what differs from presets.
+        equation: the terms written as an equation.
+        cost_before, cost_after: cost over the fit runs, in scales, without and with the terms.
+        rms_before, rms_after: rms of the whitened residual.
+        rivals: other sets of terms that fit about as well, the best first.
     """
 
     terms: tuple[Term, ...]
@@ -66,19 +70,19 @@ class ComposedTerms:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where it acts, keys of `basis.PLACES`."""
+        """Where they act: keys of `basis.PLACES`."""
         return tuple(dict.fromkeys(term.basis.place for term in self.terms))
 
 
 def find_terms(problem: Problem, *, rough: Problem | None = None, tell: Tell = lambda _: None) -> ComposedTerms | None:
-    """The term that takes most of the residual's structure away, or None where none is worth its parameters.
+    """Returns the terms that remove most of the structure in the residual; None if no term gains enough.
 
     Args:
-        problem: what is fitted in the end.
-        rough: the same data, cheaper to simulate, for the search; None: `problem`.
+        problem: the data of the last fit.
+        rough: the same data for the search, faster to simulate; None: `problem`.
         tell: called with what is being done.
 
-    The same problem gives the same result; nothing here is random.
+    Nothing here is random: the same problem gives the same result.
     """
     searched = problem if rough is None else rough
     best, tried = _search(searched, tell)
@@ -87,48 +91,48 @@ def find_terms(problem: Problem, *, rough: Problem | None = None, tell: Tell = l
     tell("fitting the composed term")
     before = unfitted(problem)
     final = fit(problem, best.atoms, best.model, FINE)
-    if final is None or not _worth(before, final):
+    if final is None or not _gains_enough(before, final):
         return None
     return _result(problem, before, final, _rivals(best, tried))
 
 
 def _search(problem: Problem, tell: Tell) -> tuple[Fit, list[Fit]]:
-    """Forward, an atom at a time; then each exchanged for a better one; then without those that are not needed."""
+    """Adds one atom at a time, exchanges each for a better one, and removes needless ones; returns all fits too."""
     current = unfitted(problem)
     tell("simulating every possible term")
     library = Screen(problem, nominal_point(problem, problem.base))
     everything: list[Fit] = []
     while len(current.atoms) < MOST_TERMS and _may_gain(problem, current):
         tell(f"fitting term {len(current.atoms) + 1}")
-        tried = _tried(problem, library, current, library.atoms)
+        tried = _fit_beside(problem, library, current, library.atoms)
         everything += tried
-        if not tried or not _worth(current, tried[0]):
+        if not tried or not _gains_enough(current, tried[0]):
             break
         tell("exchanging terms for others")
-        current, more = _exchanged(problem, library, tried[0])
+        current, more = _exchange(problem, library, tried[0])
         everything += more
     return _pruned(problem, current), everything
 
 
-def _tried(problem: Problem, library: Screen, beside: Fit, atoms: Sequence[Atom]) -> list[Fit]:
-    """The best of `atoms` fitted beside what `beside` has, best first."""
+def _fit_beside(problem: Problem, library: Screen, beside: Fit, atoms: Sequence[Atom]) -> list[Fit]:
+    """Returns the best of `atoms`, each fitted beside those of `beside`, the best first."""
     usable = [a for a in atoms if a.agrees(beside.settings) and not set(a.names) & _names(beside)]
-    trials = _various(library.best(beside.model, usable, _SCREENED))
-    fits = [one for trial in trials if (one := _extended(problem, beside, trial)) is not None]
+    trials = _diverse(library.best(beside.model, usable, _SIMULATED))
+    fits = [one for trial in trials if (one := _fit_trial(problem, beside, trial)) is not None]
     for effort in (ROUGH, SETTLED):
-        fits = _fitted_on(problem, fits, effort)
-    return sorted(fits, key=lambda one: one.charged)
+        fits = _fitted_further(problem, fits, effort)
+    return sorted(fits, key=lambda one: one.penalised_cost)
 
 
-def _fitted_on(problem: Problem, fits: Sequence[Fit], effort: Effort) -> list[Fit]:
-    """The same fits, in the order of the screen, those taken further that are ahead in it or by now.
+def _fitted_further(problem: Problem, fits: Sequence[Fit], effort: Effort) -> list[Fit]:
+    """Returns the fits in the order of the screen. Those that lead the screen, or lead by now, are fitted further.
 
-    Where a nominal parameter has to go far, the screen sees more of an atom's worth than a fit's first steps do.
+    Where a nominal parameter has to move far, the screen shows more of an atom's gain than the first steps of a fit.
     """
     ahead = {0, 1} if effort is ROUGH else {0}
-    best = min((one.charged for one in fits), default=0.0)
-    near = sorted(range(len(fits)), key=lambda k: fits[k].charged)[: len(ahead)]
-    ahead |= {k for k in near if fits[k].charged < _HOPELESS * best}
+    best = min((one.penalised_cost for one in fits), default=0.0)
+    near = sorted(range(len(fits)), key=lambda k: fits[k].penalised_cost)[: len(ahead)]
+    ahead |= {k for k in near if fits[k].penalised_cost < _HOPELESS * best}
     found = list(fits)
     for k in sorted(ahead & set(range(len(fits)))):
         more = fit(problem, fits[k].atoms, fits[k].model, effort) if _may_gain(problem, fits[k]) else None
@@ -136,8 +140,8 @@ def _fitted_on(problem: Problem, fits: Sequence[Fit], effort: Effort) -> list[Fi
     return found
 
 
-def _exchanged(problem: Problem, library: Screen, found: Fit) -> tuple[Fit, list[Fit]]:
-    """Another atom in the place of one: at a period that is fitted now, or beside atoms that it was not tried with."""
+def _exchange(problem: Problem, library: Screen, found: Fit) -> tuple[Fit, list[Fit]]:
+    """Replaces each atom by a better one: at the period that is fitted now, or one not tried beside the rest."""
     everything: list[Fit] = []
     for atom in found.atoms:
         if atom not in found.atoms or not (atom.tuned or len(found.atoms) > 1):
@@ -148,50 +152,51 @@ def _exchanged(problem: Problem, library: Screen, found: Fit) -> tuple[Fit, list
         others = library.family(atom, found.settings) if atom.tuned else []
         library.add(others)
         others += [one for one in library.atoms if len(found.atoms) > 1 and one not in others]
-        tried = _tried(problem, library, rest, [one for one in others if one != atom])
+        tried = _fit_beside(problem, library, rest, [one for one in others if one != atom])
         everything += tried
-        if tried and tried[0].charged < found.charged:
+        if tried and tried[0].penalised_cost < found.penalised_cost:
             found = tried[0]
     return found, everything
 
 
 def _may_gain(problem: Problem, found: Fit) -> bool:
-    """Whether more is left than noise leaves, by as much as a term has to take away."""
-    return found.cost - _NOISE * len(problem.sensitivities) > max(LEAST_GAIN, LEAST_GAIN_SHARE * found.cost)
+    """Returns whether the cost above that of noise is as much as a term has to gain."""
+    return found.cost - _NOISE_COST * len(problem.sensitivities) > max(LEAST_GAIN, LEAST_GAIN_SHARE * found.cost)
 
 
 def _names(found: Fit) -> set[str]:
     return {name for atom in found.atoms for name in atom.names}
 
 
-def _various(trials: Sequence[Trial]) -> list[Trial]:
-    """The best trials, no more than two of the same terms with other settings."""
+def _diverse(trials: Sequence[Trial]) -> list[Trial]:
+    """Returns the best trials, at most two of the same terms with different settings."""
     found: list[Trial] = []
     for trial in trials:
         if sum(one.atom.names == trial.atom.names for one in found) < 2:
             found.append(trial)
-    return found[:_FOLLOWED]
+    return found[:_FITTED]
 
 
-def _worth(before: Fit, after: Fit) -> bool:
-    return before.charged - after.charged > max(LEAST_GAIN, LEAST_GAIN_SHARE * after.cost)
+def _gains_enough(before: Fit, after: Fit) -> bool:
+    return before.penalised_cost - after.penalised_cost > max(LEAST_GAIN, LEAST_GAIN_SHARE * after.cost)
 
 
-def _extended(problem: Problem, beside: Fit, trial: Trial) -> Fit | None:
-    """The first steps of a fit, from where the screen saw the nominal parameters go, if that is better."""
+def _fit_trial(problem: Problem, beside: Fit, trial: Trial) -> Fit | None:
+    """Returns the first steps of a fit, from where the screen moved the nominal parameters if that is better."""
     atoms = (*beside.atoms, trial.atom)
     model = with_terms(beside.model, values_of(trial, beside.model))
     point = nominal_point(problem, model) + trial.shift
     moved = with_values(model, {one.name: one.to_value(float(x)) for one, x in zip(problem.free, point, strict=True)})
-    left = np.sum(residuals(problem, [model, moved]) ** 2, axis=1)
-    return fit(problem, atoms, moved if left[1] < left[0] else model, FIRST)
+    squares = np.sum(residuals(problem, [model, moved]) ** 2, axis=1)
+    return fit(problem, atoms, moved if squares[1] < squares[0] else model, FIRST)
 
 
 def _pruned(problem: Problem, found: Fit) -> Fit:
+    """Returns `found` without needless atoms; at least one stays."""
     while len(found.atoms) > 1:
         shorter = [_without(problem, found, atom) for atom in found.atoms]
-        best = min((one for one in shorter if one is not None), key=lambda one: one.charged, default=None)
-        if best is None or _worth(best, found):
+        best = min((one for one in shorter if one is not None), key=lambda one: one.penalised_cost, default=None)
+        if best is None or _gains_enough(best, found):
             return found
         found = best
     return found
@@ -210,9 +215,9 @@ def _without(problem: Problem, found: Fit, atom: Atom) -> Fit | None:
 
 def _rivals(best: Fit, tried: Sequence[Fit]) -> tuple[Rival, ...]:
     found: dict[frozenset[str], Rival] = {}
-    for other in sorted(tried, key=lambda one: one.charged):
+    for other in sorted(tried, key=lambda one: one.penalised_cost):
         names = frozenset(_names(other))
-        if other.charged - best.charged <= TERM_RIVAL_MARGIN and not _names(best) <= names:
+        if other.penalised_cost - best.penalised_cost <= TERM_RIVAL_MARGIN and not _names(best) <= names:
             terms = _terms(other)
             found.setdefault(names, Rival(terms, other.settings, equation(terms, other.settings), other.cost))
     return tuple(found.values())
@@ -225,8 +230,7 @@ def _terms(found: Fit) -> tuple[Term, ...]:
 
 def _result(problem: Problem, before: Fit, final: Fit, rivals: tuple[Rival, ...]) -> ComposedTerms:
     terms = _terms(final)
-    left = residuals(problem, [problem.base, final.model])
-    rms = np.sqrt(np.mean(left**2, axis=1))
+    rms = np.sqrt(np.mean(residuals(problem, [problem.base, final.model]) ** 2, axis=1))
     return ComposedTerms(
         terms,
         final.settings,

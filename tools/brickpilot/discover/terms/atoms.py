@@ -1,0 +1,129 @@
+"""The atoms that a composed law is chosen from: terms with the settings that shape them.
+
+Periods come from the spectra of the residual, so that no term is tried at a period that is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.discover.segment import Segment
+from brickpilot.discover.terms import periods
+from brickpilot.discover.terms.basis import Basis, basis
+
+Array = NDArray[np.float64]
+Settings = tuple[tuple[str, float], ...]
+
+_SPRUNG_HZ = (1.0, 2.0, 4.0)  # tried for a sprung mass, beside the peaks of the spectrum
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
+_STRIP = ("patch_x", "patch_half_width")
+_SENSOR_SIGNALS = {"gyro": {"yaw_rate", "yaw_angle"}, "accel_surge": {"accel_surge"}, "accel_sway": {"accel_sway"}}
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One term, or the sine and the cosine of one period, with the settings that shape them."""
+
+    terms: tuple[Basis, ...]
+    settings: Settings = ()
+
+    @property
+    def place(self) -> str:
+        return self.terms[0].place
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def tuned(self) -> tuple[str, ...]:
+        """The settings that are fitted: all but the clock, which is one of two."""
+        return tuple(name for name, _ in self.settings if name != "clock")
+
+    def agrees(self, settings: Mapping[str, float]) -> bool:
+        """Returns whether none of its settings contradicts `settings`."""
+        return all(settings.get(name, value) == value for name, value in self.settings)
+
+
+def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
+    """Returns every term, the periodic ones at the periods that `residual` (N,), a projected one, shows.
+
+    Terms on a strip of the floor are left out: see `Screen`.
+    """
+    several_ages = len({segment.age for segment in segments}) > 1
+    clocks = (0.0, 1.0) if several_ages else (0.0,)
+    frequencies = {clock: periods.frequencies(segments, residual, clock) for clock in clocks}
+    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0])})
+    orders = periods.angle_orders(segments, residual)
+    settings: dict[tuple[str, ...], list[Settings]] = {
+        (): [()],
+        ("clock",): [(("clock", clock),) for clock in clocks],
+        ("frequency", "clock"): [(("frequency", f), ("clock", c)) for c in clocks for f in frequencies[c]],
+        ("frequency", "damping"): [(("frequency", f), ("damping", 0.1)) for f in sprung],
+        ("order",): [(("order", k),) for k in orders],
+        ("wavelength",): [(("wavelength", length),) for length in periods.wavelengths(segments, residual)],
+        _STRIP: [],
+    }
+    return [Atom(terms, one) for terms in _visible_groups(vehicle, segments) for one in settings[terms[0].tuned]]
+
+
+def family(atom: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
+    """Returns all atoms that the same settings shape, and this one at neighbouring settings."""
+    kept = tuple((name, settings[name]) for name, _ in atom.settings)
+    groups = _visible_groups(vehicle, segments)
+    found = [Atom(terms, kept) for terms in groups if terms[0].tuned == atom.terms[0].tuned]
+    return found + [Atom(atom.terms, near) for near in _neighbours(dict(kept), segments)]
+
+
+def strip_atom(name: str, middle: float, half_width: float) -> Atom:
+    """Returns the atom of a term that acts on a strip across x, m."""
+    term = next(one for one in basis() if one.name == name)
+    return Atom((term,), tuple(zip(_STRIP, (middle, half_width), strict=True)))
+
+
+def _neighbours(settings: dict[str, float], segments: Sequence[Segment]) -> list[Settings]:
+    """Returns the settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
+    if "wavelength" in settings:
+        step = periods.position_resolution(segments)
+        found = [1 / settings["wavelength"] + k * step for k in _NEIGHBOURS]
+        return [tuple((settings | {"wavelength": 1 / f}).items()) for f in found if f > 0]
+    if "order" in settings:
+        step = periods.angle_resolution(segments)
+        found = [settings["order"] + k * step for k in _NEIGHBOURS]
+        return [tuple((settings | {"order": order}).items()) for order in found if order > 0]
+    if "frequency" in settings and "damping" not in settings:
+        step = periods.time_resolution(segments, settings["clock"])
+        found = [settings["frequency"] + k * step for k in _NEIGHBOURS]
+        return [tuple((settings | {"frequency": frequency}).items()) for frequency in found if frequency > 0]
+    return []
+
+
+def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
+    """Returns the groups of terms whose place the vehicle has and, for a sensor, whose signal was logged."""
+    signals = {segment.signal for segment in segments}
+    return [terms for terms in _groups() if _is_visible(terms[0], vehicle, signals)]
+
+
+def _is_visible(term: Basis, vehicle: str, signals: set[str]) -> bool:
+    if vehicle == "motor":
+        return term.place in ("drive", "wheel", "surge") and not term.sided
+    return bool(_SENSOR_SIGNALS.get(term.place, signals) & signals)
+
+
+def _groups() -> list[tuple[Basis, ...]]:
+    """Returns every term alone, but the sine and the cosine of one period together.
+
+    Sine and cosine of the heading stand alone: their phase is known.
+    """
+    by_name = {term.name: term for term in basis()}
+    found: list[tuple[Basis, ...]] = []
+    for name, term in by_name.items():
+        periodic = bool({"frequency", "order", "wavelength"} & set(term.tuned)) and "sprung" not in name
+        if periodic and "cos_" in name:
+            continue
+        found.append((term, by_name[name.replace("sin_", "cos_")]) if periodic else (term,))
+    return found
