@@ -14,7 +14,7 @@ import synthetic
 from brickpilot import catalogue
 from brickpilot.data.audit import against_model
 from brickpilot.data.audit.fault import Fault
-from brickpilot.data.audit.relations import usual_factors
+from brickpilot.data.audit.wrong_units import usual_factors
 from brickpilot.data.dataset import Dataset, read
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from brickpilot.data.audit.audit import Fault, Record, audit
+from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.rows import Columns, read_columns
@@ -197,7 +197,7 @@ def _read_run(entry: RunEntry, description: Description) -> Run:
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
     """The runs with their damaged samples blanked, the faults, and what to say of them."""
-    records = [Record(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
+    records = [MeasuredRun(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = audit(records, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():

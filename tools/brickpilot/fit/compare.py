@@ -141,9 +141,7 @@ def compare(
 
 def _fit_notes(fitted: Calibration) -> list[str]:
     free = ", ".join(fitted.parameters)
-    first = (
-        f"Fitted on the fit runs first, because not fixed by the data set: {free}." if free else "Nothing was fitted."
-    )
+    first = f"The data set does not fix {free}: fitted on the fit runs first." if free else "Nothing was fitted."
     return [first, *fitted.notes]
 
 

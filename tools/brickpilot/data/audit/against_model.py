@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from brickpilot.data.audit.channels import LEAST_SAMPLES
 from brickpilot.data.audit.fault import Fault, channel_note
-from brickpilot.data.audit.relations import FACTORS, usual_factors
 from brickpilot.data.audit.windows import Windows, cut
+from brickpilot.data.audit.wrong_units import FACTORS, usual_factors
 from brickpilot.data.dataset import Dataset, Run
 
 Vector = NDArray[np.float64]

@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit import stuck
-from brickpilot.data.audit.channels import Contradiction, contradictions
+from brickpilot.data.audit.blame import Contradiction
+from brickpilot.data.audit.channels import contradictions
 from brickpilot.data.audit.clock import clock_faults
 from brickpilot.data.audit.fault import Fault, Kind, channel_note, range_note, rows_note
 from brickpilot.data.audit.jumps import blank, jumps
-from brickpilot.data.audit.view import Course, Habits, stretches
+from brickpilot.data.audit.view import AcrossRuns, RunView, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame
 
-__all__ = ["Audited", "Fault", "Record", "audit"]
+__all__ = ["Audited", "Fault", "MeasuredRun", "audit"]
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,7 +32,7 @@ _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class MeasuredRun:
     """What is audited of one run: SI, one entry a sample, NaN where blank. `inputs`: (n,) each."""
 
     name: str
@@ -50,116 +51,116 @@ class Audited:
 
 
 def audit(
-    records: Sequence[Record], signals: Mapping[str, Signal], frame: Frame, nominal: Mapping[str, float] | None = None
+    runs: Sequence[MeasuredRun], signals: Mapping[str, Signal], frame: Frame, nominal: Mapping[str, float] | None = None
 ) -> Audited:
     """Finds the faults of all runs; a signal's resolution is taken from all of them together.
 
     `nominal`: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
     """
-    resolution = {name: _resolution(name, records, signals) for name in records[0].outputs} if records else {}
-    courses = [
-        Course(record.time, record.inputs, {name: values.copy() for name, values in record.outputs.items()}, resolution)
-        for record in records
+    resolution = {name: _resolution(name, runs, signals) for name in runs[0].outputs} if runs else {}
+    views = [
+        RunView(run.time, run.inputs, {name: values.copy() for name, values in run.outputs.items()}, resolution)
+        for run in runs
     ]
-    faults, notes = _damaged_rows(records, courses, signals, frame)
+    faults, notes = _damaged_rows(runs, views, signals, frame)
     for found, said in (
-        _wrong_channels(records, courses, nominal or {}),
-        _beyond_range(records, courses, signals),
-        _wrong_clocks(records, courses),
+        _wrong_channels(runs, views, nominal or {}),
+        _beyond_range(runs, views, signals),
+        _wrong_clocks(runs, views),
     ):
         faults += found
         notes += said
-    outputs = {record.name: dict(course.outputs) for record, course in zip(records, courses, strict=True)}
-    order = {record.name: number for number, record in enumerate(records)}
+    outputs = {run.name: dict(view.outputs) for run, view in zip(runs, views, strict=True)}
+    order = {run.name: number for number, run in enumerate(runs)}
     faults.sort(key=lambda one: (order[one.run], one.from_s, one.signal))
     return Audited(outputs, tuple(faults), tuple(notes))
 
 
 def _damaged_rows(
-    records: Sequence[Record], courses: Sequence[Course], signals: Mapping[str, Signal], frame: Frame
+    runs: Sequence[MeasuredRun], views: Sequence[RunView], signals: Mapping[str, Signal], frame: Frame
 ) -> tuple[list[Fault], list[str]]:
-    """The faults of single stretches of samples, which are blanked in `courses`, and what to say of them."""
+    """The faults of single stretches of samples, which are blanked in `views`, and what to say of them."""
     faults: list[Fault] = []
     notes: list[str] = []
     damage: list[dict[Kind, dict[str, Mask]]] = []
-    for course in courses:
-        swapped, dropout = jumps(course, signals, frame)
+    for view in views:
+        swapped, dropout = jumps(view, signals, frame)
         damage.append({"swapped": swapped, "dropout": dropout})
-    habits = Habits(courses)
-    for record, course, masks in zip(records, courses, damage, strict=True):
-        masks["clipped"] = {name: _clipped(course, name, signals) for name in course.outputs}
-        blank(course, masks["clipped"])
-        masks["frozen"] = {name: stuck.frozen(course, name, habits) for name in course.outputs}
+    across = AcrossRuns(views)
+    for run, view, masks in zip(runs, views, damage, strict=True):
+        masks["clipped"] = {name: _clipped(view, name, signals) for name in view.outputs}
+        blank(view, masks["clipped"])
+        masks["frozen"] = {name: stuck.frozen(view, name, across) for name in view.outputs}
         for name, stands in masks["frozen"].items():
-            at_end = stuck.at_extreme(course, name, stands)
+            at_end = stuck.at_extreme(view, name, stands)
             masks["clipped"][name] |= at_end
             stands &= ~at_end
         for kind, by_signal in masks.items():
             for name, mask in by_signal.items():
-                found = [Fault(record.name, name, kind, *span) for span in _spans(record.time, mask)]
+                found = [Fault(run.name, name, kind, *span) for span in _spans(run.time, mask)]
                 faults.extend(found)
                 if found:
                     notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask)))
-    for course, masks in zip(courses, damage, strict=True):
-        blank(course, masks["clipped"])
-        blank(course, masks["frozen"])
+    for view, masks in zip(views, damage, strict=True):
+        blank(view, masks["clipped"])
+        blank(view, masks["frozen"])
     return faults, notes
 
 
-def _clipped(course: Course, name: str, signals: Mapping[str, Signal]) -> Mask:
+def _clipped(view: RunView, name: str, signals: Mapping[str, Signal]) -> Mask:
     """None of a channel that leaves its range, which may be of another unit as a whole."""
     stated = signals[name].range
-    if stuck.leaves(course.outputs[name], stated):
-        return np.zeros(len(course.time), dtype=bool)
-    return stuck.clipped(course, name, stated)
+    if stuck.leaves(view.outputs[name], stated):
+        return np.zeros(len(view.time), dtype=bool)
+    return stuck.clipped(view, name, stated)
 
 
 def _beyond_range(
-    records: Sequence[Record], courses: Sequence[Course], signals: Mapping[str, Signal]
+    runs: Sequence[MeasuredRun], views: Sequence[RunView], signals: Mapping[str, Signal]
 ) -> tuple[list[Fault], list[str]]:
-    """Channels that leave their stated range for no reason that was found, which are blanked in `courses`.
+    """Channels that leave their stated range for no reason that was found, which are blanked in `views`.
 
     Where most runs leave it, the column is wrong in the others as well, in which less moves.
     """
     faults: list[Fault] = []
     notes: list[str] = []
     for name, signal in signals.items():
-        known = [k for k, one in enumerate(courses) if _known(one, name)]
-        wrong = [k for k in known if stuck.leaves(courses[k].outputs[name], signal.range)]
+        known = [k for k, one in enumerate(views) if _known(one, name)]
+        wrong = [k for k in known if stuck.leaves(views[k].outputs[name], signal.range)]
         if 2 * len(wrong) > len(known):
             wrong = known
         for k in wrong:
-            time = records[k].time
-            faults.append(Fault(records[k].name, name, "unit", float(time[0]), float(time[-1])))
-            courses[k].outputs[name][:] = np.nan
+            time = runs[k].time
+            faults.append(Fault(runs[k].name, name, "unit", float(time[0]), float(time[-1])))
+            views[k].outputs[name][:] = np.nan
         if wrong:
-            notes.append(range_note(name, [records[k].name for k in wrong], len(records)))
+            notes.append(range_note(name, [runs[k].name for k in wrong], len(runs)))
     return faults, notes
 
 
 def _wrong_channels(
-    records: Sequence[Record], courses: Sequence[Course], nominal: Mapping[str, float]
+    runs: Sequence[MeasuredRun], views: Sequence[RunView], nominal: Mapping[str, float]
 ) -> tuple[list[Fault], list[str]]:
-    """The faults of whole channels, which are blanked in `courses`: all channels of a run whose input or time it is."""
+    """The faults of whole channels, which are blanked in `views`: all channels of a run whose input or time it is."""
     found = contradictions(
-        courses, wheel_radius=nominal.get("wheel_radius"), half_track=nominal.get("half_track")
-    ) + _wrong_batteries(courses, nominal.get("battery_voltage"))
+        views, wheel_radius=nominal.get("wheel_radius"), half_track=nominal.get("half_track")
+    ) + _wrong_batteries(views, nominal.get("battery_voltage"))
     faults: list[Fault] = []
     notes: list[str] = []
     for one in found:
-        signals = _columns(one.names, records[0].inputs)
-        named = [records[number].name for number in one.runs]
-        notes.append(channel_note(signals, one.factor, named, len(records), _columns(one.against, records[0].inputs)))
+        signals = _columns(one.names, runs[0].inputs)
+        named = [runs[number].name for number in one.runs]
+        notes.append(channel_note(signals, one.factor, named, len(runs), _columns(one.against, runs[0].inputs)))
         for number in one.runs:
-            record, course = records[number], courses[number]
+            run, view = runs[number], views[number]
             for name in signals:
-                if name in course.outputs and not np.isfinite(course.outputs[name]).any():
+                if name in view.outputs and not np.isfinite(view.outputs[name]).any():
                     continue
                 kind: Kind = "sign" if one.factor == -1.0 else "clock" if name == "time" else "unit"
-                span = float(record.time[0]), float(record.time[-1])
-                faults.append(Fault(record.name, name, kind, *span, one.factor))
-                for spoilt in [name] if name in course.outputs else course.outputs:
-                    course.outputs[spoilt][:] = np.nan
+                span = float(run.time[0]), float(run.time[-1])
+                faults.append(Fault(run.name, name, kind, *span, one.factor))
+                for spoilt in [name] if name in view.outputs else view.outputs:
+                    view.outputs[spoilt][:] = np.nan
     return faults, notes
 
 
@@ -173,10 +174,10 @@ def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, .
     return tuple(found)
 
 
-def _wrong_batteries(courses: Sequence[Course], nominal: float | None) -> list[Contradiction]:
+def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
     """Runs whose battery is of another order than stated, than in the other runs, or than a battery can be."""
     name = "battery_voltage"
-    levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(courses) if _known(one, name)}
+    levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(views) if _known(one, name)}
     odd: dict[float, list[int]] = {}
     for number, level in levels.items():
         others = [other for k, other in levels.items() if k != number]
@@ -191,23 +192,23 @@ def _wrong_batteries(courses: Sequence[Course], nominal: float | None) -> list[C
     return [Contradiction((name,), factor, tuple(runs), ()) for factor, runs in odd.items()]
 
 
-def _known(course: Course, name: str) -> bool:
-    return name in course.outputs and bool(np.isfinite(course.outputs[name]).any())
+def _known(view: RunView, name: str) -> bool:
+    return name in view.outputs and bool(np.isfinite(view.outputs[name]).any())
 
 
-def _wrong_clocks(records: Sequence[Record], courses: Sequence[Course]) -> tuple[list[Fault], list[str]]:
+def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tuple[list[Fault], list[str]]:
     """The runs whose clock is wrong, of which all is blanked from where it is."""
     faults: list[Fault] = []
     notes: list[str] = []
-    for one in clock_faults(courses):
-        record, course = records[one.run], courses[one.run]
-        if not any(np.isfinite(values[one.start :]).any() for values in course.outputs.values()):
+    for one in clock_faults(views):
+        run, view = runs[one.run], views[one.run]
+        if not any(np.isfinite(values[one.start :]).any() for values in view.outputs.values()):
             continue
-        start, end = float(record.time[one.start]), float(record.time[-1])
-        faults.append(Fault(record.name, "time", "clock", start, end, one.factor))
-        for values in course.outputs.values():
+        start, end = float(run.time[one.start]), float(run.time[-1])
+        faults.append(Fault(run.name, "time", "clock", start, end, one.factor))
+        for values in view.outputs.values():
             values[one.start :] = np.nan
-        notes.append(f"run {record.name}: its clock {one.seen}; left out from {start:.6g} s on")
+        notes.append(f"run {run.name}: its clock {one.seen}; left out from {start:.6g} s on")
     return faults, notes
 
 
@@ -215,11 +216,11 @@ def _spans(time: Vector, mask: Mask) -> list[tuple[float, float]]:
     return [(float(time[start]), float(time[stop - 1])) for start, stop in stretches(mask)]
 
 
-def _resolution(name: str, records: Sequence[Record], signals: Mapping[str, Signal]) -> float:
+def _resolution(name: str, runs: Sequence[MeasuredRun], signals: Mapping[str, Signal]) -> float:
     """The stated step of a signal, else the smallest that occurs in any run; 0 where there is none."""
     if (stated := signals[name].resolution) is not None:
         return stated
-    values = np.unique(np.concatenate([record.outputs[name] for record in records]))
+    values = np.unique(np.concatenate([run.outputs[name] for run in runs]))
     values = values[np.isfinite(values)]
     steps = np.diff(values)
     steps = steps[steps > 1e-9 * np.max(np.abs(values), initial=0.0)]

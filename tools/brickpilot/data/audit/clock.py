@@ -14,7 +14,7 @@ from math import floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import Course
+from brickpilot.data.audit.view import RunView
 from brickpilot.data.audit.windows import cut
 from brickpilot.data.signals import RATE_OF
 
@@ -63,19 +63,19 @@ class _Ratio:
     trend_sd: float
 
 
-def clock_faults(courses: Sequence[Course]) -> list[ClockFault]:
+def clock_faults(views: Sequence[RunView]) -> list[ClockFault]:
     """At most one for each run, in the runs' order."""
-    ratios = _ratios(courses)
+    ratios = _ratios(views)
     usual = _usual(ratios)
     found: dict[int, ClockFault] = {}
-    for fault in (*_jumps(courses), *_off_ratios(ratios, usual), *_off_intervals(courses)):
+    for fault in (*_jumps(views), *_off_ratios(ratios, usual), *_off_intervals(views)):
         if fault.run not in found and not (fault.factor and _is_truthful(ratios[fault.run], usual, fault.factor)):
             found[fault.run] = fault
     return [found[number] for number in sorted(found)]
 
 
-def _off_intervals(courses: Sequence[Course]) -> list[ClockFault]:
-    blocks = {k: _block_intervals(one.time) for k, one in enumerate(courses) if len(one.time) >= _LEAST_SAMPLES}
+def _off_intervals(views: Sequence[RunView]) -> list[ClockFault]:
+    blocks = {k: _block_intervals(one.time) for k, one in enumerate(views) if len(one.time) >= _LEAST_SAMPLES}
     steady = {k: float(np.median(each)) for k, each in blocks.items() if _spread(each) < _STEADY}
     usual = _usual_interval(list(steady.values())) if steady else _common_start(list(blocks.values()))
     found: list[ClockFault] = []
@@ -138,16 +138,16 @@ def _drifts(blocks: Vector, usual: float) -> bool:
     return _LEAST_OFF * usual < change and worst < 2 * _MOST_OFF and left < _SMOOTH * change
 
 
-def _ratios(courses: Sequence[Course]) -> list[dict[str, _Ratio]]:
+def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
     """Of each run, by the name of the sum."""
-    present = set().union(*(course.outputs for course in courses))
+    present = set().union(*(view.outputs for view in views))
     pairs = [(sums, rate) for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
-    found: list[dict[str, _Ratio]] = [{} for _ in courses]
+    found: list[dict[str, _Ratio]] = [{} for _ in views]
     for sums, rate in pairs:
         cuts: dict[int, tuple[Vector, Vector, Vector]] = {}
-        for number, course in enumerate(courses):
-            if len(course.time) >= _LEAST_SAMPLES:
-                windows = cut(course.time, {sums: course.outputs[sums], rate: course.outputs[rate]}, _WINDOWS)
+        for number, view in enumerate(views):
+            if len(view.time) >= _LEAST_SAMPLES:
+                windows = cut(view.time, {sums: view.outputs[sums], rate: view.outputs[rate]}, _WINDOWS)
                 if {sums, rate} <= windows.moved.keys():
                     # beside the rate: a lag of it, or the bias of a gyro
                     beside = windows.changed.get(rate, windows.seconds)
@@ -264,15 +264,15 @@ def _is_truthful(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, 
     return False
 
 
-def _jumps(courses: Sequence[Course]) -> list[ClockFault]:
+def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
     """Clocks that leap ahead while what moves does not: not rows that are lost, over which it moves on."""
     found: list[ClockFault] = []
-    for number, course in enumerate(courses):
-        steps = np.diff(course.time)
-        if len(course.time) < _LEAST_SAMPLES:
+    for number, view in enumerate(views):
+        steps = np.diff(view.time)
+        if len(view.time) < _LEAST_SAMPLES:
             continue
         for at in np.flatnonzero(steps > _GAP * np.median(steps)):
-            if (_LOCAL < at < len(course.time) - _LOCAL - 1) and _stood(course, int(at)):
+            if (_LOCAL < at < len(view.time) - _LOCAL - 1) and _stood(view, int(at)):
                 found.append(
                     ClockFault(number, int(at) + 1, None, f"leaps by {steps[at]:.3g} s, in which nothing moves")
                 )
@@ -280,15 +280,15 @@ def _jumps(courses: Sequence[Course]) -> list[ClockFault]:
     return found
 
 
-def _stood(course: Course, at: int) -> bool:
+def _stood(view: RunView, at: int) -> bool:
     """Whether every sum that moved on both sides of the gap after sample `at` hardly moved in it."""
-    time, votes = course.time, []
+    time, votes = view.time, []
     for name in (*RATE_OF, "yaw_angle"):
-        if name in course.outputs:
-            sums = course.outputs[name]
+        if name in view.outputs:
+            sums = view.outputs[name]
             before = (sums[at] - sums[at - _LOCAL]) / (time[at] - time[at - _LOCAL])
             after = (sums[at + 1 + _LOCAL] - sums[at + 1]) / (time[at + 1 + _LOCAL] - time[at + 1])
             way = min(before, after, key=abs) * (time[at + 1] - time[at])
-            if before * after > 0.0 and abs(way) > _STEPS * course.resolution[name]:
+            if before * after > 0.0 and abs(way) > _STEPS * view.resolution[name]:
                 votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(way))
     return bool(votes) and all(votes)

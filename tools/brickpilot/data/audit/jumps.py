@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import Course, stretches
+from brickpilot.data.audit.view import RunView, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
 
@@ -39,19 +39,19 @@ _SWAP_APART = 8.0
 _SWAP_HEALED = 0.2
 
 
-def jumps(course: Course, signals: Mapping[str, Signal], frame: Frame) -> tuple[dict[str, Mask], dict[str, Mask]]:
-    """Samples of swapped cells and dropped-out samples, by signal; both are blanked in `course`."""
-    swapped = _swapped(course, signals, frame)
-    blank(course, swapped)
-    dropout = {name: _dropout(course, name, signals[name]) for name in course.outputs}
-    blank(course, dropout)
+def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> tuple[dict[str, Mask], dict[str, Mask]]:
+    """Samples of swapped cells and dropped-out samples, by signal; both are blanked in `view`."""
+    swapped = _swapped(view, signals, frame)
+    blank(view, swapped)
+    dropout = {name: _dropout(view, name, signals[name]) for name in view.outputs}
+    blank(view, dropout)
     return swapped, dropout
 
 
-def blank(course: Course, masks: Mapping[str, Mask]) -> None:
+def blank(view: RunView, masks: Mapping[str, Mask]) -> None:
     """Puts NaN in place of the samples of each signal that its mask names."""
     for name, mask in masks.items():
-        course.outputs[name][mask] = np.nan
+        view.outputs[name][mask] = np.nan
 
 
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
@@ -72,20 +72,20 @@ def _scale(residual: Vector, resolution: float) -> float:
     return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
 
 
-def _dropout(course: Course, name: str, signal: Signal) -> Mask:
-    values = course.outputs[name]
+def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
+    values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
     if len(known) < LEAST_SAMPLES:
         return found
-    time, level = course.time[known], values[known]
+    time, level = view.time[known], values[known]
     residual, _ = _bridge(time, level, 1)
-    scale = _scale(residual, course.resolution[name])
+    scale = _scale(residual, view.resolution[name])
     if scale == 0.0:
         return found
     zero = signal.to_si * signal.offset
     impulsive = name.startswith(_IMPULSIVE)
-    driven_anew = _driven_anew(course)[known]
+    driven_anew = _driven_anew(view)[known]
     stepped = driven_anew & impulsive
     events = _events(time, level, scale)
     rest = _sound_residual(residual, events)
@@ -147,23 +147,23 @@ def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> f
     return float(residual[sound].max()) if sound.any() else 0.0
 
 
-def _swapped(course: Course, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
+def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
     """Single rows in which the cells of two columns, exchanged, lie on both signals' lines again."""
-    masks = {name: np.zeros(len(course.time), dtype=bool) for name in course.outputs}
-    if len(course.time) < LEAST_SAMPLES:
+    masks = {name: np.zeros(len(view.time), dtype=bool) for name in view.outputs}
+    if len(view.time) < LEAST_SAMPLES:
         return masks
-    for first, second in combinations(course.outputs, 2):
+    for first, second in combinations(view.outputs, 2):
         if signals[first].unit != signals[second].unit:
             continue
-        lines = [_line(course, name) for name in (first, second)]
+        lines = [_line(view, name) for name in (first, second)]
         (line, away, scale), (other_line, other_away, other_scale) = lines
-        there = _as_read_from(signals[second], course.outputs[second], signals[first], frame)
-        here = _as_read_from(signals[first], course.outputs[first], signals[second], frame)
+        there = _as_read_from(signals[second], view.outputs[second], signals[first], frame)
+        here = _as_read_from(signals[first], view.outputs[first], signals[second], frame)
         with np.errstate(invalid="ignore"):
             hit = (away > _SWAP_APART * scale) & (other_away > _SWAP_APART * other_scale)
             hit &= np.abs(there - line) < np.maximum(_SWAP_HEALED * away, 3 * scale)
             hit &= np.abs(here - other_line) < np.maximum(_SWAP_HEALED * other_away, 3 * other_scale)
-        hit &= ~_driven_anew(course)
+        hit &= ~_driven_anew(view)
         alone = hit & ~np.r_[False, hit[:-1]] & ~np.r_[hit[1:], False]
         if 0 < np.count_nonzero(alone) <= max(_DROPOUT_SHARE * len(alone), 3):
             masks[first] |= alone
@@ -171,10 +171,10 @@ def _swapped(course: Course, signals: Mapping[str, Signal], frame: Frame) -> dic
     return masks
 
 
-def _driven_anew(course: Course) -> Mask:
+def _driven_anew(view: RunView) -> Mask:
     """Samples within one of a step of an input, where a row may leave both its neighbours' lines by right."""
-    step = np.zeros(len(course.time) + 1, dtype=bool)
-    for values in course.inputs.values():
+    step = np.zeros(len(view.time) + 1, dtype=bool)
+    for values in view.inputs.values():
         driven = np.nan_to_num(values)
         step[1:-1] |= np.abs(np.diff(driven)) > _INPUT_STEP * np.max(np.abs(driven))
     near: Mask = step[:-1] | step[1:]
@@ -183,15 +183,15 @@ def _driven_anew(course: Course) -> Mask:
     return near
 
 
-def _line(course: Course, name: str) -> tuple[Vector, Vector, float]:
+def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
     """The line through each sample's neighbours, the sample's distance from it, and the scale of these distances."""
-    values, time = course.outputs[name], course.time
+    values, time = view.outputs[name], view.time
     line = np.full_like(values, np.nan)
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     line[1:-1] = values[:-2] + share * (values[2:] - values[:-2])
     away = np.abs(values - line)
     known = away[np.isfinite(away)]
-    return line, away, _scale(known, course.resolution[name]) if known.size else np.inf
+    return line, away, _scale(known, view.resolution[name]) if known.size else np.inf
 
 
 def _as_read_from(own: Signal, values: Vector, other: Signal, frame: Frame) -> Vector:

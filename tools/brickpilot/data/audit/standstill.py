@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import LEAST_FROZEN, Course, Habits, driven_by
+from brickpilot.data.audit.view import LEAST_FROZEN, AcrossRuns, RunView, driven_by
 from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
@@ -24,22 +24,22 @@ _HARDER = 1.3  # times the drive at which it moved in another run
 _NEARLY = 0.6  # times that drive: enough where the other side moved
 
 
-def denied(course: Course, name: str, start: int, stop: int, habits: Habits) -> bool:
+def denied(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether the samples `start` to `stop` of a motion, all of one value, are no standstill and no steady motion."""
     return (
-        _denied_by_sum(course, name, start, stop)
-        or _never_stands(course, name, start, stop, habits)
-        or _stops_alone(course, name, start, stop)
-        or _stands_alone(course, name, start, stop, habits)
+        _denied_by_sum(view, name, start, stop)
+        or _never_stands(view, name, start, stop, across)
+        or _stops_alone(view, name, start, stop)
+        or _stands_alone(view, name, start, stop, across)
     )
 
 
-def _denied_by_sum(course: Course, name: str, start: int, stop: int) -> bool:
+def _denied_by_sum(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a rate stands while the sum that the same sensor measures goes at another, or a changing, rate."""
-    of = next((sums for sums, rate in RATE_OF.items() if rate == name and sums in course.outputs), None)
+    of = next((sums for sums, rate in RATE_OF.items() if rate == name and sums in view.outputs), None)
     if of is None:
         return False
-    time, sums = course.time, course.outputs[of]
+    time, sums = view.time, view.outputs[of]
     known = np.isfinite(sums[start:stop])
     if known.mean() < _STALE or np.mean(np.diff(sums[start:stop][known]) == 0.0) > _STALE:
         return False
@@ -47,91 +47,89 @@ def _denied_by_sum(course: Course, name: str, start: int, stop: int) -> bool:
     at = np.flatnonzero(known)
     marks = start + at[np.array([0, len(at) // 2, -1])]
     spans = np.diff(time[marks])
-    away = np.abs(np.diff(sums[marks]) / spans - course.outputs[name][start])
-    return bool(np.any(away > _OFF_RATE * fastest + _STEPS * course.resolution[of] / spans))
+    away = np.abs(np.diff(sums[marks]) / spans - view.outputs[name][start])
+    return bool(np.any(away > _OFF_RATE * fastest + _STEPS * view.resolution[of] / spans))
 
 
-def _never_stands(course: Course, name: str, start: int, stop: int, habits: Habits) -> bool:
+def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether a sum that elsewhere changes with every sample stands while it is driven to and fro as hard as elsewhere.
 
     Driven one way alone a machine may be at its stop. A yaw angle has none.
     """
-    during = course.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
+    during = view.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
     ways = [float(np.mean(way)) if way.size else 0.0 for way in (during[during > 0.0], -during[during < 0.0])]
     driven = max(ways) if name == "yaw_angle" else min(ways)
     if driven == 0.0:
         return False
-    usual = habits.usual_drive(name)
+    usual = across.usual_drive(name)
     return usual is not None and driven > _DRIVEN * usual
 
 
-def _stops_alone(course: Course, name: str, start: int, stop: int) -> bool:
+def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a sum in steady motion stands from one sample to the next while its drive and all else go on."""
-    reach = max(_PACE_SAMPLES, int(_PACE_S / course.interval))
+    reach = max(_PACE_SAMPLES, int(_PACE_S / view.interval))
     if name not in SUMMED or start < 2 * reach or stop - start < 2 * reach:
         return False
     before, earlier, after = _slices(start, -reach), _slices(start - reach, -reach), _slices(start + reach, reach)
-    values = course.outputs[name]
+    values = view.outputs[name]
     if any(np.count_nonzero(np.diff(values[part])) < _PACE_SAMPLES // 2 for part in (earlier, before)):
         return False
-    fastest = _fastest(course.time, values)
-    paces = [_pace(course, name, part) for part in (earlier, before)]
+    fastest = _fastest(view.time, values)
+    paces = [_pace(view, name, part) for part in (earlier, before)]
     if min(map(abs, paces)) < _FAST * fastest or abs(paces[1] - paces[0]) > _STEADY * fastest:
         return False
-    for drive in course.drives.values():
+    for drive in view.drives.values():
         near = drive[start - reach : start + 2 * reach]
         if np.ptp(near) > _STEADY * np.max(np.abs(drive)):
             return False
-    witnesses = [other for other in course.outputs if other != name and _is_motion(other)]
+    witnesses = [other for other in view.outputs if other != name and _is_motion(other)]
     changes: list[float] = []
     for other in witnesses:
-        if (top := _fastest(course.time, course.outputs[other], other)) > 0.0:
-            was, now = _pace(course, other, before), _pace(course, other, after)
+        if (top := _fastest(view.time, view.outputs[other], other)) > 0.0:
+            was, now = _pace(view, other, before), _pace(view, other, after)
             if np.isfinite(was) and np.isfinite(now) and (abs(was) > _FAST * top or other.startswith("yaw_")):
                 changes.append(abs(now - was) / top)
     return bool(changes) and max(changes) < _STEADY
 
 
-def _stands_alone(course: Course, name: str, start: int, stop: int, habits: Habits) -> bool:
+def _stands_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether a channel stands for a whole run in which the other side moves, at a drive that moves it in other runs.
 
     A wheel that is held for so long makes the robot turn; where a gyro is measured, it must not have said so.
     """
-    if start > 0 or stop < len(course.time) or not _is_motion(name):
+    if start > 0 or stop < len(view.time) or not _is_motion(name):
         return False
     if name == "yaw_angle":
-        return _turns(course, habits)
+        return _turns(view, across)
     side = driven_by(name)
     other = name.replace(side, "left" if side == "right" else "right") if side in {"left", "right"} else name
-    own_drive = _level(course, side)
-    lowest = min(
-        (_level(one, side) for one in habits.courses if one is not course and _moves(one, name)), default=np.inf
-    )
-    if other == name or not np.isfinite(lowest) or not _moves(course, other):
+    own_drive = _level(view, side)
+    lowest = min((_level(one, side) for one in across.views if one is not view and _moves(one, name)), default=np.inf)
+    if other == name or not np.isfinite(lowest) or not _moves(view, other):
         return bool(other == name and own_drive > _HARDER * lowest)
     if own_drive > _HARDER * lowest:
         return True
-    return own_drive > _NEARLY * lowest and _goes_straight(course, other)
+    return own_drive > _NEARLY * lowest and _goes_straight(view, other)
 
 
-def _goes_straight(course: Course, moving: str) -> bool:
+def _goes_straight(view: RunView, moving: str) -> bool:
     """Whether the gyro, if there is one, denies that one wheel alone moved: the robot then turns the way of that."""
-    rate = course.outputs.get("yaw_rate")
+    rate = view.outputs.get("yaw_rate")
     if rate is None or not np.isfinite(rate).any():
         return False
     way = 1.0 if moving.endswith("_left") else -1.0
-    return bool(way * np.nanmean(rate) * np.sign(_pace(course, moving, slice(None))) < 0.1 * np.nanmax(np.abs(rate)))
+    return bool(way * np.nanmean(rate) * np.sign(_pace(view, moving, slice(None))) < 0.1 * np.nanmax(np.abs(rate)))
 
 
-def _turns(course: Course, habits: Habits) -> bool:
+def _turns(view: RunView, across: AcrossRuns) -> bool:
     """Whether left and right went apart in this run by as much as in another in which the yaw angle moved."""
     for kind in ("travel", "velocity", "angle", "speed"):
         left, right = f"wheel_{kind}_left", f"wheel_{kind}_right"
-        if left in course.outputs and right in course.outputs:
+        if left in view.outputs and right in view.outputs:
             apart = [
-                abs(_pace(one, left, slice(None)) - _pace(one, right, slice(None))) for one in (course, *habits.courses)
+                abs(_pace(one, left, slice(None)) - _pace(one, right, slice(None))) for one in (view, *across.views)
             ]
-            moved = [gap for gap, one in zip(apart[1:], habits.courses, strict=True) if _moves(one, "yaw_angle")]
+            moved = [gap for gap, one in zip(apart[1:], across.views, strict=True) if _moves(one, "yaw_angle")]
             return bool(moved and apart[0] > _DRIVEN * max(moved))
     return False
 
@@ -140,12 +138,12 @@ def _is_motion(name: str) -> bool:
     return name.startswith(("wheel_", "yaw_")) or name in {"angle", "speed", "position", "velocity"}
 
 
-def _level(course: Course, drive: str) -> float:
-    return float(np.sqrt(np.mean(course.drives[drive] ** 2)))
+def _level(view: RunView, drive: str) -> float:
+    return float(np.sqrt(np.mean(view.drives[drive] ** 2)))
 
 
-def _moves(course: Course, name: str) -> bool:
-    values = course.outputs[name]
+def _moves(view: RunView, name: str) -> bool:
+    values = view.outputs[name]
     known = values[np.isfinite(values)]
     return bool(known.size and np.count_nonzero(np.diff(known)) > LEAST_FROZEN)
 
@@ -154,9 +152,9 @@ def _slices(start: int, reach: int) -> slice:
     return slice(start + reach, start + 1) if reach < 0 else slice(start, start + reach + 1)
 
 
-def _pace(course: Course, name: str, part: slice) -> float:
+def _pace(view: RunView, name: str, part: slice) -> float:
     """Mean rate of a channel over a part of the run: of a sum its growth per time."""
-    values, time = course.outputs[name][part], course.time[part]
+    values, time = view.outputs[name][part], view.time[part]
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
         return np.nan

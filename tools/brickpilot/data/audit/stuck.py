@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit import standstill
-from brickpilot.data.audit.view import LEAST_FROZEN, Course, Habits, stretches
+from brickpilot.data.audit.view import LEAST_FROZEN, AcrossRuns, RunView, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
@@ -34,18 +34,18 @@ _NOW_AND_THEN = 0.02
 _BATTERY = "battery_voltage"
 
 
-def clipped(course: Course, name: str, stated: tuple[float, float] | None) -> Mask:
+def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
     """Samples at or beyond the stated range's ends, two or more in a row; else those of a plateau at an extreme.
 
     An end of zero is where an unsigned sensor rests, and no sign of clipping.
     """
-    values = course.outputs[name]
+    values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     if stated is None:
         for sign in (1.0, -1.0):
-            found |= _plateau(sign * values, course.resolution[name]) if name not in SUMMED else False
+            found |= _plateau(sign * values, view.resolution[name]) if name not in SUMMED else False
         return found
-    step = min(course.resolution[name], 0.01 * (stated[1] - stated[0]))
+    step = min(view.resolution[name], 0.01 * (stated[1] - stated[0]))
     with np.errstate(invalid="ignore"):
         for end, beyond in ((stated[1], values >= stated[1] - step), (stated[0], values <= stated[0] + step)):
             if end != 0.0:
@@ -86,31 +86,31 @@ def _plateau(values: Vector, resolution: float) -> Mask:
     return at_top if count > _CLIPPED_BEYOND * most and repeated.mean() <= _DITHERS and sharp else none
 
 
-def frozen(course: Course, name: str, habits: Habits) -> Mask:
+def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
     """Stretches of one value that the signal's noise cannot make, or that its own rate or a leap at the end denies."""
-    values = course.outputs[name]
+    values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     for start, last in stretches(_repeats(values), LEAST_FROZEN - 1):
         stop = last + 1
         if (
-            _denied_by_rate(course, name, start, stop)
-            or standstill.denied(course, name, start, stop, habits)
+            _denied_by_rate(view, name, start, stop)
+            or standstill.denied(view, name, start, stop, across)
             or (
-                _moves_elsewhere(course, name, start, stop)
-                and (_leaps(course, name, start, stop) or _too_long(course, name, start, stop, habits))
+                _moves_elsewhere(view, name, start, stop)
+                and (_leaps(view, name, start, stop) or _too_long(view, name, start, stop, across))
             )
         ):
             found[start:stop] = True
     return found
 
 
-def at_extreme(course: Course, name: str, stands: Mask) -> Mask:
+def at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
     """Samples at those values of the stretches `stands` that the run never exceeds: a sensor at the end of its range.
 
     A sum of motion may stop at its extreme, and zero is where a dead sensor stands. A sensor that died while its signal
     rose stands at its extreme too, but never leaves it; one that froze at a steady level left many samples near it.
     """
-    values = course.outputs[name]
+    values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
     if name not in SUMMED and stands.any() and not stands[-1]:
@@ -118,7 +118,7 @@ def at_extreme(course: Course, name: str, stands: Mask) -> Mask:
             at_end = values == end
             others = known[known != end]
             if end != 0.0 and (at_end & stands).any() and others.size > 1:
-                usual = max(float(np.median(np.abs(np.diff(others)))), course.resolution[name])
+                usual = max(float(np.median(np.abs(np.diff(others)))), view.resolution[name])
                 if np.count_nonzero(np.abs(others - end) < _NEAR * usual) < _FEW * np.count_nonzero(at_end):
                     found |= at_end
     return found
@@ -129,26 +129,26 @@ def _repeats(values: Vector) -> Mask:
     return np.append(values[1:] == values[:-1], False)
 
 
-def _moves_elsewhere(course: Course, name: str, start: int, stop: int) -> bool:
+def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a motor is driven for most of the stretch, or another output (not the battery) is seldom still."""
-    if any(np.mean(np.nan_to_num(values[start:stop]) != 0.0) > 0.5 for values in course.inputs.values()):
+    if any(np.mean(np.nan_to_num(values[start:stop]) != 0.0) > 0.5 for values in view.inputs.values()):
         return True
-    others = [values[start:stop] for other, values in course.outputs.items() if other not in (name, _BATTERY)]
+    others = [values[start:stop] for other, values in view.outputs.items() if other not in (name, _BATTERY)]
     return any(np.mean(np.diff(values) == 0.0) < 0.5 for values in others if np.isfinite(values).mean() > 0.5)
 
 
-def _too_long(course: Course, name: str, start: int, stop: int, habits: Habits) -> bool:
+def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether the signal, wherever else it was measured, repeats itself too seldom for such a stretch.
 
     The quietest tenth of its blocks is not counted, and a wheel that stands is no frozen sensor; nor does a wheel that
     stands or creeps tell how its rate behaves while it turns.
     """
-    level = course.outputs[name][start]
+    level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
-    if not analogue and (name in SUMMED or level == 0.0) and not habits.is_noise(name):
+    if not analogue and (name in SUMMED or level == 0.0) and not across.is_noise(name):
         return False
-    elsewhere = [one.outputs[name] for one in habits.courses if one is not course]
-    elsewhere += [course.outputs[name][:start], course.outputs[name][stop:]]
+    elsewhere = [one.outputs[name] for one in across.views if one is not view]
+    elsewhere += [view.outputs[name][:start], view.outputs[name][stop:]]
     share, _, samples = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
     once = np.log(samples) / -np.log(share) if 0.0 < share <= _DITHERS else np.inf  # a stretch to be expected once
     if not analogue and level != 0.0:
@@ -170,33 +170,33 @@ def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> tuple[floa
     return max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats)), longest, len(repeats)
 
 
-def _leaps(course: Course, name: str, start: int, stop: int) -> bool:
+def _leaps(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether the signal leaves the stretch, and met it if it is no sum, by a change that it never else makes."""
-    values = course.outputs[name]
+    values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
         return False
-    if any(abs(values[edge] - values[edge - 1]) <= _LEAP * course.resolution[name] for edge in edges):
+    if any(abs(values[edge] - values[edge - 1]) <= _LEAP * view.resolution[name] for edge in edges):
         return False
     changes = np.abs(np.diff(values))
     others = np.delete(changes, [edge - 1 for edge in (start, stop) if 0 < edge < len(values)])
     others = others[np.isfinite(others)]
     if not others.size:
         return False
-    usual = max(float(others.max()), course.resolution[name])
+    usual = max(float(others.max()), view.resolution[name])
     return all(bool(changes[edge - 1] > _LEAP * usual) for edge in edges)
 
 
-def _denied_by_rate(course: Course, name: str, start: int, stop: int) -> bool:
+def _denied_by_rate(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether the measured rate of a sum says that it moved far while it stood."""
-    rate = course.outputs.get(RATE_OF.get(name, ""))
+    rate = view.outputs.get(RATE_OF.get(name, ""))
     if rate is None:
         return False
     during = rate[start:stop]
     if not np.isfinite(during).any() or np.mean(np.diff(during) == 0.0) > _STALE:
         return False
-    moved = np.nan_to_num(during[:-1]) * np.diff(course.time[start:stop])
+    moved = np.nan_to_num(during[:-1]) * np.diff(view.time[start:stop])
     way, moves = abs(float(moved.sum())), float(np.abs(moved).sum())
-    if way <= _ONE_WAY * moves or way <= _BY_RATE * course.resolution[name]:
+    if way <= _ONE_WAY * moves or way <= _BY_RATE * view.resolution[name]:
         return False
     return bool(abs(float(np.nanmean(during))) > _MOVES * float(np.nanmax(np.abs(rate))))

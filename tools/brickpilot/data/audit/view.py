@@ -20,7 +20,7 @@ _DITHERS = 0.02  # share of repeats of a channel that never stands
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class RunView:
     """One run as far as it is audited; `outputs` are blanked as faults are found. `resolution`: by signal, SI."""
 
     time: Vector
@@ -39,18 +39,18 @@ class Course:
         return float(np.median(np.diff(self.time)))
 
 
-class Habits:
+class AcrossRuns:
     """What the channels do in all runs together; each is looked at once, when it is first asked for."""
 
-    def __init__(self, courses: Sequence[Course]) -> None:
-        self.courses = courses
+    def __init__(self, views: Sequence[RunView]) -> None:
+        self.views = views
         self._noise: dict[str, bool] = {}
         self._usual_drive: dict[str, float | None] = {}
 
     def is_noise(self, name: str) -> bool:
         """Whether a signal goes to and fro as noise does (two of three samples) rather than one way as motion does."""
         if name not in self._noise:
-            changes = np.concatenate([np.diff(one.outputs[name]) for one in self.courses])
+            changes = np.concatenate([np.diff(one.outputs[name]) for one in self.views])
             self._noise[name] = bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
         return self._noise[name]
 
@@ -63,7 +63,7 @@ class Habits:
     def _drive_while_moving(self, name: str) -> float | None:
         repeats = samples = 0
         level = 0.0
-        for one in self.courses:
+        for one in self.views:
             same = np.diff(one.outputs[name]) == 0.0
             outside = np.isfinite(one.outputs[name])
             for first, last in stretches(same, LEAST_FROZEN - 1):
