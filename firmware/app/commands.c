@@ -8,7 +8,7 @@
 #include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
-/* Beside route_status_t, in ROUTE. */
+/* Statuses of the reply ROUTE that route_status_t does not have. */
 enum {
     ROUTE_BUSY = WIRE_ROUTE_STATUS_BUSY_CHOICE,
     ROUTE_INCOMPLETE = WIRE_ROUTE_STATUS_INCOMPLETE_CHOICE,
@@ -21,7 +21,7 @@ enum { FIRST_PROFILE = BODY_ONLY };
 enum { FIRST_PROFILE = BODY_COUPLED };
 #endif
 
-/* NULL for a profile that is not in this image. */
+/* Returns NULL if the profile is not in this image. */
 static const loop_config_t *constants_of(uint8_t profile)
 {
 #ifndef BODY_WITHOUT_COUPLED
@@ -67,7 +67,7 @@ mode_command_t commands_next(commands_t *commands)
     return command;
 }
 
-/* Each request: puts what else its reply tells in its place, and returns the reply's status. */
+/* Does what one kind of request asks for, writes the reply's own fields into its data, and returns the reply's status. */
 typedef uint8_t request_t(commands_t *commands, loop_state_t *loop, uint8_t *data);
 
 static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *data)
@@ -96,7 +96,7 @@ static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *d
     return status;
 }
 
-/* Whether the diagram of mode.h has an arrow for it. */
+/* True if the diagram of mode.h has an arrow from this mode by this command. */
 static bool leads_on(mode_name_t mode, uint8_t command)
 {
     if (command == MODE_START)
@@ -124,7 +124,7 @@ static bool running(const commands_t *commands, const loop_state_t *loop)
     return loop->step.mode.mode == MODE_RUN || commands->pending == MODE_START;
 }
 
-/* The other three requests have in common: a number, and whether to write. */
+/* The other three requests have two fields in common: a number, and whether to write. */
 static inline uint8_t number_of(const uint8_t *data)
 {
     return data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
@@ -140,7 +140,7 @@ static uint8_t parameter(commands_t *commands, loop_state_t *loop, uint8_t *data
     return (uint8_t)parameters_take(&commands->parameters, running(commands, loop), data);
 }
 
-/* A waypoint out of WAYPOINT_REQUEST or into WAYPOINT. */
+/* Copies a waypoint out of WAYPOINT_REQUEST or into WAYPOINT. */
 static void move_waypoint(void *to, const void *from)
 {
     message_move(to, from, sizeof(int16_t));
@@ -172,7 +172,7 @@ static uint8_t waypoint(commands_t *commands, loop_state_t *loop, uint8_t *data)
     return PARAMETERS_OK;
 }
 
-static uint16_t check_of_route(const route_waypoint_t *waypoint, uint8_t count)
+static uint16_t crc_of_route(const route_waypoint_t *waypoint, uint8_t count)
 {
     uint16_t crc = CRC_START;
 
@@ -183,9 +183,9 @@ static uint16_t check_of_route(const route_waypoint_t *waypoint, uint8_t count)
     return crc;
 }
 
-static uint16_t check_in_force(const commands_t *commands)
+static uint16_t crc_in_force(const commands_t *commands)
 {
-    return check_of_route(commands->route.waypoints, commands->route.count);
+    return crc_of_route(commands->route.waypoints, commands->route.count);
 }
 
 static bool is_written(const route_waypoint_t *waypoint, uint8_t count)
@@ -198,20 +198,20 @@ static bool is_written(const route_waypoint_t *waypoint, uint8_t count)
 
 static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
-    const uint16_t check = message_get(&data[WIRE_ROUTE_REQUEST_ROUTE_CHECK_AT]);
+    const uint16_t crc = message_get(&data[WIRE_ROUTE_REQUEST_ROUTE_CHECK_AT]);
     const route_waypoint_t *const written = commands_written(commands);
     const uint8_t count = number_of(data);
     uint8_t status = ROUTE_OK;
 
-    if (!writes(data) || (count > 0 && count == commands->route.count && check == check_in_force(commands))) {
-        /* asked, or asked again: the answer was lost */
+    if (!writes(data) || (count > 0 && count == commands->route.count && crc == crc_in_force(commands))) {
+        /* the host reads, or repeats its request, since the reply was lost */
     } else if (running(commands, loop)) {
         status = ROUTE_BUSY;
     } else if (count > ROUTE_WAYPOINTS_MAX) {
         status = ROUTE_TOO_LONG;
     } else if (!is_written(written, count)) {
         status = ROUTE_INCOMPLETE;
-    } else if (check_of_route(written, count) != check) {
+    } else if (crc_of_route(written, count) != crc) {
         status = ROUTE_DIFFERS;
     } else {
         status = (uint8_t)route_set(&commands->route, written, count);
@@ -219,20 +219,23 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
             forget_written(commands);
     }
     data[WIRE_ROUTE_COUNT_AT] = commands->route.count;
-    message_put(&data[WIRE_ROUTE_ROUTE_CHECK_AT], check_in_force(commands));
+    message_put(&data[WIRE_ROUTE_ROUTE_CHECK_AT], crc_in_force(commands));
     data[WIRE_ROUTE_STATUS_AT + 1] = 0;
     return status;
 }
 
 static const struct row {
-    uint16_t id;
+    uint16_t id, reply_id;
     request_t *take;
-    uint8_t status_at; /* in the reply; at 1 it shares the byte with the number */
-} REQUESTS[] = {{WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT},
-                {WIRE_MODE_COMMAND_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT},
-                {WIRE_PARAMETER_REQUEST_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT},
-                {WIRE_WAYPOINT_REQUEST_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT},
-                {WIRE_ROUTE_REQUEST_FRAME_ID, route, WIRE_ROUTE_STATUS_AT}};
+    uint8_t status_at;  /* in the reply */
+    bool beside_number; /* the status stands in the upper bits of the byte that holds the number */
+} REQUESTS[] = {
+    {WIRE_OPEN_FRAME_ID, WIRE_HELLO_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT, false},
+    {WIRE_MODE_COMMAND_FRAME_ID, WIRE_MODE_REPLY_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT, false},
+    {WIRE_PARAMETER_REQUEST_FRAME_ID, WIRE_PARAMETER_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT, true},
+    {WIRE_WAYPOINT_REQUEST_FRAME_ID, WIRE_WAYPOINT_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT, true},
+    {WIRE_ROUTE_REQUEST_FRAME_ID, WIRE_ROUTE_FRAME_ID, route, WIRE_ROUTE_STATUS_AT, false},
+};
 enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
 
 bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
@@ -246,9 +249,9 @@ bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
             return false;
     if (!crc_holds(message) || !(commands->open || row == REQUESTS))
         return false;
-    message->id++; /* in the DBC every reply comes behind its request */
+    message->id = row->reply_id;
     status = row->take(commands, loop, data);
-    if (row->status_at == WIRE_PARAMETER_STATUS_AT)
+    if (row->beside_number)
         status = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));
     data[row->status_at] = status;
     crc_seal(message);

@@ -1,9 +1,12 @@
-/* decoded.h: what hal/h8sim/simulator puts into the simulator's main loop in place of its call of decode(), with the loop's own
- * variables sd, cpu, pc and code. It searches its table of instructions for every one it executes, 0.2 million a second: a place
- * whose four bytes are still the same (no instruction of the H8/300 is longer) has been decoded before, 30 million a second.
+/* decoded.h: hal/h8sim/simulator puts this in place of the call of decode() in the simulator's main loop. It uses the loop's
+ * variables sd, cpu, pc and code.
  *
- * With H8SIM_TRACE=FILE in the environment every instruction's address and stack pointer are written there, two native
- * 16-bit words each.
+ * decode() searches its table of instructions for every instruction that it executes: 0.2 million per second. No instruction of
+ * the H8/300 is longer than four bytes, so an address whose four bytes are still the same needs no second search: 30 million per
+ * second.
+ *
+ * If the environment variable H8SIM_TRACE names a file, the address and the stack pointer of every instruction are written
+ * there, two native 16-bit words each.
  */
 {
     static struct {
@@ -30,7 +33,7 @@
         *code = decoded[pc & 0xffff].code;
     }
     if (trace) {
-        const unsigned short record[2] = {pc, h8_get_reg(cpu, SP_REGNUM)};
-        fwrite(record, sizeof record, 1, trace);
+        const unsigned short row[2] = {pc, h8_get_reg(cpu, SP_REGNUM)};
+        fwrite(row, sizeof row, 1, trace);
     }
 }

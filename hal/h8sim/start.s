@@ -1,13 +1,14 @@
-; Start and the two system calls of gdb's H8/300 simulator: a JSR to a magic address, written out since -relax would turn it
-; into a BSR. Arguments come in the registers where the compiler puts them: r0 what, r1 buffer, r2 size; the result in r0.
+; The start of the program, and the two system calls of gdb's H8/300 simulator. A system call is a JSR to a magic address; it is
+; written as numbers, since -relax would turn a JSR into a BSR. The arguments are in the registers where the compiler puts them:
+; r0 file, r1 buffer, r2 size. The result is in r0.
 	.section .text
 	.global _start
 _start:
 	mov.w	#_stack,r7
 	jsr	@_main
-	mov.b	r0l,r0h		; the status, in the high byte
+	mov.b	r0l,r0h		; the exit status, in the high byte
 	sub.b	r0l,r0l
-	mov.w	#0xdead,r1	; with these a sleep is the end
+	mov.w	#0xdead,r1	; with these numbers a sleep ends the simulator
 	mov.w	#0xbeef,r2
 	sleep
 

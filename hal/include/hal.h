@@ -1,8 +1,8 @@
-/* hal.h: the seam between the controller and whatever it runs on.
+/* hal.h: all that the controller knows of the hardware it runs on.
  *
- * Link-time substitution: a port (hal/sil, hal/link, later hal/rcx, ...) defines every function below; one that is
- * missing does not link. firmware/app/loop.c and serve.c are the only callers. No call blocks. All are called from one thread of
- * control.
+ * A port (hal/sil, hal/link, hal/rcx, ...) defines every function below. A program that lacks one of them does not link.
+ * Only firmware/app/loop.c, serve.c and the main programs in firmware/targets call them, always from the same thread. No
+ * function blocks.
  */
 #ifndef BRICKPILOT_HAL_H
 #define BRICKPILOT_HAL_H
@@ -14,9 +14,9 @@
 
 typedef enum {
     HAL_OK = 0,
-    HAL_ABSENT = 1, /* this port or this build-up has no such device */
-    HAL_STALE = 2,  /* the device is there, but has no new valid value for this step */
-    HAL_PARTLY = 3  /* hal_imu_read() alone: the yaw rate is OK, an accelerometer is absent */
+    HAL_ABSENT = 1, /* this port, or this robot, has no such device */
+    HAL_STALE = 2,  /* the device is there, but it has no new valid value for this step */
+    HAL_PARTLY = 3  /* only from hal_imu_read(): the yaw rate is valid, an accelerometer is absent */
 } hal_status_t;
 
 typedef struct {
@@ -30,7 +30,7 @@ typedef struct {
     uint16_t right;
 } hal_rotation_t;
 
-/* The true state, where something outside the robot knows it. */
+/* The true state of the robot, if something outside it measures that. */
 typedef struct {
     int32_t x_um; /* -2e9..2e9 */
     int32_t y_um;
@@ -42,19 +42,20 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* Newest reading. Out is written only with HAL_OK; with HAL_PARTLY, its yaw rate. */
+/* Give the newest reading. They write `out` only if they return HAL_OK; with HAL_PARTLY, only its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);
 
-/* Battery at the motor drive, mV, 0..20000. */
+/* Gives the battery's voltage at the motor drive, mV, 0..20000. */
 hal_status_t hal_battery_read(uint16_t *out_mv);
 
-/* Motor duty, -32767..32767 = -1..1 times the battery voltage; forward positive. Takes effect at once and holds. */
+/* Sets the duty of both motors: -32767..32767 is -1..1 times the battery's voltage, forward positive. It takes effect at
+ * once and holds until the next call. */
 void hal_motors_write(int16_t left_q15, int16_t right_q15);
 
-/* Messages of hal/wire/brickpilot.dbc to and from whoever is at the other end of the link; how they travel is the port's
- * affair. False: no room, or none there. What a port read is whole, but messages may be missing or come twice. */
+/* Send and receive one message of hal/wire/brickpilot.dbc. The port decides how messages travel. Return false if there is
+ * no room, or no message. A received message is undamaged, but messages may be lost or come twice. */
 bool hal_link_write(const message_t *message);
 bool hal_link_read(message_t *message);
 

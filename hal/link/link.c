@@ -3,7 +3,7 @@
 #include "wire/crc.h"
 
 #ifdef __H8300__
-#define LINK_THREAD /* has none */
+#define LINK_THREAD /* that processor has no threads */
 #else
 #define LINK_THREAD __thread
 #endif

@@ -20,7 +20,7 @@ static void keep(uint8_t *to, const uint8_t *from)
         to[i] = from[i];
 }
 
-/* Bits of the parts that the SYNC says are there. */
+/* Returns one bit for each part that the SYNC announces. */
 static uint8_t announced_parts(const struct wire_sync_t *sync)
 {
     return (uint8_t)((sync->imu == HAL_OK ? 1U : 0U) | (sync->rotation == HAL_OK ? 2U : 0U) |
@@ -40,7 +40,7 @@ static bool all_there(const set_t *set, uint8_t wanted, const struct wire_sync_t
     return true;
 }
 
-static bool check_of_set_holds(const set_t *set, uint8_t wanted, uint16_t said)
+static bool crc_of_set_holds(const set_t *set, uint8_t wanted, uint16_t announced)
 {
     uint8_t id[2];
     uint8_t bit = 1;
@@ -52,7 +52,7 @@ static bool check_of_set_holds(const set_t *set, uint8_t wanted, uint16_t said)
     for (uint8_t i = 0; i < SET_PARTS; i++, bit = (uint8_t)(bit << 1))
         if ((wanted & bit) != 0)
             crc = crc_of_bytes(crc, set->parts[i], MESSAGE_DATA_MAX);
-    return crc == said;
+    return crc == announced;
 }
 
 static void read_imu(set_t *set)
@@ -103,7 +103,7 @@ static void accept(set_t *set, const struct wire_sync_t *sync)
     read_reference(set);
 }
 
-/* Acts on the SYNC that waits, once everything it announces is there. */
+/* Takes the set that the waiting SYNC announces, if all of its parts are there. */
 static set_status_t settle(set_t *set)
 {
     struct wire_sync_t sync;
@@ -115,7 +115,7 @@ static set_status_t settle(set_t *set)
         return SET_MORE;
     set->announced = false;
     set->have = 0;
-    if (!check_of_set_holds(set, wanted, sync.check) || sync.imu > HAL_STALE || sync.rotation > HAL_STALE ||
+    if (!crc_of_set_holds(set, wanted, sync.check) || sync.imu > HAL_STALE || sync.rotation > HAL_STALE ||
         sync.battery > HAL_STALE || sync.reference > HAL_STALE) {
         set_count_bad(set);
         return SET_MORE;

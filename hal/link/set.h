@@ -1,10 +1,10 @@
-/* set.h: sets of sensor readings, put together from messages.
+/* set.h: puts sets of sensor readings together from messages.
  *
- * A set is what one SYNC announces: every part whose status is ok, with the SYNC's sequence and the low byte of its time,
- * under one CRC. It counts as a whole or not at all. Parts and SYNC may come in any order, twice, damaged or not at all;
- * a set older than the newest one taken is refused. SET_STALE_MOST of those in a row are no latecomers: whoever sends them
- * has begun anew, and would be believed again once its clock has caught up. From then on every set is refused, until a new
- * session.
+ * A set is what one SYNC announces: every part whose status is ok, with the SYNC's sequence number and the low byte of its
+ * time, under one CRC. A set counts as a whole or not at all. Parts and SYNC may come in any order, twice, damaged or not at
+ * all. A set that is older than the newest one is refused. After SET_STALE_MOST of those in a row the sender must have begun
+ * anew: its sets would look valid again as soon as its clock has caught up, so from then on every set is refused, until a new
+ * session begins.
  */
 #ifndef BRICKPILOT_HAL_LINK_SET_H
 #define BRICKPILOT_HAL_LINK_SET_H
@@ -16,12 +16,12 @@ enum { SET_PARTS = 6, SET_STALE_MOST = 8 };
 
 /* All zero to begin with, and again for a new session. */
 typedef struct {
-    uint8_t parts[SET_PARTS][MESSAGE_DATA_MAX]; /* the newest of each kind */
-    uint8_t have;                               /* bit per part */
+    uint8_t parts[SET_PARTS][MESSAGE_DATA_MAX]; /* the newest part of each kind */
+    uint8_t have;                               /* one bit per part */
     uint8_t sync[MESSAGE_DATA_MAX];
     bool announced; /* `sync` waits for its parts */
 
-    /* The newest set taken. Values of a device hold where its status is HAL_OK. */
+    /* The newest set. A device's values count only if its status is HAL_OK. */
     bool any;
     uint32_t time_ms;
     uint8_t sequence;
@@ -32,19 +32,20 @@ typedef struct {
     uint16_t battery_mv;
     hal_reference_t reference;
 
-    /* What was refused; stays at 65535. */
-    uint16_t bad;        /* a check that failed, a size or status that does not exist */
-    uint16_t incomplete; /* announced, and given up for a newer SYNC */
-    uint16_t stale;      /* older than the newest set taken */
+    /* Counts of what was refused; each stays at 65535. */
+    uint16_t bad;        /* a wrong CRC, size or status */
+    uint16_t incomplete; /* a set that was not whole when the next SYNC came */
+    uint16_t stale;      /* a set older than the newest one */
 } set_t;
 
 typedef enum {
-    SET_OTHER = 0, /* not a message of a set */
-    SET_MORE = 1,  /* nothing new is whole */
-    SET_WHOLE = 2, /* a newer set is taken */
-    SET_AGAIN = 3  /* the newest set once more, under another sequence: its answer was lost */
+    SET_OTHER = 0, /* the message belongs to no set */
+    SET_MORE = 1,  /* no new set is whole yet */
+    SET_WHOLE = 2, /* a newer set is whole */
+    SET_AGAIN = 3  /* the newest set came again with another sequence number: the reply to it was lost */
 } set_status_t;
 
+/* Takes a message. */
 set_status_t set_take(set_t *set, const message_t *message);
 
 /* Counts a message that the transport found damaged. */

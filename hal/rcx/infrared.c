@@ -9,16 +9,16 @@
 typedef uint8_t packet_t[INFRARED_PACKET]; /* sequence, id, data */
 
 static packet_t received;
-static volatile bool full; /* with what the controller has not read */
-static uint16_t newest;    /* sequence of the newest packet received, and 256; 0 before the first */
+static volatile bool full; /* `received` holds a packet that the controller has not read */
+static uint16_t newest;    /* 256 + sequence number of the newest packet received; 0 before the first one */
 
-/* A ring: the controller alone counts `put`, the task that sends alone `taken`, and both wrap at 256. */
+/* A ring buffer. Only the controller counts `put`, and only the task that sends counts `taken`. Both wrap at 256. */
 static packet_t waiting[INFRARED_WAITING];
 static volatile uint8_t put, taken;
 
 enum { NONE, SENT, DUE };
-static packet_t answer; /* to the newest request */
-static volatile uint8_t answer_is;
+static packet_t reply; /* to the newest request */
+static volatile uint8_t reply_is;
 static uint8_t sequence;
 uint8_t infrared_faults[MESSAGE_DATA_MAX];
 
@@ -38,7 +38,7 @@ static void copy(uint8_t *to, const uint8_t *from, uint8_t size)
     while (--size > 0);
 }
 
-/* In the kernel's receiving interrupt. */
+/* Runs in the kernel's receiving interrupt. */
 static void receive(const unsigned char *data, unsigned char size, unsigned char source)
 {
     const uint16_t sequence_and_256 = data[0] | 256U;
@@ -48,13 +48,13 @@ static void receive(const unsigned char *data, unsigned char size, unsigned char
         count(WIRE_FAULTS_BAD_AT);
     } else if (sequence_and_256 == newest) {
         count(WIRE_FAULTS_STALE_AT);
-        if (answer_is == SENT)
-            answer_is = DUE;
+        if (reply_is == SENT)
+            reply_is = DUE;
     } else if (full) {
         count(WIRE_FAULTS_LOST_AT);
     } else {
         newest = sequence_and_256;
-        answer_is = NONE;
+        reply_is = NONE;
         copy(received, data, INFRARED_PACKET);
         full = true;
     }
@@ -99,8 +99,8 @@ static bool put_message(uint16_t id, const uint8_t *data)
 bool hal_link_write(const message_t *message)
 {
     if (message->id < WIRE_HEARTBEAT_FRAME_ID) {
-        pack(answer, message->id, message->data);
-        answer_is = DUE;
+        pack(reply, message->id, message->data);
+        reply_is = DUE;
         return true;
     }
     if (!put_message(message->id, message->data))
@@ -110,11 +110,11 @@ bool hal_link_write(const message_t *message)
     return true;
 }
 
-/* Not 0: something. */
+/* Returns 0 if there is nothing to send. */
 static wakeup_t something_to_send(wakeup_t unused)
 {
     (void)unused;
-    return (answer_is & DUE) | (put ^ taken);
+    return (reply_is & DUE) | (put ^ taken);
 }
 
 bool infrared_idle(void)
@@ -122,19 +122,19 @@ bool infrared_idle(void)
     return something_to_send(0) == 0;
 }
 
-/* A task. wait_event() gives 0 when the program is to end. An answer that is replaced while the kernel copies it has a check that fails,
- * and is sent once more. */
+/* The task that sends. wait_event() returns 0 when the program has to end. If a reply is replaced while the kernel copies it, its CRC
+ * is wrong, and it is sent once more. */
 static int send(int argc, char **argv)
 {
     (void)argc;
     (void)argv;
     while ((uint16_t)wait_event(&something_to_send, 0) != 0) {
-        const bool answers = answer_is == DUE;
+        const bool replies = reply_is == DUE;
 
-        if (answers)
-            answer_is = SENT;
-        (void)lnp_addressing_write(answers ? answer : slot(taken), INFRARED_PACKET, INFRARED_HOST, INFRARED_PORT);
-        if (!answers)
+        if (replies)
+            reply_is = SENT;
+        (void)lnp_addressing_write(replies ? reply : slot(taken), INFRARED_PACKET, INFRARED_HOST, INFRARED_PORT);
+        if (!replies)
             taken++;
     }
     return 0;

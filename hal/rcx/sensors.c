@@ -3,11 +3,11 @@
 #include "hal.h"
 #include "rcx/board.h"
 
-/* A converter has its 10 bits at the top of a word. */
+/* A converter's 10 bits are the highest ones of a word. */
 enum { RAW_ONE = 64, RAW_MAX = 0xFFC0 };
 
-/* mV of one count of the battery's converter, 43988 / 1560, as a whole and a fraction: brickOS's own formula. 709 counts
- * are the last that stay below 20 V. */
+/* mV per count of the battery's converter: 43988 / 1560, as a whole part and a fraction. The formula is brickOS's own. 709 counts
+ * are the most that stay below 20 V. */
 enum { BATTERY_WHOLE = 28, BATTERY_OVER = 77, BATTERY_UNDER = 390, BATTERY_MOST = 709 };
 
 void sensors_start(void)
@@ -18,7 +18,7 @@ void sensors_start(void)
     ds_rotation_set(&BOARD_RIGHT_INPUT, 0);
     ds_rotation = BOARD_COUNTING_INPUTS;
 #endif
-    /* An input that is not active is passive: so the kernel leaves all of them to a program that starts. */
+    /* The other inputs are passive: the kernel leaves every input so when it starts a program. */
 }
 
 static uint16_t raw_of(uint16_t converter)
@@ -31,7 +31,7 @@ static bool connected(uint16_t converter)
     return converter >= RAW_ONE && converter < RAW_MAX;
 }
 
-/* In products of 8 bits, which the processor has. */
+/* Multiplies with products of 8 bits: the processor has no others. */
 static uint16_t times(uint16_t counts, uint8_t factor)
 {
     return (uint16_t)((uint8_t)(counts >> 8) * factor << 8) + (uint8_t)counts * factor;
@@ -77,7 +77,7 @@ static uint16_t counts_of(int16_t count, bool reversed)
     return reversed ? -(uint16_t)count : (uint16_t)count;
 }
 
-/* A sensor that is not plugged in counts nothing: that cannot be told from a wheel at rest. */
+/* A sensor that is not plugged in counts nothing. It looks like a wheel at rest. */
 hal_status_t hal_rotation_read(hal_rotation_t *out)
 {
     out->left = counts_of(BOARD_LEFT_COUNT, BOARD_LEFT_REVERSED);
@@ -98,7 +98,7 @@ hal_status_t hal_reference_read(hal_reference_t *out)
     return HAL_ABSENT;
 }
 
-/* The processor's own division, by 8 bits; the quotient must be below 256. The compiler would call the library. */
+/* Divides with the processor's own instruction, since the compiler would call the library. The quotient must be below 256. */
 static uint8_t quotient(uint16_t of, uint8_t by)
 {
     __asm__("divxu.b %X1,%0" : "+r"(of) : "r"(by));

@@ -1,7 +1,7 @@
-/* sil.h: the HAL in process. Whoever owns the plant fills a mailbox and binds it; the controller's HAL calls read and
- * write it.
+/* sil.h: the port inside one process. The owner of the plant fills a mailbox and binds it; the controller's calls of the HAL
+ * read and write that mailbox.
  *
- * The binding is per thread, so that many closed loops may run side by side.
+ * The binding is per thread, so that many closed loops can run side by side.
  */
 #ifndef BRICKPILOT_HAL_SIL_H
 #define BRICKPILOT_HAL_SIL_H
@@ -12,21 +12,21 @@ enum { SIL_LINK_SIZE = 16 };
 
 typedef struct {
     uint32_t clock_ms;
-    /* What the next read returns: the value, where its status is HAL_OK. */
+    /* What the next read returns. A value counts only if its status is HAL_OK. */
     hal_status_t imu_status, rotation_status, reference_status, battery_status;
     hal_imu_t imu;
     hal_rotation_t rotation;
     hal_reference_t reference;
     uint16_t battery_mv;
-    /* What the controller wrote last, and how often. */
+    /* The last duties that the controller wrote, and how many times it wrote. */
     int16_t left_q15, right_q15;
     uint32_t motor_writes;
-    /* Messages to and from the other end, oldest first. A write without room is refused, as on any link. */
+    /* Messages to and from the other end, oldest first. A write is refused if there is no room, as on any link. */
     message_t link_out[SIL_LINK_SIZE], link_in[SIL_LINK_SIZE];
     uint16_t link_out_size, link_in_size;
 } sil_port_t;
 
-/* The port that this thread's HAL calls use from now on. The caller keeps it alive; NULL unbinds. */
+/* Binds the port that this thread's calls of the HAL use from now on. The caller keeps it alive. NULL unbinds. */
 void sil_bind(sil_port_t *port);
 
 #endif

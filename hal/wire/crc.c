@@ -1,7 +1,7 @@
 #include "wire/crc.h"
 
-/* Eight steps of the division by the polynomial at once: what they take away depends on the upper byte alone, and is this byte, with its
- * upper half added to its lower, at each bit of the polynomial. */
+/* Does eight steps of the division by the polynomial at once. What they subtract depends only on the upper byte: it is that
+ * byte, with its upper half added to its lower half, shifted to each bit of the polynomial. */
 static uint16_t byte_more(uint16_t crc, uint8_t byte)
 {
     byte ^= (uint8_t)(crc >> 8);

@@ -1,11 +1,11 @@
 /* frame.h: messages on a serial line.
  *
- *   id low, id high, size, data, CRC-16 of these low, high   at most 13 bytes
- *   COBS                                                     one more, no 0x00 inside
- *   0x00                                                     ends the frame
+ *   id low, id high, size, data, CRC low, CRC high   at most 13 bytes; the CRC is of all before it
+ *   coded as COBS                                    one byte more, and no 0x00 inside
+ *   0x00                                             ends the frame
  *
- * A reader that joins late, or meets a damaged frame, is in step again after the next 0x00. A sender may put a 0x00 before
- * its first frame, to end whatever stands on the line.
+ * A reader that joins late, or reads a damaged frame, finds the next frame after the next 0x00. A sender may put a 0x00
+ * before its first frame, to end whatever is on the line.
  */
 #ifndef BRICKPILOT_WIRE_FRAME_H
 #define BRICKPILOT_WIRE_FRAME_H
@@ -16,7 +16,7 @@
 
 enum { FRAME_SIZE_MAX = 15 };
 
-/* Writes the frame and returns its size, 7..FRAME_SIZE_MAX. The message is as message.h says. */
+/* Writes the frame of a message and returns its size, 7..FRAME_SIZE_MAX. */
 uint8_t frame_encode(const message_t *message, uint8_t bytes[FRAME_SIZE_MAX]);
 
 /* All zero to begin with. */
@@ -32,7 +32,7 @@ typedef enum {
     FRAME_BAD = 2      /* a frame ends here that is too short, too long or damaged */
 } frame_status_t;
 
-/* Takes one byte of the line. `message` is written only with FRAME_MESSAGE. */
+/* Takes one byte of the line. Writes `message` only if it returns FRAME_MESSAGE. */
 frame_status_t frame_take(frame_decoder_t *decoder, uint8_t byte, message_t *message);
 
 #endif

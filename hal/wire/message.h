@@ -1,4 +1,4 @@
-/* message.h: one message of brickpilot.dbc as it travels: a classic CAN frame, whatever carries it. */
+/* message.h: one message of brickpilot.dbc, as it travels on every transport: a classic CAN frame. */
 #ifndef BRICKPILOT_WIRE_MESSAGE_H
 #define BRICKPILOT_WIRE_MESSAGE_H
 
@@ -12,8 +12,8 @@ typedef struct {
     uint8_t data[MESSAGE_DATA_MAX];
 } message_t;
 
-/* A number of `size` bytes has its lowest one at MESSAGE_LOWEST(size) in memory, and the next one MESSAGE_UP further. In a message
- * numbers go up from their first byte. */
+/* The lowest byte of a number of `size` bytes stands at MESSAGE_LOWEST(size) in memory, and the next byte MESSAGE_UP further.
+ * In a message the lowest byte comes first. */
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
 #define MESSAGE_LOWEST(size) 0
 #define MESSAGE_UP 1
@@ -21,13 +21,13 @@ typedef struct {
 #define MESSAGE_LOWEST(size) ((size)-1)
 #define MESSAGE_UP (-1)
 #else
-#error "the order of a number's bytes is not known"
+#error "the byte order of this processor is not known"
 #endif
 
-/* A number of `size` bytes, 1.., out of a message, or into one. */
+/* Copies a number of `size` bytes (1 or more) out of a message or into one. */
 void message_move(void *to, const void *from, uint8_t size);
 
-/* One of 16 bits. */
+/* Read and write a number of 16 bits in a message. */
 uint16_t message_get(const uint8_t *at);
 void message_put(uint8_t *at, uint16_t value);
 

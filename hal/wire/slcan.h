@@ -1,11 +1,11 @@
-/* slcan.h: messages on a serial line as CAN adapters write them (Lawicel ASCII), seen from the adapter's end.
+/* slcan.h: messages on a serial line in the ASCII of CAN adapters (Lawicel). The decoder plays the adapter.
  *
  *   tIIILDD..\r   a frame: id in three hexadecimal digits, size in one, data
- *   C, O, Sn      close, open, bit rate: answered \r; the rate is of no consequence here
+ *   C, O, Sn      close, open, bit rate: the reply is \r. The bit rate has no effect
  *   V, N          version, serial number
  *
- * An empty line is answered \r, anything else, and a frame while closed, with a bell. Frames are not answered. There is no
- * check: hence check.h.
+ * The reply to an empty line is \r. The reply to anything else, and to a frame while the adapter is closed, is a bell. Frames
+ * have no reply and no checksum, so the messages have one of their own: crc.h.
  */
 #ifndef BRICKPILOT_WIRE_SLCAN_H
 #define BRICKPILOT_WIRE_SLCAN_H
@@ -16,7 +16,7 @@
 
 enum { SLCAN_SIZE_MAX = 22, SLCAN_REPLY_MAX = 6 };
 
-/* Writes the line and returns its size, 6..SLCAN_SIZE_MAX. */
+/* Writes the line of a message and returns its size, 6..SLCAN_SIZE_MAX. */
 uint8_t slcan_encode(const message_t *message, uint8_t bytes[SLCAN_SIZE_MAX]);
 
 /* All zero to begin with: closed. */

@@ -1,4 +1,4 @@
-/* hal_contract.c: what hal.h promises, for every port. */
+/* hal_contract.c: the contract suite. It tests what hal.h promises, for every port. */
 #include <stddef.h>
 
 #include "port.h"
@@ -61,7 +61,7 @@ static void gives(const port_world_t *shown, unsigned devices)
     }
 }
 
-/* Every read gives this status and leaves what it was given as it was. */
+/* Every read returns this status and leaves its argument as it was. */
 static void gives_nothing(hal_status_t status, unsigned devices)
 {
     hal_imu_t imu = {11, 12, 13};
@@ -83,7 +83,7 @@ static void gives_nothing(hal_status_t status, unsigned devices)
     TEST_ASSERT_EQUAL_UINT16(21, battery_mv);
 }
 
-/* What holds has been checked; what this port cannot tell is said. */
+/* The test has passed as far as this port goes. Says what the port cannot tell. */
 static void ignore_what_it_cannot_tell(hal_status_t status)
 {
     if (port_why_not(status) != NULL)
@@ -94,7 +94,7 @@ static void test_readings_are_what_the_world_shows_to_the_last_unit(void)
 {
     port_step(3, port_devices(), 0, &WORLD);
     gives(&WORLD, port_devices());
-    gives(&WORLD, port_devices()); /* in the same step once more */
+    gives(&WORLD, port_devices()); /* again in the same step */
     port_step(3, port_devices(), 0, &ENDS);
     gives(&ENDS, port_devices());
 }

@@ -1,5 +1,6 @@
-/* main.c: the firmware on the H8/300 instruction-set simulator: frames of wire/frame.h on its standard input and output, in
- * lockstep: a step as soon as a set of readings is whole, and STEP_MS is over. It ends with its input. */
+/* main.c: the firmware on the H8/300 instruction-set simulator. It reads and writes frames of wire/frame.h on standard input and
+ * output. It runs in lockstep: a step as soon as a set of readings is whole and STEP_MS has passed. It ends when its input ends.
+ */
 #include "app/serve.h"
 #include "h8sim/system.h"
 #include "hal.h"
@@ -44,7 +45,7 @@ static void take(const message_t *message)
             loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
         else
             hal_motors_write(loop.step.mixer.drive.left_q15,
-                             loop.step.mixer.drive.right_q15); /* they keep what they have */
+                             loop.step.mixer.drive.right_q15); /* the motors keep their duty */
         link_stepped(&port);
     }
     while (link_give(&port, &answer)) {

@@ -1,5 +1,7 @@
-/* main.c: the autopilot as a program of brickOS. Run starts it: after two seconds at rest, which teach it the gyro's bias, it flies
- * the route below. A session over the infrared link, or Prgm, keeps it from that. View starts once more. Run again ends it. */
+/* main.c: the autopilot as a program of brickOS. Run starts it. After two seconds at rest, in which it learns the gyro's bias, it flies
+ * the route of mission.h. It does not fly if a session over the infrared link begins, or if Prgm is pressed. View starts the mission
+ * again. Run ends the program.
+ */
 #include <unistd.h>
 
 #include "app/serve.h"
@@ -11,18 +13,18 @@
 
 enum {
     REST_MS = 2000,
-    RECORD_MS = 2000,   /* from one record of telemetry to the next: seven messages are half a second of the link */
-    HEARTBEAT_MS = 3000 /* the same for HEARTBEAT and FAULTS */
+    TELEMETRY_MS = 2000, /* from one set of telemetry to the next: its seven messages take half a second of the link */
+    HEARTBEAT_MS = 3000  /* from one HEARTBEAT with FAULTS to the next */
 };
 
 static commands_t commands;
 static loop_state_t state;
-static bool starting; /* as soon as it has rested */
+static bool starting; /* the mission starts as soon as the robot has rested */
 
-/* The clock, of which 16 bits are enough for what is timed here. */
-static uint16_t now_ms, due_ms, resting_ms, record_ms, heartbeat_ms;
+/* Times of the clock. 16 bits are enough for the times measured here. */
+static uint16_t now_ms, due_ms, resting_ms, telemetry_ms, heartbeat_ms;
 
-/* Where it is over, the time begins again. */
+/* True if `time_ms` has passed; then the time begins again. */
 static bool is_over(uint16_t *since_ms, uint16_t time_ms)
 {
     if ((uint16_t)(now_ms - *since_ms) < time_ms)
@@ -37,14 +39,14 @@ static void start_soon(void)
     resting_ms = now_ms;
 }
 
-/* What the buttons say, or else the host. */
+/* Returns the command of a button, or else that of the host. */
 static mode_command_t command_now(void)
 {
     mode_command_t command = commands_next(&commands);
     const uint8_t pressed = panel_pressed();
     const bool running = state.step.mode.mode == MODE_RUN;
 
-    if (!state.started) /* a session has begun: the host starts */
+    if (!state.started) /* a session has begun: the host starts the mission */
         starting = false;
     if (pressed & PANEL_PRGM) {
         starting = false;
@@ -59,19 +61,19 @@ static mode_command_t command_now(void)
     return command;
 }
 
-/* The loop sends as often as its settings say, which is for faster links: held back here, tick by tick. */
+/* The settings say how often the loop sends, but they are made for faster links. So this holds the loop back, tick by tick. */
 static void hold_back(void)
 {
     state.until_telemetry = state.until_heartbeat = 1;
     if (!infrared_idle())
         return;
-    if (is_over(&record_ms, RECORD_MS))
+    if (is_over(&telemetry_ms, TELEMETRY_MS))
         state.until_telemetry = 0;
     else if (is_over(&heartbeat_ms, HEARTBEAT_MS))
         state.until_heartbeat = 0;
 }
 
-/* Sleeps until the next tick is due, or lets the other tasks run where that is over. */
+/* Sleeps until the next tick is due. If that time is over already, lets the other tasks run. */
 static void wait(void)
 {
     const int16_t left_ms = (int16_t)(due_ms - (uint16_t)hal_clock_ms());

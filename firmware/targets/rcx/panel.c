@@ -4,7 +4,7 @@
 
 uint8_t panel_pressed(void)
 {
-    static uint8_t before = KEY_ANY; /* what started the program is none of its business */
+    static uint8_t before = KEY_ANY; /* the press that started the program does not count */
     const uint8_t now = dkey_multi;
     const uint8_t pressed = (uint8_t)(now & ~before & (PANEL_VIEW | PANEL_PRGM));
 

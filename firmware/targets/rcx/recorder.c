@@ -1,8 +1,9 @@
-/* recorder.c: a program of its own that drives the manoeuvres below and keeps what the sensors say, in the memory that the autopilot
- * would need; `brickpilot import rcx` fetches it over the infrared link as a data set. 218 bytes a second are too few to send it while driving.
+/* recorder.c: a program of its own. It drives the manoeuvres below and keeps the sensors' readings in the memory that the autopilot
+ * would need. The link carries 218 bytes per second: too few to send the readings while driving. `brickpilot import rcx` fetches the
+ * recording afterwards, as a data set.
  *
- * The host asks with two bytes, the number of a block, low byte first; the answer is that number and the block. Block 0 is the
- * description (describe()), block n the samples from 20 (n - 1) on. Whoever asks again gets the same again.
+ * The host asks for a block with two bytes, its number, low byte first. The reply is that number and the block. Block 0 is the
+ * description (describe()); block n holds the samples from 20 (n - 1) on. A repeated request gets the same reply.
  */
 #include <conio.h>
 #include <lnp.h>
@@ -16,13 +17,13 @@
 enum {
     VERSION = 1,
     PERIOD_MS = 10,
-    SAMPLE_SIZE = 5, /* four numbers of 10 bits, the first one lowest */
+    SAMPLE_SIZE = 5, /* four numbers of 10 bits; the first one has the lowest bits */
     BLOCK_SAMPLES = 20,
     SAMPLES_MOST = 1700,
     HALF = 16384
 };
 
-/* What the motors do for so many samples. */
+/* The duty of both motors for a number of samples. */
 typedef struct {
     int16_t left_q15, right_q15;
     uint16_t samples;
@@ -41,7 +42,7 @@ static uint8_t block[2 + BLOCK_SAMPLES * SAMPLE_SIZE];
 static volatile uint16_t asked;
 static volatile bool asking;
 
-/* In the kernel's receiving interrupt. */
+/* Runs in the kernel's receiving interrupt. */
 static void receive(const unsigned char *data, unsigned char size, unsigned char source)
 {
     (void)source;
@@ -71,7 +72,7 @@ static void sample(void)
     sample_count++;
 }
 
-/* False: the program is to end. */
+/* Drives one manoeuvre. False if the program has to end. */
 static bool drive(const manoeuvre_t *manoeuvre, uint32_t *due_ms)
 {
     hal_motors_write(manoeuvre->left_q15, manoeuvre->right_q15);
@@ -107,7 +108,7 @@ static uint8_t *put_axis(uint8_t *at, const board_axis_t *axis)
     return at;
 }
 
-/* Version, sensors (0: IMU, 1: rotation), period, samples, late ones, axes, manoeuvres. */
+/* Writes version, sensors (0: IMU, 1: rotation), period, samples, late samples, axes and manoeuvres. Returns the end. */
 static uint8_t *describe(uint8_t *at)
 {
     *at++ = VERSION;
@@ -136,7 +137,7 @@ static uint8_t *describe(uint8_t *at)
     return at;
 }
 
-static void answer(uint16_t number)
+static void reply(uint16_t number)
 {
     const uint8_t *from = samples;
     uint8_t *at = put(block, number);
@@ -152,7 +153,7 @@ static void answer(uint16_t number)
     (void)lnp_addressing_write(block, (uint8_t)(at - block), INFRARED_HOST, INFRARED_PORT);
 }
 
-static wakeup_t somebody_asks(wakeup_t unused)
+static wakeup_t host_asks(wakeup_t unused)
 {
     (void)unused;
     return asking;
@@ -173,9 +174,9 @@ int main(int argc, char **argv)
     hal_motors_write(0, 0);
     cputs("SEnd ");
     lnp_addressing_set_handler(INFRARED_PORT, &receive);
-    while (whole && wait_event(&somebody_asks, 0) != 0) {
+    while (whole && wait_event(&host_asks, 0) != 0) {
         asking = false;
-        answer(asked);
+        reply(asked);
     }
     lnp_addressing_set_handler(INFRARED_PORT, LNP_DUMMY_ADDRESSING);
     return 0;
