@@ -168,7 +168,7 @@ def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -
     with RcxBrick(device=kernel) as line:
         flash(recorder, line.path, execute=True)
         assert kernel.user_tasks == 1
-    with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="a program is running on the brick"):
+    with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="a program runs on the brick"):
         flash(recorder, line.path)
     kernel.press(RUN_BUTTON)
     kernel.run(600)
@@ -179,7 +179,7 @@ def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -
 def test_a_program_that_is_too_large_is_refused(kernel: Kernel, imu: Path) -> None:
     recorder = lx.read(imu / "recorder.lx")
     large = dataclasses.replace(recorder, bss_size=14626)
-    with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="no room for its"):
+    with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="has no room for"):
         flash(large, line.path)
 
 

@@ -1,4 +1,4 @@
-"""An RCX that runs the autopilot, as hal/rcx/infrared.c has its end of LNP: the firmware, built for this machine."""
+"""An RCX that runs the autopilot: the firmware, built for this machine, with the LNP link of hal/rcx/infrared.c."""
 
 from __future__ import annotations
 
@@ -6,46 +6,40 @@ import time
 from typing import Any
 
 from brickpilot.hil.ends import brick_interface
-from rcx_lnp import Packet, Receiver
+from brickpilot.link.lnp import BRICK, HOST
+from rcx_lnp import LnpDevice, Packet
 
 HEARTBEAT = 0x180
-BRICK, HOST = 0x07, 0x87
+"""The first id that is no reply."""
 
 
-class Autopilot:
-    """Takes the place of `rcx_brickos.BrickOs`: feed it bytes; it gives the bytes that it sends.
+class Autopilot(LnpDevice):
+    """A brick that obeys requests; a device for `rcx_brick.RcxBrick`.
 
     Args:
-        telemetry_after: sends, unasked, a message of telemetry before each so many answers; 0: never.
+        telemetry_after: the brick sends a message of telemetry before every so many replies; 0: never.
     """
 
     def __init__(self, telemetry_after: int = 0) -> None:
+        super().__init__()
         self.obeyed: list[bytes] = []
         self.repeated = 0
         self._ffi: Any
         self._ffi, self._library = brick_interface()
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
-        self._receiver = Receiver()
         self._newest: int | None = None
-        self._answer = b""
+        self._reply = b""
         self._sequence = 0
-        self._telemetry_after, self._answered = telemetry_after, 0
+        self._telemetry_after, self._replied = telemetry_after, 0
 
-    def silence(self) -> None:
-        self._receiver.forget()
-
-    def damaged(self) -> None:
-        self._receiver.forget()
-
-    def byte(self, value: int) -> bytes:
-        packet = self._receiver.byte(value)
-        return self._take(packet.data) if packet is not None and packet[:2] == (BRICK, HOST) else b""
-
-    def _take(self, content: bytes) -> bytes:
+    def _take(self, packet: Packet) -> bytes:
+        if packet[:2] != (BRICK, HOST):
+            return b""
+        content = packet.data
         if content[0] == self._newest:
             self.repeated += 1
-            return self._answer
-        self._newest, self._answer = content[0], b""
+            return self._reply
+        self._newest, self._reply = content[0], b""
         self.obeyed.append(content[1:])
         data = content[3:]
         self._library.bp_brick_take(self._brick, content[1] | content[2] << 8, data, len(data))
@@ -53,11 +47,11 @@ class Autopilot:
         identifier, out = self._ffi.new("unsigned int *"), self._ffi.new("unsigned char[8]")
         while (size := self._library.bp_brick_give(self._brick, identifier, out)) >= 0:
             if identifier[0] < HEARTBEAT:
-                self._answer = self._send(identifier[0], bytes(self._ffi.buffer(out, size)))
-        self._answered += 1
-        if self._telemetry_after and self._answered % self._telemetry_after == 0:
-            return self._send(0x190, bytes(8)) + self._answer
-        return self._answer
+                self._reply = self._send(identifier[0], bytes(self._ffi.buffer(out, size)))
+        self._replied += 1
+        if self._telemetry_after and self._replied % self._telemetry_after == 0:
+            return self._send(0x190, bytes(8)) + self._reply
+        return self._reply
 
     def _send(self, identifier: int, data: bytes) -> bytes:
         self._sequence = (self._sequence + 1) & 255

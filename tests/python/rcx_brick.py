@@ -1,7 +1,7 @@
-"""An RCX and its infrared tower at the end of a pseudo-terminal, for whoever opens it as a serial port.
+"""An RCX and its infrared tower at the end of a pseudo-terminal, which a test opens as a serial port.
 
-A pseudo-terminal has no baud rate and no parity: bytes come as fast as both ends take them, and a byte that is
-corrupted on its way to the brick is handed over with what the brick's UART would say of its parity.
+A pseudo-terminal has no baud rate and no parity. Bytes travel as fast as both ends take them. A corrupted byte reaches
+the brick together with the result of the parity check that the brick's UART would make.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ import rcx_lnp
 import rcx_rom
 
 BYTE_S = 0.0002
-"""What tests call a byte time. The time-outs of the sender and of the brick both follow from it."""
+"""The byte time of tests. The time-outs of the sender and of the brick are multiples of it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Faults:
-    """Shares of bytes that are lost, or have bits flipped, in each direction; echoes are hit too."""
+    """The shares of bytes that are lost and that have flipped bits, in each direction and in echoes."""
 
     seed: int = 0
     corrupt: float = 0.0
@@ -35,10 +35,10 @@ class Faults:
 
 
 class Device(Protocol):
-    """What is on the brick: is fed bytes, and gives the bytes that it sends."""
+    """The software on the brick. It takes bytes and returns the bytes that it sends."""
 
     def silence(self) -> None:
-        """The line was quiet for longer than its receiver waits."""
+        """The line was quiet for longer than the receiver waits."""
 
     def damaged(self) -> None:
         """A byte came with wrong parity."""
@@ -47,7 +47,7 @@ class Device(Protocol):
 
 
 class _Air:
-    """One direction."""
+    """One direction of the infrared link."""
 
     def __init__(self, faults: Faults, direction: int) -> None:
         self._faults = faults
@@ -55,7 +55,7 @@ class _Air:
         self.hit = 0
 
     def carry(self, data: bytes) -> list[tuple[int, bool]]:
-        """The bytes that arrive, each with whether its parity is right."""
+        """Returns the bytes that arrive, each with True if its parity is right."""
         arrived = []
         for value in data:
             if self._random.random() < self._faults.lose:
@@ -68,18 +68,18 @@ class _Air:
 
 
 class RcxBrick:
-    """A tower that echoes and a brick that answers, until the block is left.
+    """A tower that echoes and a brick that replies, for the duration of a `with` block.
 
     Args:
-        faults: what happens on the way.
-        brickos: brickOS runs already; otherwise the ROM is alone until it is given an image and told to start it.
-        tower: whether anything echoes.
-        on: whether the brick hears anything.
-        vanish_after: bytes after which it hears nothing more, or nothing until `back_after` bytes.
-        broken_sums: of so many blocks the ROM finds the checksum wrong.
-        lego: what is started answers by the ROM's protocol, as LEGO's firmware does; else it is brickOS.
-        lose_replies: those of the brick's answers that are lost, counted from 1.
-        device: hears all, in place of the ROM and brickOS.
+        faults: faults of the infrared link.
+        brickos: True: brickOS runs already; False: the ROM runs until it starts an image.
+        tower: whether there is a tower, which echoes.
+        on: whether the brick is switched on.
+        vanish_after: number of bytes after which the brick receives nothing more, or nothing until `back_after` bytes.
+        broken_sums: number of blocks whose checksum the ROM finds wrong.
+        lego: the started image replies in the ROM's protocol, as LEGO's firmware does; otherwise it is brickOS.
+        lose_replies: numbers of the brick's replies that are lost, counted from 1.
+        device: receives all bytes, in place of the ROM and brickOS.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class RcxBrick:
         self.rom = rcx_rom.Rom(broken_sums=broken_sums)
         self.brickos = rcx_brickos.BrickOs(host)
         self.heard = 0
-        """Bytes that came from the host."""
+        """The number of bytes from the host."""
         self._other = device
         self._in_rom, self._lego = not brickos and device is None, lego
         self._tower, self._on = tower, on
@@ -114,12 +114,12 @@ class RcxBrick:
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def firmware(self, length: int) -> bytes:
-        """What stands in its memory from where the ROM puts an image."""
+        """Returns the first `length` bytes of the image in the brick's memory."""
         return bytes(self.rom.memory[0x8000 : 0x8000 + length])
 
     @property
     def hit(self) -> int:
-        """Bytes lost or corrupted."""
+        """The number of bytes that were lost or corrupted."""
         return self._to_brick.hit + self._to_host.hit
 
     def __enter__(self) -> RcxBrick:

@@ -1,24 +1,24 @@
-"""brickOS 0.9's program loader behind its LNP receiver, byte by byte, from its headers and its disassembled kernel.
+"""The program loader of brickOS 0.9 behind its LNP receiver, after its headers and its disassembled kernel.
 
-It acknowledges only what it has done: see tools/brickpilot/flash/program.py for what stays without an answer.
+It acknowledges only commands that it obeyed; tools/brickpilot/flash/program.py lists those without a reply.
 """
 
 from __future__ import annotations
 
 import dataclasses
 
-from rcx_lnp import Packet, Receiver
+from rcx_lnp import LnpDevice, Packet
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SHORTEST = {0: 1, 1: 2, 2: 13, 3: 8, 4: 4, 5: 2, 6: 2, 7: 2}
-"""Bytes below which a command is passed over."""
+"""Command -> the fewest bytes that it needs; a shorter one is ignored."""
 SLOTS = 8
 HEAP = 0xAE00, 0xEE00
 
 
 @dataclasses.dataclass
 class Slot:
-    """A program as the loader holds it; `text` is its address, 0 for none."""
+    """A program as the loader holds it. `text` is its address; 0 means no program."""
 
     text: int = 0
     text_size: int = 0
@@ -39,25 +39,18 @@ class Slot:
         return self.text_size > 0 and self.downloaded == self.text_size + self.data_size
 
 
-class BrickOs:
-    """Feed it bytes; it gives the bytes that it sends."""
+class BrickOs(LnpDevice):
+    """A brick with brickOS; a device for `rcx_brick.RcxBrick`."""
 
     def __init__(self, host: int = 0) -> None:
+        super().__init__()
         self.slots = [Slot() for _ in range(SLOTS)]
         self.running: int | None = None
         self.commands: list[bytes] = []
         self._address = host << 4
-        self._receiver = Receiver()
 
-    def silence(self) -> None:
-        self._receiver.forget()
-
-    def damaged(self) -> None:
-        self._receiver.forget()
-
-    def byte(self, value: int) -> bytes:
-        packet = self._receiver.byte(value)
-        if packet is None or packet.to != self._address:
+    def _take(self, packet: Packet) -> bytes:
+        if packet.to != self._address:
             return b""
         reply = self._command(packet.data)
         return b"" if reply is None else Packet(packet.sender, packet.to, reply).on_the_line()

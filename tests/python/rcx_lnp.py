@@ -1,6 +1,6 @@
-"""LNP as brickOS's kernel receives it, byte by byte, from its disassembly.
+"""Receives LNP byte by byte as brickOS's kernel does, after its disassembly.
 
-It shares nothing with `brickpilot.link.lnp`, which it tests.
+It shares no code with `brickpilot.link.lnp`, which it tests.
 """
 
 from __future__ import annotations
@@ -8,35 +8,38 @@ from __future__ import annotations
 from typing import NamedTuple
 
 IDLE_BYTES = 1.5
-"""Silence that resets the receiver, in byte times: 7 ms at 2400 baud."""
+"""Silence after which the receiver starts anew, in byte times: 7 ms at 2400 baud."""
 
 
 class Packet(NamedTuple):
+    """A packet between two addresses."""
+
     to: int
     sender: int
     data: bytes
 
     def on_the_line(self) -> bytes:
+        """Returns the bytes of the packet."""
         content = bytes([0xF1, len(self.data) + 2, self.to, self.sender]) + self.data
         return content + bytes([(0xFF + sum(content)) & 0xFF])
 
 
 class Receiver:
-    """Feed it bytes."""
+    """Finds the packets in a stream of bytes."""
 
     def __init__(self) -> None:
         self._packet = bytearray()
 
     def forget(self) -> None:
-        """The line was quiet for long enough, or a byte came with wrong parity."""
+        """Starts anew, after a silence or a byte with wrong parity."""
         self._packet.clear()
 
     def byte(self, value: int) -> Packet | None:
-        """The addressed packet that is whole with this byte, and right."""
+        """Takes one byte. Returns the packet that it completes if its checksum is right."""
         packet = self._packet
         packet.append(value)
         if packet[0] == 0x55:
-            if not self._lego_goes_on():
+            if not self._may_be_lego():
                 packet.clear()
             return None
         if packet[0] & 0xF8 != 0xF0:
@@ -44,13 +47,13 @@ class Receiver:
             return None
         if len(packet) < 3 or len(packet) < packet[1] + 3:
             return None
-        whole, self._packet = bytes(packet), bytearray()
-        if (0xFF + sum(whole[:-1])) & 0xFF != whole[-1] or whole[0] != 0xF1 or whole[1] <= 2:
+        complete, self._packet = bytes(packet), bytearray()
+        if (0xFF + sum(complete[:-1])) & 0xFF != complete[-1] or complete[0] != 0xF1 or complete[1] <= 2:
             return None
-        return Packet(whole[2], whole[3], whole[4:-1])
+        return Packet(complete[2], complete[3], complete[4:-1])
 
-    def _lego_goes_on(self) -> bool:
-        """Whether what began with 0x55 may still be a message of LEGO's own protocol, and is not complete."""
+    def _may_be_lego(self) -> bool:
+        """Returns whether bytes that began with 0x55 can still become a message of LEGO's own protocol."""
         packet = self._packet
         if not packet.startswith(b"\x55\xff\x00"[: len(packet)]):
             return False
@@ -58,3 +61,24 @@ class Receiver:
         if any(low ^ high != 0xFF for low, high in zip(pairs[::2], pairs[1::2], strict=False)):
             return False
         return not pairs or len(pairs) < 2 * (2 + (pairs[0] & 7 if pairs[0] & 7 < 6 else (pairs[0] & 7) - 6))
+
+
+class LnpDevice:
+    """A device behind an LNP receiver, for `rcx_brick.RcxBrick`. A subclass replies to packets in `_take`."""
+
+    def __init__(self) -> None:
+        self._receiver = Receiver()
+
+    def silence(self) -> None:
+        self._receiver.forget()
+
+    def damaged(self) -> None:
+        self._receiver.forget()
+
+    def byte(self, value: int) -> bytes:
+        packet = self._receiver.byte(value)
+        return b"" if packet is None else self._take(packet)
+
+    def _take(self, packet: Packet) -> bytes:
+        """Returns the bytes that the device sends when it has received `packet`."""
+        raise NotImplementedError

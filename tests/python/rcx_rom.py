@@ -1,9 +1,9 @@
-"""The RCX's ROM as a receiver of firmware, byte by byte, from what brickEmu's replacement of it and RCX Internals tell.
+"""The RCX's ROM as a receiver of firmware, byte by byte, after brickEmu's replacement of it and RCX Internals.
 
-What matters to whoever sends: data go to memory as they come, before their complement has been seen; the same index
-again goes back to where that block began; the same opcode again repeats the last answer and does nothing else; the
-index counts on although a block's checksum was wrong; a wrong complement or parity, or 30 ms of silence, forget a
-packet that is half there, and what follows is read as another packet.
+A sender has to know these rules. Data are written to memory as they arrive, before their complement. The same index
+again goes back to the start of that block. The same opcode again repeats the last reply and does nothing else. The
+index counts on even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an
+incomplete packet, and the next bytes are read as another packet.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from __future__ import annotations
 KNOCK = b"Do you byte, when I knock?\0"
 WELCOME = b"Just a bit off the block!"
 IDLE_BYTES = 6.5
-"""Silence that resets the receiver, in byte times: 30 ms at 2400 baud."""
+"""Silence after which the receiver starts anew, in byte times: 30 ms at 2400 baud."""
 
 _OPCODE, _OPERANDS, _SUM, _BLOCK_SUM, _BLOCK, _END = 2, 3, 4, 5, 6, 99
 
 
 class Rom:
-    """Feed it bytes; it gives the bytes that it sends. `entry` is set when an image has been started."""
+    """The ROM; a device for `rcx_brick.RcxBrick`. `entry` is the entry of the image that was started."""
 
     def __init__(self, *, broken_sums: int = 0) -> None:
         self.memory = bytearray(0x10000)
         self.entry: int | None = None
         self.requests: list[bytes] = []
         self.blocks: list[int] = []
-        """Indices of the blocks it accepted, in order."""
+        """The indices of the accepted blocks, in order."""
         self._broken_sums = broken_sums
         self._last_opcode = 0xFF
         self._reply = b""
@@ -36,11 +36,11 @@ class Rom:
         self.silence()
 
     def silence(self) -> None:
-        """The line was quiet for long enough."""
+        """Starts anew after a silence."""
         self._state, self._previous, self._complement = _OPCODE, 0xFF, False
 
     def damaged(self) -> None:
-        """A byte came with wrong parity: it is lost, and so is the packet, unless it is in its block."""
+        """Drops a byte with wrong parity, and its packet too unless the byte belongs to a block."""
         if self._state not in (_BLOCK, _BLOCK_SUM):
             self._state = _OPCODE
 
@@ -51,7 +51,7 @@ class Rom:
             if value ^ 0xFF != self._previous or whole:
                 right = value ^ 0xFF == self._previous
                 self._state, self._previous = _OPCODE, 0xFF
-                return self._frame(self._answer()) if right and whole else b""
+                return self._frame(self._handle()) if right and whole else b""
             return b""
         if self._state == _OPCODE and value in (0x00, 0x55, 0xFF):
             return b""
@@ -108,8 +108,8 @@ class Rom:
         if self._data_left == 0:
             self._state = _BLOCK_SUM
 
-    def _answer(self) -> bytes | None:
-        """What main makes of a packet that came whole: the answer, or None for silence."""
+    def _handle(self) -> bytes | None:
+        """Handles a complete packet. Returns the reply, or None for none."""
         packet = bytes(self._packet)
         self.requests.append(packet)
         opcode = packet[0]
