@@ -1,18 +1,17 @@
-/* alone.c: brickOS's kernel with nothing beside it, as after the download of the firmware: it starts where LEGO's ROM starts it, all of
- * its memory is its own, and its interrupts come by its vectors. What surrounds it is told over the simulator's standard input, numbers
- * big-endian:
+/* alone.c: brickOS's kernel alone, as after the download of the firmware. It starts where LEGO's ROM starts it, has all of its memory, and
+ * gets its interrupts by its own vectors. Commands on the simulator's standard input control its surroundings; numbers are big-endian:
  *
  *   r ms(2)                time passes, up to 1000 ms
- *   l byte wrong           the line brings the brick a byte, within a byte's time; wrong, not 0: with a wrong parity
- *   k keys                 buttons are held, KEY_ bits
- *   a input raw(2)         what the converter shows, as world_convert()
- *   m address(2) size(2)   answered by what stands there in the memory
+ *   l byte wrong           the line brings the brick a byte, in the time of a byte; wrong, not 0: with a wrong parity
+ *   k keys                 these buttons are held, KEY_ bits
+ *   a input raw(2)         sets the converter's reading, as world_convert()
+ *   m address(2) size(2)   the reply is the content of the memory there
  *
- * r and l are answered by the pulses of motors A and C in that time, forward less backward (2 each), the number of bytes that the brick
- * has sent (1), and them. The end of the input is the end.
+ * The reply to r and l is: the pulses of motors A and C in that time, forward less backward (2 bytes each), the number of bytes that the
+ * brick has sent (1 byte), and those bytes. The program ends at the end of its input.
  *
- * The world takes the place of the kernel's task that animates the little man, the lowest but the one that sleeps, which would end the
- * simulator. So time passes, and interrupts come, only where all other tasks wait.
+ * This program takes the place of the kernel's task that animates the little man. That task has the lowest priority but one; the lowest
+ * one sleeps, which would end the simulator. So time passes, and interrupts come, only while all other tasks wait.
  */
 #include "world.h"
 
@@ -50,7 +49,7 @@ static uint8_t sent[SENT_MOST];
 static uint8_t sent_size;
 static uint8_t until_byte_q;
 
-/* What of the ROM the kernel calls. It ends where it would lose the brick: erased, or switched off. */
+/* The routines of the ROM that the kernel calls. The simulator ends where the kernel would be erased, or the brick switched off. */
 static void make_rom(void)
 {
     /* Called by these vectors. */
@@ -94,7 +93,7 @@ void world_boot(void)
     world_exit(3);
 }
 
-/* True where a byte time is over. */
+/* True if the time of a byte is over. */
 static bool line_is_due(void)
 {
     until_byte_q = (uint8_t)(until_byte_q + MS_Q);
@@ -104,7 +103,7 @@ static bool line_is_due(void)
     return true;
 }
 
-/* A ms, with what the timers and the converter interrupt. True where the line is ready for a byte. */
+/* Lets a ms pass, with the interrupts of the timers and the converter. True if the line is ready for a byte. */
 static bool pass_ms(void)
 {
     const bool line = line_is_due();
@@ -162,7 +161,7 @@ static void answer(void)
     sent_size = 0;
 }
 
-/* The next number of the input, of one or two bytes. */
+/* Reads the next number of the input, of one or two bytes. */
 static uint16_t next(uint8_t size)
 {
     uint8_t byte;

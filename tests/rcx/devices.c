@@ -1,4 +1,4 @@
-/* devices.c: what of the RCX's devices is the same beside a program as beneath the kernel alone: inputs, buttons, the infrared line. */
+/* devices.c: the RCX's inputs, buttons and infrared line, the same for a program beside the kernel (world.c) and for the kernel alone. */
 #include "world.h"
 
 #include <dkey.h>

@@ -1,4 +1,4 @@
-/* test_port.c: what hal/rcx does beyond the contract of every port, beside brickOS's own kernel. */
+/* test_port.c: what the drivers of hal/rcx do beyond the contract of every port, beside brickOS's own kernel. */
 #include <stddef.h>
 
 #include <conio.h>
@@ -227,7 +227,7 @@ static void test_port_display_tells_mode_and_waypoint(void)
     shows("donE");
 }
 
-/* A request goes over the air to serve(), its answer comes back over the air. */
+/* Sends a request over the air to serve(), and receives the reply over the air. */
 static void ask(message_t *request, message_t *answer)
 {
     request->size = 8;

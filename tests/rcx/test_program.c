@@ -1,5 +1,6 @@
-/* test_program.c: the whole program, as Run starts it, on the real kernel: buttons, display, link, and its end. The world does not move:
- * the robot feels that it stands still. */
+/* test_program.c: the whole program, as Run starts it, beside the real kernel: buttons, display, link, and its end. The world does not
+ * move: the robot measures that it stands still.
+ */
 #include <stddef.h>
 
 #include <conio.h>

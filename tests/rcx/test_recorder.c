@@ -1,4 +1,4 @@
-/* test_recorder.c: the recorder on the real kernel. Prints every packet that it answers with, for the host's side to read. */
+/* test_recorder.c: the recorder beside the real kernel. Prints every packet of its replies, for the host's side to read. */
 #include <stddef.h>
 
 #include <unistd.h>
@@ -37,7 +37,7 @@ static void print(const uint8_t *bytes, uint8_t size)
     world_say(text);
 }
 
-/* The inputs show what the motors do, so that it can be told from the samples whether both belong together. */
+/* The inputs follow the motors, so that the samples show whether both belong together. */
 static void test_recorder_drives_and_keeps_what_the_sensors_say(void)
 {
     uint8_t packet[PACKET_MOST];
@@ -70,7 +70,7 @@ static void test_recorder_answers_block_by_block(void)
         TEST_ASSERT_TRUE(size > 0);
         print(packet, size);
     }
-    TEST_ASSERT_EQUAL_UINT8(7, size); /* behind the end: the number alone */
+    TEST_ASSERT_EQUAL_UINT8(7, size); /* beyond the end: only the number */
     size = ask(1, packet);
     TEST_ASSERT_EQUAL_UINT8(107, size);
 }

@@ -1,7 +1,7 @@
-/* world.h: what surrounds a program on the RCX, on gdb's H8/300 simulator: the kernel is Debian's brickOS itself, LEGO's ROM, the
- * interrupts, the converter and the other end of the infrared link are here.
+/* world.h: the surroundings of a program on the RCX, on gdb's H8/300 simulator. The kernel is Debian's brickOS itself. LEGO's ROM, the
+ * interrupts, the converter and the other end of the infrared link are written here.
  *
- * Time passes only in world_run(): a ms each, with its interrupts, and the other tasks run until they wait.
+ * Time passes only in world_run(). In each ms the interrupts come, and the other tasks run until they wait.
  */
 #ifndef BRICKPILOT_RCX_WORLD_H
 #define BRICKPILOT_RCX_WORLD_H
@@ -9,52 +9,55 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The program under test: begins as a task of the kernel; what it returns is the simulator's exit status. */
+/* The program under test. It begins as a task of the kernel; its result is the simulator's exit status. */
 int world_main(void);
 
+/* Lets time pass. */
 void world_run(uint16_t ms);
 
-/* Inputs 1 to 3 and, as 0, the battery: what the converter shows, 0..1023. */
+/* Sets the converter's reading of input 1, 2 or 3, or, as input 0, of the battery: 0..1023. */
 void world_convert(uint8_t input, uint16_t raw);
 
-/* The kernel looks at what the converter shows, at every input thrice. */
+/* Lets the kernel read the converter, three times at each input. */
 void world_converted(void);
 
-/* Buttons held, KEY_ bits, from now on. */
+/* Holds these buttons from now on, KEY_ bits. */
 void world_press(uint8_t keys);
 
-/* Pulses of motors A and C in 256 ms, forward less backward, -256..256. */
+/* Counts the pulses of motors A and C in 256 ms, forward less backward: -256..256. */
 void world_pulses(int16_t *a, int16_t *c);
 
-/* One packet of LNP to and from the brick, whole, with its sum. Receiving waits for it for up to 300 ms; 0: none came. */
+/* Send and receive one whole packet of LNP, with its sum. Receiving waits up to 300 ms and returns the size, or 0 if none came. */
 void world_send(const uint8_t *bytes, uint8_t size);
 uint8_t world_receive(uint8_t *bytes, uint8_t most);
 
-/* The next byte that the brick sends is disturbed on its way. */
+/* Disturbs the next byte that the brick sends. */
 void world_disturb(void);
 
-/* Something has been sent and not received. */
+/* True if the brick has sent something that nobody has received. */
 bool world_waits(void);
 
-/* What has been sent and not received is gone. */
+/* Throws away what the brick has sent and nobody has received. */
 void world_forget(void);
 
-/* What the kernel's largest free block takes, counted before world_main() with all tasks of the kernel running. */
+/* The size of the kernel's largest free block, measured before world_main(), with all tasks of the kernel running. */
 extern uint16_t world_room;
 
-/* One byte time of the infrared line: true where the brick has sent a byte, which it hears itself, disturbed or not. */
+/* Lets the time of one byte pass on the infrared line. True if the brick has sent a byte; it receives that byte itself. */
 bool world_line(bool disturbed, uint8_t *sent);
 
-/* An interrupt, whose handler stands in the kernel's vector. */
+/* Calls the interrupt handler that a vector of the kernel names. */
 void world_interrupt(const void *handler);
 
-/* Bytes read from and written to the simulator's own standard input (0) and output (1); 0 at the end, below 0 on error. */
+/* Read from the simulator's standard input (0) and write to its output (1). Return the number of bytes, 0 at the end, or a negative
+ * number after an error. */
 int16_t world_read(int16_t descriptor, void *bytes, uint16_t size);
 int16_t world_write(int16_t descriptor, const void *bytes, uint16_t size);
 
-/* The simulator ends. */
+/* Ends the simulator. */
 void world_exit(int16_t status);
 
+/* Write to standard output. */
 void world_say(const char *text);
 void world_say_number(uint16_t number);
 
