@@ -148,7 +148,7 @@ int bp_simulate(bp_run *runs, int count, int threads);
 /* One closed loop in this process: plant, sensors and the firmware. A control step lasts [rates] body_step of
  * models/rcx.toml. */
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
-enum { BP_MAX_WAYPOINTS = 32 };
+enum { BP_MAX_WAYPOINTS = 32, BP_MAX_COORDINATE_M = 30 }; /* of a route: as firmware/autopilot/route.h has them */
 
 /* A setting of the firmware: its number in hal/wire/settings.toml, and the raw integer that the firmware holds. */
 typedef struct {
@@ -166,7 +166,7 @@ typedef struct {
     int steps;               /* control steps */
     int start_step;          /* the step at which the mission is commanded to start */
     int waypoint_count;      /* 1..BP_MAX_WAYPOINTS; 0 where `drive` is not NULL */
-    const double *waypoints; /* waypoint_count x 2, m, -30..30 */
+    const double *waypoints; /* waypoint_count x 2, m, up to BP_MAX_COORDINATE_M in size */
     double cruise;           /* m/s, up to 2; 0: the firmware's preset */
     const double *drive;     /* a manoeuvre, without the controller: steps x 2 V (NaN: floats); else NULL */
     double stop_path;        /* m of path after which a manoeuvre shorts both motors; 0: never */

@@ -13,6 +13,9 @@
 #include "sensors/encoder.h"
 
 static const double STEP_S = RCX_BODY_STEP; /* of the plant, and of the firmware that is built for this machine */
+_Static_assert((int)BP_MAX_WAYPOINTS == (int)ROUTE_WAYPOINTS_MAX &&
+                   BP_MAX_COORDINATE_M * 1000 == (int)ROUTE_COORDINATE_MAX_MM,
+               "brickpilot_sim.h states the limits of firmware/autopilot/route.h");
 _Static_assert(STEP_MS == (int)(RCX_BODY_STEP * 1e3 + 0.5), "the firmware's step is [rates] body_step of rcx.toml");
 static const double TURN = 6.283185307179586;
 

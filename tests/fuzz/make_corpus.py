@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from brickpilot.constants import STEP_S
 from brickpilot.hil import ends, fly
 from brickpilot.link.links import Link, Message, encode_frame
 from brickpilot.link.messages import book
@@ -40,7 +41,7 @@ class Listener:
 def flown(sensors: str) -> list[Message]:
     """What a host sends in a flight of STEPS steps."""
     mission = scenario.load(scenario.packaged()["mission"])
-    mission = dataclasses.replace(mission, duration=STEPS * flight.STEP_S, start_at=0.0)
+    mission = dataclasses.replace(mission, duration=STEPS * STEP_S, start_at=0.0)
     with ends.both_ends("tcp") as both:
         link = Listener(both.link)
         plan = flight.plan(mission, rcx(), sensors=sensors, seed=0)

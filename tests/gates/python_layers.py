@@ -10,8 +10,9 @@ from layers import Fault, cycles
 
 PACKAGE = "brickpilot"
 
-# Modules beside the rooms, which any room may import. catalogue reads the C table of effects, by compiled.
-BASE = {"__init__", "errors", "compiled", "catalogue"}
+# Modules beside the rooms, which any room may import. catalogue reads the C table of effects, by compiled; constants
+# reads rcx.toml.
+BASE = {"__init__", "errors", "compiled", "catalogue", "constants"}
 
 # Room -> other rooms that it may import. A room may always import itself. Only `cli` prints, and nothing imports it.
 MAY: dict[str, set[str]] = {

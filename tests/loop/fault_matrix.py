@@ -15,6 +15,7 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
+from brickpilot.constants import STEP_S
 from brickpilot.hil import ends, fly
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
@@ -80,13 +81,13 @@ def trouble_of(wanted: flight.Plan, flown: fly.HilFlight) -> str:
     """Returns the condition that failed, or ""."""
     (fault,) = wanted.scenario.faults
     motors, calm = flown.flight.motors, unharmed(wanted)[: len(flown.flight.motors)]
-    begin = round(fault.from_s / flight.STEP_S)
+    begin = round(fault.from_s / STEP_S)
     if not np.array_equal(motors[:begin], calm[:begin]):
         return "differs before the fault"
     if fault.kind in MESSAGE_KINDS:
         return _message_trouble(fault, flown, motors, calm)
     if fault.kind in END_KINDS or (fault.kind == "missing_sensor" and fault.sensor in ("imu", "reference")):
-        late = begin + STOPS_WITHIN + (round((END_S - BEGIN_S) / flight.STEP_S) if fault.kind == "brown_out" else 0)
+        late = begin + STOPS_WITHIN + (round((END_S - BEGIN_S) / STEP_S) if fault.kind == "brown_out" else 0)
         return "" if not motors[late:].any() else "the motors were not stopped in time"
     return ""
 
@@ -94,7 +95,7 @@ def trouble_of(wanted: flight.Plan, flown: fly.HilFlight) -> str:
 def _message_trouble(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int16], calm: NDArray[np.int16]) -> str:
     differs = np.flatnonzero((motors != calm).any(axis=1))
     if fault.kind == "disconnect":
-        held = motors[round(fault.from_s / flight.STEP_S) : round(fault.to_s / flight.STEP_S)]
+        held = motors[round(fault.from_s / STEP_S) : round(fault.to_s / STEP_S)]
         return "" if not held.any() and flown.safe_stops else "the motors ran although the link was lost"
     if len(differs) == 0:
         return ""

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from brickpilot.constants import STEP_S
 from brickpilot.gen import params_header
 from brickpilot.hil import ends, fly
 from brickpilot.link.links import StreamLink
@@ -77,7 +78,7 @@ def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any
     """Returns `flight.summary` of the packaged mission for each seed."""
     mission = scenario.load(scenario.packaged()["mission"])
     plans = [flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed) for seed in range(SEEDS)]
-    start_step = round(rest_s / flight.STEP_S)
+    start_step = round(rest_s / STEP_S)
     flown = [fly_by(program, dataclasses.replace(plan, start_step=start_step)) for plan in plans]
     return [flight.summary(one.flight) for one in flown]
 

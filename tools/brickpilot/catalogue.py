@@ -124,6 +124,11 @@ def parameters() -> tuple[ParameterInfo, ...]:
     return tuple(found)
 
 
+def parameter(name: str) -> ParameterInfo:
+    """Returns the nominal parameter of that name; raises StopIteration where there is none."""
+    return next(info for info in parameters() if info.name == name)
+
+
 @cache
 def effects() -> tuple[EffectInfo, ...]:
     """The effect library; the presets are clearly visible sizes."""

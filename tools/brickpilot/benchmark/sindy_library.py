@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from brickpilot import catalogue
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-_GRAVITY = 9.81
+_GRAVITY = catalogue.parameter("gravity").preset
 _SMOOTH_SPEED, _SMOOTH_VOLTS, _SMOOTH_RATE = 0.5, 0.1, 0.1  # rad/s, V, rad/s: width of a smooth sign
 _STRIBECK_SPEED = 1.0  # rad/s
 _CASTER = 0.08  # m, from axle to caster

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
@@ -44,7 +45,7 @@ def _full_loop() -> float:
 
 
 def _plant_alone(model: Model) -> float:
-    time_s = np.arange(20_001, dtype=np.float64) * 0.003
+    time_s = np.arange(20_001, dtype=np.float64) * STEP_S
     inputs = np.tile([4.5, 3.0], (len(time_s), 1))
     plant.simulate([(model, plant.OpenLoopRun(time_s, inputs))])
     return float(time_s[-1])
@@ -76,14 +77,14 @@ def _scipy(model: Model, seconds: float = 3.0) -> float:
         ]
 
     state = [0.0] * 7
-    for step in range(round(seconds / 0.003)):
-        solved: Any = solve_ivp(slope, (step * 0.003, (step + 1) * 0.003), state, "LSODA", args=(4.5, 3.0), rtol=1e-6)
+    for step in range(round(seconds / STEP_S)):
+        solved: Any = solve_ivp(slope, (step * STEP_S, (step + 1) * STEP_S), state, "LSODA", args=(4.5, 3.0), rtol=1e-6)
         state = solved.y[:, -1].tolist()
     return seconds
 
 
-_MUJOCO_ROBOT = """
-<mujoco><option timestep="0.0003" integrator="implicitfast" gravity="0 0 0"/>
+_MUJOCO_ROBOT = f"""
+<mujoco><option timestep="{MOTOR_STEP_S}" integrator="implicitfast" gravity="0 0 0"/>
 <default><geom type="cylinder" size=".04 .01" euler="90 0 0" mass=".02" contype="0" conaffinity="0"/></default>
 <worldbody><body>
 <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
@@ -101,7 +102,7 @@ def _mujoco(seconds: float = 6.0) -> float:
     model = mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
     data = mujoco.MjData(model)
     data.ctrl[:] = 16.0, 10.0
-    mujoco.mj_step(model, data, round(seconds / 0.0003))
+    mujoco.mj_step(model, data, round(seconds / MOTOR_STEP_S))
     return seconds
 
 
@@ -114,7 +115,7 @@ def _lockstep_pty() -> float:
     plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0)
     with ends.both_ends("serial:pty") as both:
         flown = hil.fly(both, "serial:pty", plan, pace="lockstep", telemetry_every=10, progress=lambda *_: None)
-    return flown.flight.times_real_time / flight.STEP_S
+    return flown.flight.times_real_time / STEP_S
 
 
 def host() -> dict[str, Figure]:
@@ -132,5 +133,5 @@ def host() -> dict[str, Figure]:
     return {
         "full_loop": Figure(full, "times real time", peer, full / rate),
         "plant": Figure(alone, "times real time", peer, alone / rate),
-        "lockstep_pty": Figure(steps, "steps/s", "real time, one step in 3 ms", steps * flight.STEP_S),
+        "lockstep_pty": Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S),
     }

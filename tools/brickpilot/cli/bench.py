@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 
 
@@ -27,7 +28,7 @@ from brickpilot.errors import InputError
 @click.option("--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="With h8: default imu+encoders.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.003),
+    type=click.FloatRange(STEP_S),
     help="With h8: fly this much of the mission; the default is all of it, which takes one or two minutes.",
 )
 @as_json

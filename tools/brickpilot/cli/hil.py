@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from brickpilot.cli.flight_request import FlightRequest, flight_options
 from brickpilot.cli.terminal import as_json, settings_of
+from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -170,7 +171,6 @@ def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) 
     from brickpilot.hil import ends
     from brickpilot.hil import fly as hil_fly
     from brickpilot.hil.traffic_log import RecordingLink
-    from brickpilot.vehicle import flight
 
     quiet = session.as_json or not sys.stderr.isatty()
     with (
@@ -181,7 +181,7 @@ def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) 
 
         def show(done: int, _: int, text: str) -> None:
             bar.n = done
-            bar.set_description_str(f"{done * flight.STEP_S:5.1f} s, {text}")
+            bar.set_description_str(f"{done * STEP_S:5.1f} s, {text}")
 
         if session.record is not None:
             both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))

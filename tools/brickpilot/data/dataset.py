@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe
 from brickpilot.data.nominal import Nominal
@@ -24,8 +25,8 @@ __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Sign
 
 Vector = NDArray[np.float64]
 
-PRESET_BATTERY_VOLTAGE = 9.0
-"""V; what duty is multiplied by where a data set states no battery voltage at all; the plant's preset is the same."""
+PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
+"""V; duty is multiplied by it where a data set states no battery voltage at all."""
 
 _LONGEST_RUN_S = 1e6
 

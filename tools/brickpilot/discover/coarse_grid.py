@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import STEP_S
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.gates import BIN_S
 from brickpilot.fit.blocks import Bins
@@ -15,7 +16,6 @@ from brickpilot.fit.replay import Replay
 Array = NDArray[np.float64]
 
 _STEPS_PER_BIN = 3
-_BODY_STEP_S = 0.003  # the longest step of the plant's body
 
 
 def on_coarse_grid(dataset: Dataset) -> tuple[Replay, Bins]:
@@ -30,7 +30,7 @@ def on_coarse_grid(dataset: Dataset) -> tuple[Replay, Bins]:
             inputs[run.name] = full.inputs[run.name]
             continue
         grid = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
-        grids[run.name], means[run.name] = grid, min(own, _BODY_STEP_S)
+        grids[run.name], means[run.name] = grid, min(own, STEP_S)
         inputs[run.name] = _mean_inputs(run.time, full.inputs[run.name], grid)
         runs.append(dataclasses.replace(run, time=grid))
     coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)

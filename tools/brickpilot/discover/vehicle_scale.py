@@ -17,8 +17,8 @@ def scale_of(unit: str, model: Model) -> float:
 
 def _sizes(model: Model) -> dict[str, float]:
     """Returns what is large for a vehicle, by unit: at stall, or at the speed that it reaches without a load."""
-    known = {**catalogue.presets(model.vehicle), **model.parameters}
-    volts = known["battery_voltage"] or 9.0
+    known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
+    volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
     torque = direct * volts if direct else known["torque_constant"] * volts / known["resistance"]
     radius = 1.0 if known["force_per_volt"] else known["wheel_radius"] or 0.04
@@ -34,7 +34,7 @@ def _sizes(model: Model) -> dict[str, float]:
         "N s^2/m^2": torque / radius / (speed * radius) ** 2,
         "rad/s": speed,
         "kg": known["mass"] or 1.0,
-        "m": known["half_track"] or 0.07,
+        "m": known["half_track"] or robot["half_track"],
         "ohm": known["resistance"] or 1.0,
         "m/(N s)": speed * radius**2 / torque,
     }

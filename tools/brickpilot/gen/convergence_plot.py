@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from brickpilot.constants import STEP_S
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, simulate
 
@@ -25,7 +26,7 @@ def errors(model: Model) -> list[float]:
     """
     pieces = [(6.0, 6.0), (7.0, 3.0), (-5.0, 5.0), (7.0, 0.0), (6.0, np.nan), (-8.0, -4.0)]
     inputs = np.repeat(np.array(pieces, dtype=np.float64), 170, axis=0)
-    time = np.arange(len(inputs), dtype=np.float64) * 0.003
+    time = np.arange(len(inputs), dtype=np.float64) * STEP_S
     steps = [1e-3 * step for step in (_REFERENCE_MS, *STEPS_MS)]
     truth, *others = simulate([(model, OpenLoopRun(time, inputs, motor_step=step)) for step in steps])
 

@@ -12,11 +12,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.faults import FaultyLink, controller_restarts
 from brickpilot.hil.plant_end import PlantEnd, open_plant
-from brickpilot.hil.telemetry import STEP_MS, Telemetry
+from brickpilot.hil.telemetry import Telemetry
 from brickpilot.link.links import Link, LinkGoneError
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
@@ -27,11 +28,11 @@ from brickpilot.vehicle.settings import settings as known_settings
 TRIES = 4
 """In lockstep, the link is lost when a set was sent so often without a reply."""
 
-LOST_STEPS = 33
-"""In real time, the motors stop after so many steps without a motor command: 0.1 s."""
+LOST_STEPS = int(SILENT_S / STEP_S)
+"""In real time, the motors stop after so many steps without a motor command."""
 
-GIVE_UP_STEPS = 667
-"""A flight ends after so many steps without its link: 2 s, with the motors off."""
+GIVE_UP_STEPS = round(2.0 / STEP_S)
+"""A flight ends after so many steps without its link, with the motors off."""
 
 SEQUENCE_AT = 4  # in MOTORS; the tick follows
 
@@ -297,7 +298,7 @@ def _flown(run: _Run, log: NDArray[np.float64], motors: NDArray[np.int16], elaps
     columns["left_duty"], columns["right_duty"] = (motors[:done, side] / 32767.0 for side in (0, 1))
     plan = dataclasses.replace(run.plan, steps=done)
     return HilFlight(
-        flight.Flight(plan, columns, motors[:done], done * flight.STEP_S / elapsed_s),
+        flight.Flight(plan, columns, motors[:done], done * STEP_S / elapsed_s),
         late_ticks=run.late + run.heartbeat.get("late_ticks", 0),
         lost_frames=run.lost_frames() + run.session.repeated,
         safe_stops=run.safe_stops + run.heartbeat.get("aborted", 0),

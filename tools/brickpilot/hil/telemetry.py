@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import STEP_MS
 from brickpilot.link.messages import book
 
 Array = NDArray[np.float64]
@@ -39,7 +40,6 @@ COLUMNS = {
 """Column of the log -> (message, signal)."""
 
 LAST = "TELEMETRY_EFFORT"
-STEP_MS = 3
 TICK_AT = 6
 
 

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import COUNTS_PER_TURN
 from brickpilot.errors import InputError
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
 from brickpilot.link import lnp
@@ -25,7 +26,6 @@ PATIENCE = 4.0  # s; the brick may wait for a quiet line
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
-COUNTS_PER_TURN = 48  # sim_host/models/rcx.toml, sensors.encoder
 BATTERY_V = 43.988 / 1560  # V per count, from brickOS
 
 Vector = NDArray[np.float64]

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
+from brickpilot.constants import ACCEPTANCE_M
 from brickpilot.report.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, figure, thin, to_svg
 from brickpilot.report.template import render
-from brickpilot.vehicle.flight import ACCEPTANCE_M, Flight
+from brickpilot.vehicle.flight import Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
 

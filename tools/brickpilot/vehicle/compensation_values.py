@@ -23,14 +23,18 @@ from collections.abc import Mapping
 from functools import cache
 
 from brickpilot import catalogue
-from brickpilot.vehicle import plant
+from brickpilot.vehicle import plant, scenario
 from brickpilot.vehicle.coefficients import loss, mean_inertia
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import Undoable
 
-TOP_SPEED = 0.5  # m/s: the fastest that voltage is reserved for, the mission's cruise speed
-
 LEFT, RIGHT = 0, 1
+
+
+@cache
+def _top_speed() -> float:
+    """m/s: the fastest speed for which voltage is kept back: the cruise speed of the packaged mission."""
+    return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
 
 
 def _nominal(model: Model) -> dict[str, float]:
@@ -64,8 +68,8 @@ def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, fl
     own = _own(robot, found, side)
     share = _inertia(robot) / _inertia(believed) * _push(believed) / _push(own)
     volts = own["resistance"] / own["torque_constant"] / share  # per N m at the wheel
-    # T sqrt(w) is close to a line from 0 to the wheel speed W of TOP_SPEED: T sqrt(W) (4 / 15 + 4 / 5 w / W).
-    root, fastest = found.root_torque[side], TOP_SPEED / own["wheel_radius"]
+    # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
+    root, fastest = found.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
     return {
         "gain_q15": share / found.drive_gain[side] - 1,
@@ -78,7 +82,7 @@ def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, fl
 def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> float:
     """What of the battery's voltage cannot be wanted, so that this side can still be given what it needs."""
     most = (battery - deadband) / (1 + side["gain_q15"])
-    return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * TOP_SPEED, 0.0)
+    return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
 
 
 def values(model: Model, nominal: Model) -> dict[str, float]:

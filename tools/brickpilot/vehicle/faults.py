@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from brickpilot.constants import STEP_S
 from brickpilot.data.toml_file import TomlFile
 
 MESSAGE_KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt", "truncate", "flood", "disconnect")
@@ -14,8 +15,6 @@ END_KINDS = ("brown_out", "controller_restart", "plant_restart")
 KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)
 SENSORS = ("imu", "rotation", "battery", "reference")
 DIRECTIONS = ("both", "to_brick", "from_brick")
-
-STEP_S = 0.003
 
 
 @dataclass(frozen=True)

@@ -15,18 +15,16 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.catalogue import PROFILE_CODES
+from brickpilot.constants import ACCEPTANCE_M, RCX, STEP_S
 from brickpilot.data.ils import signal_error
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.compensation import FORMATS, Compensation
-from brickpilot.vehicle.model import RCX, Model
+from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.scenario import SENSORS, Scenario
 
 Array = NDArray[np.float64]
-
-STEP_S = 0.003
-ACCEPTANCE_M = 0.1  # half the robot's length, [robot] of rcx.toml
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import tomlkit
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
+from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import plant
@@ -34,10 +35,6 @@ _ENTRY_KEYS = ("value", "unit", "basis")
 
 # Of an effect with more parameters a file holds only those that are not at their presets.
 _SPELT_OUT = 8
-
-
-RCX = Path(__file__).parents[1] / "models" / "rcx.toml"
-"""The packaged robot's file."""
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class OpenLoopRun:
         time: (n,) s, strictly increasing.
         inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
         initial: state at time[0]; a mapping names some fields of `State`.
-        motor_step, body_step: upper limits, s; 0: 0.0003 and 0.003.
+        motor_step, body_step: upper limits, s; 0: `constants.MOTOR_STEP_S` and `constants.STEP_S`.
     """
 
     time: Array

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot import catalogue
+from brickpilot.compiled import interface
+from brickpilot.constants import STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
 from brickpilot.vehicle import faults
@@ -101,7 +103,7 @@ def load(path: Path) -> Scenario:
     other = "manoeuvre" if kind == "mission" else "mission"
     for key in sorted(_ONLY[other] & data.keys()):
         toml.refuse((key,), f"belongs to a {other}, not to a {kind}")
-    duration = toml.number(("duration_s",), data["duration_s"], 0.003, 3600.0, "s")
+    duration = toml.number(("duration_s",), data["duration_s"], STEP_S, 3600.0, "s")
     seed = data.get("seed")
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63):
         toml.refuse(("seed",), f"{seed!r} is not a whole number from 0 to 2^63 - 1")
@@ -133,21 +135,28 @@ def _list(toml: TomlFile, key: str, data: Mapping[str, Any], most: int) -> list[
     return value
 
 
+def _farthest() -> float:
+    """m: the largest coordinate of a waypoint that the firmware takes."""
+    return float(interface()[1].BP_MAX_COORDINATE_M)
+
+
 def _start(toml: TomlFile, value: object) -> tuple[float, float, float]:
     table = toml.table(("start",), value)
     toml.known_keys(("start",), table, {"x_m", "y_m", "heading_deg"})
-    x, y = (toml.number(("start", key), table.get(key, 0), -30.0, 30.0, "m") for key in ("x_m", "y_m"))
+    far = _farthest()
+    x, y = (toml.number(("start", key), table.get(key, 0), -far, far, "m") for key in ("x_m", "y_m"))
     heading = toml.number(("start", "heading_deg"), table.get("heading_deg", 0), -360.0, 360.0, "deg")
     return x, y, math.radians(heading)
 
 
 def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
-    points = _list(toml, "waypoints_m", data, 32)
+    points = _list(toml, "waypoints_m", data, interface()[1].BP_MAX_WAYPOINTS)
     for index, point in enumerate(points):
         if not isinstance(point, list) or len(point) != 2:
             toml.refuse(("waypoints_m", index), f"{point!r} is not a pair [x, y]")
+    far = _farthest()
     found = tuple(
-        (toml.number(("waypoints_m", i), x, -30.0, 30.0, "m"), toml.number(("waypoints_m", i), y, -30.0, 30.0, "m"))
+        (toml.number(("waypoints_m", i), x, -far, far, "m"), toml.number(("waypoints_m", i), y, -far, far, "m"))
         for i, (x, y) in enumerate(points)
     )
     millimetres = [(round(1000 * x), round(1000 * y)) for x, y in found]  # the firmware's unit

@@ -1,0 +1,37 @@
+"""The constants of the packaged robot that are no parameters of the plant. They are read from `models/rcx.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+RCX = Path(__file__).parent / "models" / "rcx.toml"
+"""The packaged robot's file."""
+
+_FILE: dict[str, Any] = tomllib.loads(RCX.read_text(encoding="utf-8"))
+
+
+def _value(*keys: str) -> float:
+    entry: Any = _FILE
+    for key in keys:
+        entry = entry[key]
+    return float(entry["value"])
+
+
+STEP_S = _value("rates", "body_step")
+"""s: a control step of the firmware on this machine, and the plant's longest body step."""
+
+STEP_MS = round(1e3 * STEP_S)
+
+MOTOR_STEP_S = _value("rates", "motor_step")
+"""s: the plant's longest motor step."""
+
+ACCEPTANCE_M = _value("robot", "length") / 2
+"""m: a waypoint is reached within this distance."""
+
+SILENT_S = _value("controller", "coupled", "silent_time")
+"""s without a command after which the motors stop."""
+
+COUNTS_PER_TURN = round(_value("sensors", "encoder", "counts_per_turn"))
+"""Counts of a rotation sensor per turn of its wheel."""
