@@ -4,7 +4,7 @@
 /* The brick's half of the messages of hal/link. */
 #include "wire/codecs_gen.h"
 
-/* One signal: where in the struct, its lowest bit in the message, its width: below 8 within one byte, or 8, 16, 32. */
+/* A signal: its place in the struct, its lowest bit in the message, and its width: 8, 16, 32, or a part of a byte. */
 typedef struct {
     uint8_t at;
     uint8_t first;

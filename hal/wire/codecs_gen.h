@@ -47,7 +47,7 @@ extern "C" {
 #    define EINVAL 22
 #endif
 
-/* Of the DBC: its VERSION, and the CRC-16/CCITT-FALSE of its bytes. */
+/* The DBC's VERSION, and the CRC-16/CCITT-FALSE of its bytes. */
 #define WIRE_PROTOCOL (1u)
 #define WIRE_DBC (0xe556u)
 
@@ -80,7 +80,7 @@ extern "C" {
 #define WIRE_TELEMETRY_HEADING_FRAME_ID (0x195u)
 #define WIRE_TELEMETRY_EFFORT_FRAME_ID (0x196u)
 
-/* Where signals lie: byte, and in a part of it lowest bit and mask. */
+/* The places of the signals: the first byte; for a part of a byte also its lowest bit and mask. */
 #define WIRE_OPEN_SEQUENCE_AT (0u)
 #define WIRE_OPEN_PROTOCOL_AT (1u)
 #define WIRE_OPEN_DBC_AT (2u)

@@ -51,7 +51,7 @@ static bool parse(const uint8_t *line, uint8_t size, message_t *message)
     return true;
 }
 
-static slcan_status_t answer(slcan_decoder_t *decoder, const char *text)
+static slcan_status_t reply(slcan_decoder_t *decoder, const char *text)
 {
     decoder->reply_size = 0;
     while (*text != 0)
@@ -66,12 +66,12 @@ static slcan_status_t obey(slcan_decoder_t *decoder, uint8_t size)
     if (size == 1 && (command == 'O' || command == 'C'))
         decoder->open = command == 'O';
     else if (size == 1 && command == 'V')
-        return answer(decoder, "V0101\r");
+        return reply(decoder, "V0101\r");
     else if (size == 1 && command == 'N')
-        return answer(decoder, "N0001\r");
+        return reply(decoder, "N0001\r");
     else if (size != 0 && !(size == 2 && command == 'S' && decoder->line[1] >= '0' && decoder->line[1] <= '8'))
-        return answer(decoder, "\a");
-    return answer(decoder, "\r");
+        return reply(decoder, "\a");
+    return reply(decoder, "\r");
 }
 
 slcan_status_t slcan_take(slcan_decoder_t *decoder, uint8_t byte, message_t *message)
@@ -89,8 +89,8 @@ slcan_status_t slcan_take(slcan_decoder_t *decoder, uint8_t byte, message_t *mes
     decoder->size = 0;
     decoder->overlong = false;
     if (overlong)
-        return answer(decoder, "\a");
+        return reply(decoder, "\a");
     if (size > 0 && decoder->line[0] == 't')
-        return decoder->open && parse(decoder->line, size, message) ? SLCAN_MESSAGE : answer(decoder, "\a");
+        return decoder->open && parse(decoder->line, size, message) ? SLCAN_MESSAGE : reply(decoder, "\a");
     return obey(decoder, size);
 }

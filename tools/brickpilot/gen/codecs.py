@@ -1,8 +1,8 @@
-"""hal/wire/codecs_gen.[ch]: the DBC's messages to and from 8 bytes, in C.
+"""hal/wire/codecs_gen.[ch]: C code that packs the DBC's messages into 8 bytes, and unpacks them.
 
-The header, and the source that the tests use, are cantools'. The firmware turns requests into their replies, and its
-own state into telemetry, byte by byte where the header says that a signal lies. The messages that carry sensors and
-motors over a link are packed and unpacked by a table per message and one loop, in a third of the room.
+cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte
+by byte, at the places of the signals that the header names. For the messages of sensors and motors the brick has one
+loop and a table for each message: a third of the size of cantools' code.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LINK = {"IMU", "ROTATION", "BATTERY", "REFERENCE_X", "REFERENCE_Y", "REFERENCE_
 _BRICK = """/* The brick's half of the messages of hal/link. */
 #include "wire/codecs_gen.h"
 
-/* One signal: where in the struct, its lowest bit in the message, its width: below 8 within one byte, or 8, 16, 32. */
+/* A signal: its place in the struct, its lowest bit in the message, and its width: 8, 16, 32, or a part of a byte. */
 typedef struct {
     uint8_t at;
     uint8_t first;
@@ -103,7 +103,7 @@ static int unpack(void *to, const uint8_t *data, size_t size, const field_t *fie
 
 
 def _of_brick(message: Message) -> str:
-    """C functions of one message: pack where the brick sends it, else unpack."""
+    """Returns the C function of one message: pack if the brick sends it, else unpack."""
     name = f"{PREFIX}_{message.name.lower()}"
     packs = message.senders == ["BRICK"]
     rows = []
@@ -125,7 +125,7 @@ def _of_brick(message: Message) -> str:
 
 
 def _place(message: Message) -> str:
-    """Macros of one message: the first byte of each signal, and within a byte its lowest bit and its mask."""
+    """Returns the macros of one message: each signal's first byte; for a part of a byte its lowest bit and mask."""
     lines = []
     for signal in message.signals:
         name = f"{PREFIX}_{message.name}_{signal.name}".upper()
@@ -137,10 +137,10 @@ def _place(message: Message) -> str:
 
 
 def render(dbc: str) -> tuple[str, str, str]:
-    """Text of the header, of the brick's half of what travels over hal/link, and of all the rest, for the tests.
+    """Returns the texts of the header, of the brick's half of the messages of hal/link, and of the rest, for the tests.
 
-    The firmware calls no library, so that the generator's memset becomes a loop, and what nobody needs goes: range
-    checks, initialisers, names as text. The date goes too.
+    The firmware calls no library, so a loop replaces the generator's memset. Range checks, initialisers and names as
+    text are left out, since nobody uses them. The date is left out, so that the same DBC gives the same text.
 
     Args:
         dbc: the DBC's text; its VERSION is the protocol's number.
@@ -156,11 +156,11 @@ def render(dbc: str) -> tuple[str, str, str]:
     header = _NAMES_AWAY.sub("", _DECLARATION_AWAY.sub("", header))
     header = re.sub(r"/\* (?:Frame|Signal) Names\. \*/\n+", "", header)
     identity = (
-        f"/* Of the DBC: its VERSION, and the CRC-16/CCITT-FALSE of its bytes. */\n"
+        f"/* The DBC's VERSION, and the CRC-16/CCITT-FALSE of its bytes. */\n"
         f"#define {PREFIX.upper()}_PROTOCOL ({int(database.version or '')}u)\n"
         f"#define {PREFIX.upper()}_DBC (0x{binascii.crc_hqx(dbc.encode(), 0xFFFF):04x}u)\n\n"
     )
-    places = "/* Where signals lie: byte, and in a part of it lowest bit and mask. */\n"
+    places = "/* The places of the signals: the first byte; for a part of a byte also its lowest bit and mask. */\n"
     places += "".join(_place(message) for message in database.messages)
     header = header.replace("/* Frame ids. */", identity + "/* Frame ids. */")
     header = header.replace("/* Frame lengths in bytes. */", places + "\n/* Frame lengths in bytes. */")

@@ -21,7 +21,7 @@ def _constants(profile: str, vehicle: Mapping[str, Any]) -> dict[str, float]:
 
 
 def render(vehicle: Mapping[str, Any]) -> str:
-    """The header's text.
+    """Returns the header's text.
 
     Args:
         vehicle: a vehicle file's tables.

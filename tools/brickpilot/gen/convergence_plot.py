@@ -19,7 +19,7 @@ _SIGNALS = ("wheel_speed_left", "wheel_speed_right", "current_left", "current_ri
 
 
 def errors(model: Model) -> list[float]:
-    """For each of `STEPS_MS` the largest rms error of a signal, as a share of its largest value.
+    """Returns, for each of `STEPS_MS`, the largest rms error of a signal as a share of its largest value.
 
     The manoeuvre: forward, curve, spin, one wheel braked, one floating, backward, each for 0.51 s.
     The truth is the same plant with a motor step 64 times finer than the usual one.

@@ -1,4 +1,4 @@
-"""tests/numeric/model_sets_gen.h: the model's coefficients beside the SI values they were made from."""
+"""tests/numeric/model_sets_gen.h: the model's coefficients, beside the SI values that they were made from."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ FIXED = ("gravity", "air_density", "battery_voltage")
 
 
 def _follow_from_the_motor(values: dict[str, float]) -> None:
-    """Eq. 16 and 17 speak of the same motor as eq. 12: else full voltage would brake."""
+    """Computes the values of eq. 16 and 17 from those of eq. 12. If they disagreed, full voltage would brake."""
     values["stall_torque"] = values["torque_constant"] * values["battery_voltage"] / values["resistance"]
     values["no_load_speed"] = values["battery_voltage"] / values["emf_constant"]
 
 
 def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
-    """The nominal values, then sets drawn within +-25 %: all but constants, supply, and what follows from others."""
+    """Returns the nominal values, then sets drawn within +-25 %. Constants, the supply and derived values stay."""
     draw = random.Random(SEED)
     sets = [dict(nominal)]
     for _ in range(PERTURBED_SETS):
@@ -35,7 +35,7 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
 
 
 def render(nominal: Mapping[str, float], step: float) -> str:
-    """The header's text."""
+    """Returns the header's text."""
     names = list(nominal)
     blocks = []
     for values in value_sets(nominal):

@@ -47,7 +47,7 @@ def _heading(common: Mapping[str, float]) -> dict[str, Any]:
 def _speed(
     common: Mapping[str, float], own: Mapping[str, float], radius: float, counts: float, step: float
 ) -> dict[str, Any]:
-    """The observer has a double pole at its bandwidth b: 2 b on the travel, b^2 on the speed."""
+    """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on the travel, b^2 on the speed."""
     band = own["observer_bandwidth"]
     bias = {"accel_bias_time": _nearest_power_of_two(common["accel_bias_time"] / step)}
     return {
@@ -61,7 +61,7 @@ def _speed(
 
 
 def holding_voltage(values: Mapping[str, float]) -> float:
-    """Voltage of both motors per speed that the coupled vehicle then holds on level ground, V s/m; no air drag."""
+    """Returns the voltage of both motors per speed that it holds on level ground, V s/m: coupled, without air drag."""
     per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
     return per_wheel_speed / values["wheel_radius"]
 
@@ -71,7 +71,7 @@ def _plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
-    with_pose = step == float(vehicle["rates"]["body_step"]["value"])  # the hosts', which alone ask the model for it
+    with_pose = step == float(vehicle["rates"]["body_step"]["value"])  # only the hosts ask the model for the pose
     return _model(profile, _plain(vehicle["parameters"]), step, with_pose)
 
 
@@ -136,7 +136,7 @@ def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float], set
 
 
 def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
-    """The header's text.
+    """Returns the header's text.
 
     Args:
         vehicle: a vehicle file's tables.

@@ -1,7 +1,7 @@
 """What the brick can undo of a robot's effects: fixed-point parameters for the firmware, and their file.
 
 The firmware drives, and believes in, the packaged robot. These parameters turn the voltages that it wants into those
-that another robot's motors need, and another one's readings into what they stand for (`firmware/app/compensation`).
+that another robot's motors need, and another one's readings into what they stand for (`firmware/app/parameters`).
 """
 
 from __future__ import annotations
