@@ -74,7 +74,8 @@ static void sense(flight_t *flight)
                                         to_int16(state->surge * 16e3), to_int16(state->yaw_rate * 1e3)};
 }
 
-/* Puts the constants and the request's settings in force. False: there is no such setting, or a value is out of its range. */
+/* Puts the constants and the request's settings in force. False: there is no such setting, or a value is out of its
+ * range. */
 static bool write_settings(const bp_flight *request, parameters_t *parameters)
 {
     parameters_start(parameters, request->controller == BP_PAPER ? &PARAMS_PAPER : &PARAMS_COUPLED);

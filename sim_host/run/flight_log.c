@@ -4,8 +4,8 @@
 
 static const double TURN = 6.283185307179586;
 
-/* In the order in which flight_log_row() writes them. */
-static const char *const NAMES[FLIGHT_LOG_COLUMNS] = {
+/* The columns, in the order in which flight_log_row() writes them. */
+static const char *const NAMES[] = {
     "time_s", "true_x_m", "true_y_m", "true_heading_rad", "true_speed_m_s", "true_sway_m_s", "true_yaw_rate_rad_s",
     "true_accel_surge_m_s2", "true_accel_sway_m_s2", "left_wheel_rad_s", "right_wheel_rad_s", "left_current_a",
     "right_current_a", "battery_v", "left_voltage_v", "right_voltage_v",
@@ -17,6 +17,8 @@ static const char *const NAMES[FLIGHT_LOG_COLUMNS] = {
     "mode", "fault", "phase", "waypoint", "overshoots", "demand_speed_m_s", "demand_heading_rad", "heading_error_rad",
     "cross_track_m", "speed_p_v", "speed_i_v", "speed_d_v", "yaw_p_v", "yaw_i_v", "yaw_d_v", "surge_effort_v",
     "yaw_effort_v", "left_duty", "right_duty", "surge_saturated", "yaw_saturated"};
+
+_Static_assert(sizeof NAMES / sizeof *NAMES == FLIGHT_LOG_COLUMNS, "FLIGHT_LOG_COLUMNS counts NAMES");
 
 const char *flight_log_name(int index)
 {

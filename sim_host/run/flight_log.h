@@ -1,4 +1,4 @@
-/* flight_log.h: the columns of a closed loop's log, one row a control step. */
+/* flight_log.h: the log of a closed loop: one row for each control step. */
 #ifndef BRICKPILOT_RUN_FLIGHT_LOG_H
 #define BRICKPILOT_RUN_FLIGHT_LOG_H
 
@@ -9,7 +9,7 @@
 
 enum { FLIGHT_LOG_COLUMNS = 48 };
 
-/* Name of a column, its unit at the end; NULL beyond the last. */
+/* Returns the name of a column, which ends in its unit; NULL beyond the last. */
 const char *flight_log_name(int index);
 
 /* Fills one row of FLIGHT_LOG_COLUMNS. `imu` is what was measured, `output` the plant's row of this moment, `voltage`

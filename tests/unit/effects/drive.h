@@ -21,7 +21,7 @@ static inline void set(const char *name, double value)
     TEST_ASSERT_EQUAL_INT_MESSAGE(0, bp_model_set(model, name, value), name);
 }
 
-/* No losses but what the test adds: coasting goes on for ever. */
+/* Removes all losses, so that a vehicle coasts for ever unless the test adds some. */
 static inline void without_losses(void)
 {
     set("rolling_friction", 0);

@@ -13,7 +13,8 @@ void tearDown(void)
 
 static const double ANGLE = 0.1;
 
-/* Straight ahead from rest: an IMU turned clockwise feels a forward push from its left, which is negative sway. */
+/* The vehicle speeds up straight ahead. An IMU that is turned clockwise feels that push from its left, as negative
+ * sway. */
 static void test_a_forward_push_shows_to_the_left_of_an_imu_turned_clockwise(void)
 {
     begin("accel_misalignment", &ANGLE, NULL);

@@ -2,7 +2,7 @@
 
 static const double SLOPE = 0.2;
 
-/* Two stalled motors at full duty: q' = 2 V / R. */
+/* Two stalled motors at full duty draw q' = 2 V / R. */
 static void test_a_stalled_robot_drains_exponentially(void)
 {
     use("battery_discharge", &SLOPE);

@@ -1,6 +1,6 @@
 #include "affected.h"
 
-/* Stalled at a duty d: i = d V / R, the battery gives 2 d i. */
+/* Motors stalled at a duty d carry i = d V / R, and the battery gives 2 d i. */
 static double stalled(double resistance, double part)
 {
     use("battery_sag", &resistance);
@@ -33,7 +33,7 @@ static void test_the_voltage_settles_within_a_few_body_steps(void)
     }
 }
 
-/* Battery and motors agree in the step in which the command changes, however long it is beside L / R. */
+/* Battery and motors agree in the step in which the command changes, however long that step is beside L / R. */
 static void test_the_first_step_is_exact_without_inductance(void)
 {
     const double resistance = 30;
@@ -47,7 +47,7 @@ static void test_the_first_step_is_exact_without_inductance(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-4, 9 / (1 + 2 * 30. / 22), plant.vehicle.supply);
 }
 
-/* What a dead band takes of the voltage, the motors do not draw. */
+/* The motors do not draw what a dead band takes of the voltage. */
 static void test_the_rest_of_the_drive_is_heeded(void)
 {
     const double resistance = 8, deadband = 3;

@@ -12,7 +12,7 @@ void tearDown(void)
 
 static const double FORCE = 0.5;
 
-/* Loss of speed in 0.3 s at this angle to the pile's lean, which is at 0.6, 0.8. */
+/* Returns the speed lost in 0.3 s at an angle to the lean of the pile, which points to (0.6, 0.8). */
 static double loss(double angle)
 {
     const bp_state moving = {.surge = 0.5, .heading = atan2(0.8, 0.6) + angle};

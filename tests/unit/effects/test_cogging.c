@@ -33,7 +33,7 @@ static void test_a_floating_motor_keeps_its_energy(void)
     TEST_ASSERT_TRUE(low < 5.5);
 }
 
-/* A detent is a pendulum: sqrt(torque order / inertia). */
+/* Near a rest position the wheel swings like a pendulum, at sqrt(torque order / inertia). */
 static void test_it_swings_about_a_detent_and_stays_in_it(void)
 {
     const double values[] = {0.02, 6, 0, 0};

@@ -23,7 +23,7 @@ static void presets(void)
         values[k] = info()->parameters[k].preset;
 }
 
-/* Sets one parameter beside those set before. */
+/* Sets one more parameter and keeps those set before. */
 static void term(const char *name, double value)
 {
     int k = 0;
@@ -51,7 +51,7 @@ static void fresh(int kind, int profile)
     vehicle(kind, profile);
 }
 
-/* With losses, so that what takes them away shows. */
+/* A vehicle with losses, so that a term that takes losses away shows. */
 static bp_state ride(double row[OUTPUT_COUNT])
 {
     const bp_state waiting = {.age = 2};
@@ -109,7 +109,8 @@ static void test_every_term_shows(void)
     }
 }
 
-/* Swap left and right and turn what is odd over: the mirror image. Each term for itself, and of a visible size. */
+/* Swapping left and right and the sign of an odd term gives the mirror image. Each term acts alone, at a visible
+ * size. */
 static void test_every_term_has_its_mirror_image(void)
 {
     static const output_t EVEN[] = {OUTPUT_ACCEL_SURGE, OUTPUT_X, OUTPUT_SURGE};
@@ -133,7 +134,7 @@ static void test_every_term_has_its_mirror_image(void)
     }
 }
 
-/* Either sign of any coefficient, a hundred times what shows: damped or driven, but never beyond all bounds. */
+/* Any coefficient, with either sign and a hundred times a visible size, damps or drives, and the state stays finite. */
 static void test_absurd_sizes_stay_finite(void)
 {
     for (int k = 0; k < COMPOSED_COUNT; k++) {

@@ -12,7 +12,7 @@ void tearDown(void)
 
 static const double COEFFICIENT = 0.5;
 
-/* Nothing changes the yaw rate, so the speed decays exponentially. */
+/* The yaw rate stays constant, so the speed decays exponentially. */
 static void test_in_a_curve_the_speed_decays_with_the_yaw_rate(void)
 {
     on("curve_scrub", COEFFICIENT, 0, 0);

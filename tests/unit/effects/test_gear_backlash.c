@@ -5,7 +5,8 @@ static const double ROTOR = 0.6 * 1e-4;
 static const double INERTIA = 1e-4 + 0.45 * 0.04 * 0.04;
 static const double TORQUE = 0.195 * 4 / 22;
 
-/* Torque without back EMF, current without inductance: the rotor crosses half the gap in sqrt(gap ROTOR / TORQUE). */
+/* Without back EMF and inductance the torque is constant: the rotor crosses half the gap in sqrt(gap ROTOR /
+ * TORQUE). */
 static void make_ideal(void)
 {
     make_motor("gear_backlash", VALUES);
@@ -41,7 +42,7 @@ static void test_no_momentum_is_lost_in_the_gap_or_the_impact(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-3, TORQUE * 0.3 / INERTIA, plant.vehicle.state.wheel_speed[0]);
 }
 
-/* While the rotor turns back across the whole gap the wheel coasts. */
+/* While the rotor turns back across the whole gap, the wheel coasts. */
 static void test_a_reversal_is_felt_late(void)
 {
     make_ideal();
@@ -55,7 +56,7 @@ static void test_a_reversal_is_felt_late(void)
     TEST_ASSERT_DOUBLE_WITHIN(0.05, 0, plant.vehicle.state.wheel_speed[0]);
 }
 
-/* A floating rotor keeps its speed, so the wheel's losses slow down the rest alone. */
+/* A floating rotor keeps its speed in the play, so the wheel's losses slow down only the other inertias. */
 static void test_in_the_gap_the_wheel_slows_without_the_rotor(void)
 {
     const double wide[] = {3, 0.6};
@@ -84,7 +85,7 @@ static void test_a_slow_step_does_not_blow_up_a_light_rotor(void)
     TEST_ASSERT_TRUE(most > 0.9 * 6 / 0.245 && most < 2 * 6 / 0.245);
 }
 
-/* Slow and against friction, the wheel's angle as one of the rotor's has two branches a gap apart. */
+/* In slow motion against friction, the wheel's angle over the rotor's angle has two branches, one gap apart. */
 static void test_the_rotor_leads_by_half_the_gap_in_either_direction(void)
 {
     const double friction = 0.01;

@@ -29,7 +29,7 @@ static void test_within_the_range_nothing_is_touched(void)
     assert_only(0, -1);
 }
 
-/* A spin that nothing brakes: the truth turns on at 5 rad/s, the gyro counts 2 of them. */
+/* Nothing brakes the spin: the vehicle turns on at 5 rad/s, of which the gyro counts 2. */
 static void test_the_angle_is_the_integral_of_the_clipped_rate(void)
 {
     const bp_state spinning = {.yaw_rate = -5};

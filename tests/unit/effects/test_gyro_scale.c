@@ -23,7 +23,7 @@ static void test_rate_and_angle_turned_are_too_large_by_the_error(void)
     assert_only(OUTPUT_YAW_RATE, OUTPUT_YAW_ANGLE);
 }
 
-/* A later effect in the chain: the bias comes behind the scale, whatever the order of switching on. */
+/* The bias follows the scale in the chain, whichever of the two was switched on first. */
 static void test_a_bias_is_not_scaled(void)
 {
     const double bias = 0.5;

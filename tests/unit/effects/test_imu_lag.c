@@ -13,7 +13,7 @@ void tearDown(void)
 
 static const double LAG = 0.05;
 
-/* A body too heavy to slow down, given a constant yaw acceleration: the filter's answer to a ramp in closed form. */
+/* A very heavy body has a constant yaw acceleration, and the filter's response to a ramp is known in closed form. */
 static void test_a_ramp_of_yaw_rate_is_followed_late_by_the_time_constant(void)
 {
     bp_model_set(plain, "wheel_inertia", 1e4);
@@ -29,7 +29,7 @@ static void test_a_ramp_of_yaw_rate_is_followed_late_by_the_time_constant(void)
     TEST_ASSERT_TRUE(truth[OUTPUT_YAW_RATE] > 1e-4);
 }
 
-/* A constant specific force from the first step on: the step answer. */
+/* The specific force is constant from the first step on, so the reading is the filter's step response. */
 static void test_a_step_of_acceleration_is_63_percent_there_after_the_time_constant(void)
 {
     bp_model_set(plain, "wheel_inertia", 1e4);

@@ -13,7 +13,7 @@ void tearDown(void)
 
 static const double ARM[2] = {0.05, -0.03};
 
-/* Spun up on the spot, the centre of mass feels nothing: what is seen is the arm's alone. */
+/* In a spin on the spot the centre of mass feels nothing, so the reading is that of the lever arm alone. */
 static void test_a_spin_shows_the_centripetal_and_the_tangential_part(void)
 {
     begin("imu_lever_arm", ARM, NULL);

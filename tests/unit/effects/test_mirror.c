@@ -1,5 +1,5 @@
-/* What the `odd` flags of the table promise: swap left and right and turn the odd parameters over, and the run is the
- * mirror image, for every effect at its preset, and beside 0 where that is the preset. */
+/* The promise of the `odd` flags of the table: after swapping left and right and the signs of the odd parameters, a run
+ * is the mirror image of the first. It holds for every effect at its preset, or near 0 where the preset is 0. */
 #include <string.h>
 
 #include "drive.h"

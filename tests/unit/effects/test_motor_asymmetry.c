@@ -14,7 +14,7 @@ static void test_each_side_gets_its_share_of_the_voltage(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-12, nominal.heading, plant.vehicle.state.heading);
 }
 
-/* Clockwise, to the weaker side: at the start and for good. */
+/* The vehicle turns clockwise, to the weaker side, at the start and later. */
 static void test_it_turns_to_the_same_side_at_any_speed(void)
 {
     use("motor_asymmetry", &DIFFERENCE);

@@ -29,7 +29,8 @@ static void test_above_the_axle_it_is_more_mass(void)
     assert_near(&heavier, &loaded);
 }
 
-/* A quarter of the mass at a distance: centre of mass by a quarter of it, inertia by the reduced mass. */
+/* A load of a quarter of the mass moves the centre of mass by a quarter of its distance, and adds the inertia of the
+ * reduced mass. */
 static void test_elsewhere_it_moves_the_centre_of_mass_and_adds_inertia(void)
 {
     on("payload_mass", 0.3, 0.08, 0.06);

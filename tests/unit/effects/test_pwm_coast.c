@@ -3,7 +3,7 @@
 static const double FLOATS[] = {0.001, 0};
 static const double BRAKES[] = {0.001, 1};
 
-/* Mean current of the left motor over a whole number of ticks, stalled, with motor steps of `step` s. */
+/* Returns the mean current of the stalled left motor over whole ticks, with motor steps of `step` s. */
 static double stalled_current(double voltage, double step)
 {
     set("wheel_inertia", 1e4);

@@ -16,7 +16,7 @@ enum { SAMPLES = 400 };
 
 static double past[SAMPLES][OUTPUT_COUNT];
 
-/* A manoeuvre with every signal alive. */
+/* A manoeuvre in which every signal changes. */
 static void drive(double dt, int k)
 {
     advance(6 * sin(9 * k * dt), 4 * cos(7 * k * dt), dt);

@@ -21,7 +21,7 @@ static void test_every_name_stands_for_one_row(void)
         TEST_ASSERT_EQUAL_INT_MESSAGE(i, effect_index(bp_effect(i)->name), bp_effect(i)->name);
 }
 
-/* What the firmware can undo of an effect is nothing where the effect changes nothing. */
+/* With all its parameters at 0 an effect changes nothing, so there is nothing to undo. */
 static void test_an_effect_of_no_size_leaves_nothing_to_undo(void)
 {
     bp_model *model = bp_model_new(BP_DIFF_DRIVE, BP_COUPLED);

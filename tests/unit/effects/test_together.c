@@ -1,4 +1,4 @@
-/* Any effects together: random subsets of the table, parameters drawn about their presets. */
+/* Effects together: random subsets of the table, with parameters drawn around their presets. */
 #include <string.h>
 
 #include "drive.h"
@@ -23,7 +23,8 @@ static double uniform(double low, double high)
     return low + (high - low) * random_uniform(&dice);
 }
 
-/* A third to three times the preset, either sign where the range has both; a preset of 0 may be anything small. */
+/* Draws a third to three times the preset, with either sign where the range has both. Where the preset is 0, a small
+ * value. */
 static double draw(const bp_parameter_info *parameter)
 {
     const double size = parameter->preset == 0 ? uniform(-0.005, 0.005) : parameter->preset * exp(uniform(-1.1, 1.1));
@@ -31,7 +32,7 @@ static double draw(const bp_parameter_info *parameter)
     return fmin(fmax(sign * size, parameter->minimum), parameter->maximum);
 }
 
-/* Of composed_term a few terms at a time, as they are composed: all of them at once are no vehicle. */
+/* The composed effect gets a few terms at a time, as discovery uses it: all of them at once make no vehicle. */
 static double draw_one(const bp_effect_info *info, int k)
 {
     const bp_parameter_info *parameter = &info->parameters[k];
@@ -51,7 +52,7 @@ static void draw_effects(double share)
     }
 }
 
-/* Full voltage either way, shorted, floating, each for a tenth of a second. */
+/* Full voltage forward and backward, shorted, floating: each for a tenth of a second. */
 static bp_state ride(double row[OUTPUT_COUNT])
 {
     static const double LEFT[] = {9, 4, -9, 0, NAN, 9, -5, NAN, 3, 0}, RIGHT[] = {9, -6, 9, 0, 7, -9, -5, NAN, 3, 0};

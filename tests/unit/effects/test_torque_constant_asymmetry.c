@@ -2,7 +2,8 @@
 
 static const double DIFFERENCE = 0.2;
 
-/* In the paper profile the wheels turn apart: each is that of a robot whose motors all have its constants. */
+/* In the paper profile the wheels turn independently. Each turns like a wheel of a robot whose motors all have its
+ * constants. */
 static void test_each_motor_has_its_own_flux(void)
 {
     make(BP_DIFF_DRIVE, BP_PAPER);
@@ -18,7 +19,7 @@ static void test_each_motor_has_its_own_flux(void)
     }
 }
 
-/* What no gain of the voltage does: the stronger side starts first and then runs slower. */
+/* The stronger side starts first and then runs slower, which no gain of the voltage does. */
 static void test_it_turns_to_one_side_at_the_start_and_to_the_other_at_speed(void)
 {
     use("torque_constant_asymmetry", &DIFFERENCE);

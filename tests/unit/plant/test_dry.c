@@ -48,7 +48,7 @@ static void test_dry_solution_is_the_minimum_for_random_speeds_and_bounds(void)
         held[(w[0] == 0) + 2 * (w[1] == 0)]++;
     }
     for (int i = 0; i < 4; i++)
-        TEST_ASSERT_GREATER_THAN(20, held[i]); /* slipping, each wheel held, both held: all were met */
+        TEST_ASSERT_GREATER_THAN(20, held[i]); /* slipping, each wheel held, both held: each case has occurred */
 }
 
 static void test_dry_holds_motions_at_exactly_zero(void)

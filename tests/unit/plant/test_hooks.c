@@ -1,4 +1,4 @@
-/* The sites of effect.h, each with an effect made for this test: what a hook changes there, the plant feels. */
+/* The sites of effect.h. Each has an effect made for this test, and the plant responds to what its hook changes. */
 #include <math.h>
 #include <string.h>
 
@@ -39,7 +39,7 @@ static void go(double left, double right, double seconds)
     plant_outputs(&plant, out);
 }
 
-/* Value times the mass, at the same size. */
+/* Multiplies the mass by its value; the yaw inertia stays. */
 static void heavy(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
@@ -61,7 +61,7 @@ static void test_build_hook_changes_the_vehicle_before_it_starts(void)
     }
 }
 
-/* Commands arrive value seconds after the run's start: memory counts the time. */
+/* Holds back the commands until `value` seconds after the run's start; its memory counts the time. */
 static void late(const double *value, double *memory, vehicle_t *vehicle)
 {
     if (memory[0] < value[0] - 1e-9)

@@ -22,7 +22,7 @@ static void test_motor_current_rises_exactly_as_one_minus_exp(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-15, 6.0 / 20 * (1 - exp(-5 * H * 20 / 0.01)), current);
 }
 
-/* Of a speed that rises linearly: the integral of the closed form, by Simpson's rule over 2000 parts. */
+/* The current of a speed that rises linearly: the integral of the closed form by Simpson's rule over 2000 parts. */
 static void test_motor_mean_current_is_exact_for_a_linear_speed(void)
 {
     const double speed = 3, change = 2, start = 0.05, voltage = 6, a = 20 / 0.01;

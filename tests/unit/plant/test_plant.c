@@ -88,7 +88,7 @@ static void test_steady_speed_with_air_drag_balances_the_square(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.5 * 1.2 * 0.5 * u * u, 2 * torque / get("wheel_radius"));
 }
 
-/* Without inductance and drag the modes are first order: 1 - 1/e of the end after one time constant. */
+/* Without inductance and drag the modes are of first order: after one time constant the speed is 1 - 1/e of its end. */
 static void assert_time_constant(double sign, double inertia)
 {
     set("inductance", 0);
@@ -116,7 +116,7 @@ static void test_spin_time_constant_has_the_yaw_inertia(void)
     assert_time_constant(-1, get("wheel_inertia") + 0.5 * get("yaw_inertia") * ratio * ratio);
 }
 
-/* Fed by the drive = heat in the windings + friction + air + what moves and what the coils hold. */
+/* The energy from the drive = heat in the windings + friction + air drag + kinetic energy + energy in the coils. */
 static void test_energy_balance_holds(void)
 {
     set("drag_area", 0.2);
@@ -226,7 +226,7 @@ static void test_coupled_wheels_neither_slip_nor_slide(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.0408 * (w[0] + w[1]) / 2, state()->surge);
     TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.0408 * (w[0] - w[1]) / 0.14, state()->yaw_rate);
     TEST_ASSERT_EQUAL_DOUBLE(0, state()->sway);
-    TEST_ASSERT_TRUE(state()->yaw_rate > 1); /* left faster turns right: clockwise */
+    TEST_ASSERT_TRUE(state()->yaw_rate > 1); /* a faster left wheel turns the vehicle to the right, clockwise */
     TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.0408 * (state()->wheel_angle[0] - state()->wheel_angle[1]) / 0.14,
                               state()->heading);
 }

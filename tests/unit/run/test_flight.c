@@ -81,7 +81,7 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     static const double STILL[2 * STEPS];
     bad = flight;
-    bad.drive = STILL; /* a schedule has no waypoints: not even a count of them, which nothing bounds */
+    bad.drive = STILL; /* a schedule has no waypoints, so their count has to be 0 */
     bad.waypoint_count = BP_MAX_WAYPOINTS + 1;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     static const double NOWHERE[] = {NAN, 0};

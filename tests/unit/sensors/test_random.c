@@ -13,7 +13,7 @@ void setUp(void)
 }
 void tearDown(void) {}
 
-/* The reference generator, seeded with splitmix64 of 42: computed once in Python from the published algorithms. */
+/* The first numbers for the seed 42, computed once in Python from the published algorithms. */
 static void test_random_is_the_published_generator(void)
 {
     TEST_ASSERT_EQUAL_DOUBLE(0.08386297105988216, random_uniform(&random_state));
