@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from brickpilot.hil.ends import brick_interface
+from brickpilot.hil.brick_thread import brick_interface
 from brickpilot.link.lnp import BRICK, HOST
 from rcx_lnp import LnpDevice, Packet
 

@@ -15,6 +15,7 @@ import pytest
 import step_study
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
+from brickpilot.hil.h8_simulator import check_sensors
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
@@ -75,4 +76,4 @@ def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
 
 def test_ideal_sensors_are_refused_for_a_brick_that_lacks_them() -> None:
     with pytest.raises(InputError, match=r"--sensors ideal: a brick has no ideal sensors; h8sim:imu flies with imu or"):
-        ends.check_sensors("h8sim:imu", "ideal")
+        check_sensors("h8sim:imu", "ideal")

@@ -8,7 +8,7 @@ from typing import Any
 
 import cantools
 import pytest
-from brickpilot.hil.ends import brick_interface
+from brickpilot.hil.brick_thread import brick_interface
 from brickpilot.link.links import decode_frame, encode_frame
 from brickpilot.link.messages import book, crc16
 from cobs import cobs

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from brickpilot.benchmark import h8_states
 from brickpilot.errors import SimulationError
-from brickpilot.hil import ends, fly
+from brickpilot.hil import ends, fly, h8_simulator
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
@@ -194,7 +194,7 @@ def mission(
     """Flies the packaged mission on the simulator and counts.
 
     Args:
-        target: one of `ends.H8SIM_TARGETS`.
+        target: one of `h8_simulator.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
         sensors: as `brickpilot run` has them.
         duration: s of the mission; None: all of it.
@@ -204,8 +204,8 @@ def mission(
         InputError: no checkout of the project, or no compiler.
         SimulationError: the flight broke off.
     """
-    ends.check_sensors(target, sensors)
-    _, image = ends.h8_simulator(target)
+    h8_simulator.check_sensors(target, sensors)
+    _, image = h8_simulator.h8_simulator(target)
     counter = Counter(Program.of(Path(image).with_suffix(".coff")))
     mission = scenario.load(scenario.packaged()["mission"])
     if duration is not None:

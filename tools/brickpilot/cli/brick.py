@@ -16,7 +16,7 @@ def brick(options: tuple[str, ...]) -> None:
     OPTIONS: --pty, --serial PATH, --listen HOST:PORT, --slcan-pty or --slcan PATH. The first line that it prints is
     the link that `brickpilot hil --link` takes.
     """
-    from brickpilot.hil.ends import PROGRAM
+    from brickpilot.hil.brick_process import PROGRAM
 
     sys.stdout.flush()
     os.execv(PROGRAM, [str(PROGRAM), *options])

@@ -136,12 +136,13 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
 def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     """Flies the mission, writes its run folder and prints its figures."""
     from brickpilot.hil import ends
+    from brickpilot.hil.h8_simulator import check_sensors
     from brickpilot.report import run_folder, run_page
     from brickpilot.vehicle import flight
 
     settings = settings_of(session.written)
     plan = request.plan()
-    ends.check_sensors(session.spec, plan.sensors)
+    check_sensors(session.spec, plan.sensors)
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     priority = not session.lockstep and ends.claim_priority()
     flown = _fly_over_the_link(plan, session, settings)

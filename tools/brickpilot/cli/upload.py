@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    from brickpilot.vehicle.flight import Plan
 
 
 @click.command()
@@ -47,10 +51,6 @@ def upload(
     SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
     is read back from the brick and compared. The brick keeps route and settings until its program ends.
     """
-    from brickpilot.hil import ends
-    from brickpilot.hil.fly import prepare
-    from brickpilot.link.links import LinkGoneError
-    from brickpilot.link.session import REALTIME, Session
     from brickpilot.vehicle import compensation, flight, model, scenario
 
     settings = settings_of(written)
@@ -59,6 +59,32 @@ def upload(
         raise InputError("has no waypoints", field=scenario_name)
     undone = compensation.load(Path(compensation_file)) if compensation_file else None
     plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=undone)
+    sent_again = _send(spec, plan, settings, start)
+    figures = {
+        "link": spec,
+        "scenario": chosen.name,
+        "profile": plan.controller,
+        "waypoints": len(chosen.waypoints),
+        "settings": settings,
+        "started": start,
+        "sent_again": sent_again,
+    }
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    click.echo(
+        f"{len(chosen.waypoints)} waypoints of {chosen.name} and {len(settings)} settings were sent to the brick; "
+        f"the mission was {'started' if start else 'not started'}; {sent_again} requests were sent again"
+    )
+
+
+def _send(spec: str, plan: Plan, settings: dict[str, int], start: bool) -> int:
+    """Sends a plan and settings to the brick, reads the route back, and returns how many requests were sent again."""
+    from brickpilot.hil import ends
+    from brickpilot.hil.fly import prepare
+    from brickpilot.link.links import LinkGoneError
+    from brickpilot.link.session import REALTIME, Session
+
     try:
         with closing(ends.open_link(spec)) as link:
             session = Session(link, spec)
@@ -68,22 +94,6 @@ def upload(
                 session.command("start")
     except LinkGoneError as error:
         raise InputError(str(error), field=f"--link {spec}") from None
-    wanted = [(round(x * 1e3), round(y * 1e3)) for x, y in chosen.waypoints]
-    if route != wanted:
+    if route != [(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints]:
         raise InputError(f"the brick holds another route, {route} mm", field=f"--link {spec}")
-    figures = {
-        "link": spec,
-        "scenario": chosen.name,
-        "profile": plan.controller,
-        "waypoints": len(route),
-        "settings": settings,
-        "started": start,
-        "sent_again": link.damaged + session.repeated,
-    }
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    click.echo(
-        f"{len(route)} waypoints of {chosen.name} and {len(settings)} settings were sent to the brick; the mission was "
-        f"{'started' if start else 'not started'}; {figures['sent_again']} requests were sent again"
-    )
+    return link.damaged + session.repeated

@@ -3,110 +3,32 @@
 from __future__ import annotations
 
 import os
-import select
-import signal
-import socket
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
-
-import can
-from cffi import FFI
 
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.brick_process import end_brick, restart_brick, start_brick, wait_for_end
+from brickpilot.hil.brick_thread import BrickThread
+from brickpilot.hil.h8_simulator import H8SIM_REPLY_S, H8SIM_TARGETS, start_h8
 from brickpilot.link.infrared import InfraredLink
-from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
+from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, open_bus, open_serial, open_tcp
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
-
-PROGRAM = Path(__file__).parents[1] / "brick"
 
 _PRIORITY = 20  # of 99; the system's own threads have more
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
 """Link whose brick is a process that is started here -> the options of that process."""
-
-H8SIM = "h8sim"
-"""The firmware on the simulator of the RCX's processor, linked by its standard input and output."""
-
-H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built as for this machine."""
-
-H8SIM_REPLY_S = 10.0
-"""Time for a reply: a simulated instruction takes microseconds, and the simulator takes seconds to start."""
 
 INFRARED = "infrared"
 """The infrared tower of an RCX. It is too slow for a plant; only `brickpilot upload` uses it."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
 FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
-
-
-@cache
-def brick_interface() -> tuple[FFI, Any]:
-    """Returns cffi's `ffi` and the library that holds a brick."""
-    folder = Path(__file__).parents[1]
-    header = (folder / "brickpilot_brick.h").read_text(encoding="utf-8")
-    ffi = FFI()
-    ffi.cdef("\n".join(line for line in header.splitlines() if not line.startswith("#")))
-    return ffi, ffi.dlopen(str(folder / "libbrickpilot_brick.so"))
-
-
-class BrickThread:
-    """A brick in a thread of this process, at one end of a CAN bus.
-
-    Args:
-        bus: an open bus, which `stop` shuts down.
-    """
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-        self._ended = threading.Event()
-        self._restart = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="brick", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        ffi: Any
-        ffi, library = brick_interface()
-        brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
-        identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
-        while not self._ended.is_set():
-            if self._restart.is_set():
-                brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
-                self._restart.clear()
-            wait_us = library.bp_brick_time(brick, time.monotonic_ns() // 1000)
-            self._send(library, brick, identifier, data, ffi)
-            try:
-                message = self._bus.recv(min(wait_us * 1e-6, 0.1))
-            except (can.CanError, OSError):
-                return
-            if message is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
-                continue
-            library.bp_brick_take(brick, message.arbitration_id, bytes(message.data), len(message.data))
-            self._send(library, brick, identifier, data, ffi)
-
-    def _send(self, library: Any, brick: Any, identifier: Any, data: Any, ffi: Any) -> None:
-        while (size := library.bp_brick_give(brick, identifier, data)) >= 0:
-            payload = bytes(ffi.buffer(data, size))
-            self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
-
-    def restart(self) -> None:
-        """Switches the brick off and on, and returns when it runs again."""
-        self._restart.set()
-        while self._restart.is_set() and self._thread.is_alive():
-            time.sleep(0.001)
-
-    def stop(self) -> None:
-        """Ends the thread and shuts down the bus."""
-        self._ended.set()
-        self._thread.join(5.0)
-        self._bus.shutdown()
 
 
 def claim_priority() -> bool:
@@ -119,97 +41,6 @@ def claim_priority() -> bool:
     except OSError:
         return False
     return True
-
-
-def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
-    """Starts a brick as a process, which ends with its standard input. Returns it and the link to it."""
-    process = subprocess.Popen(
-        [PROGRAM, *options.split(), "--until-eof"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
-    )
-    assert process.stdout is not None
-    ready = select.select([process.stdout], [], [], 5.0)[0]
-    address = process.stdout.readline().decode().strip() if ready else ""
-    if not address:
-        end_brick(process)
-        raise SimulationError(f"{PROGRAM.name} {options}: the brick did not start")
-    return process, address
-
-
-def end_brick(process: subprocess.Popen[bytes]) -> None:
-    """Ends a brick: closes its standard input and waits."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    process.stdin.close()
-    _end(process)
-    process.stdout.close()
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    try:
-        process.wait(2.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
-def h8_simulator(target: str) -> tuple[str, str]:
-    """Builds the simulator and its program by the project's scripts if necessary, and returns their paths.
-
-    Args:
-        target: one of `H8SIM_TARGETS`.
-
-    Raises:
-        InputError: no checkout is in this folder or above it, or a build fails.
-    """
-    folder = next((folder for folder in _here_and_above() if (folder / "firmware/targets/h8sim/build").exists()), None)
-    if folder is None:
-        raise InputError("needs a checkout of the project in this folder or above it", field=f"--target {target}")
-
-    def output(*command: str) -> str:
-        done = subprocess.run([folder / command[0], *command[1:]], stdout=subprocess.PIPE, text=True, check=False)
-        if done.returncode != 0:
-            raise InputError(f"{command[0]} failed", field=f"--target {target}")
-        return done.stdout.strip()
-
-    sensors = H8SIM_TARGETS[target]
-    built = []
-    if sensors is not None:
-        built = [str(folder / f"build/h8sim-{sensors}"), *output("firmware/targets/rcx/flags", sensors).split()]
-    return output("hal/h8sim/simulator"), output("firmware/targets/h8sim/build", *built)
-
-
-def check_sensors(target: str, sensors: str) -> None:
-    """Raises InputError if the target's brick cannot have these sensors."""
-    if H8SIM_TARGETS.get(target) is not None and sensors == "ideal":
-        raise InputError(
-            f"a brick has no ideal sensors; {target} flies with imu or imu+encoders", field=f"--sensors {sensors}"
-        )
-
-
-def _here_and_above() -> tuple[Path, ...]:
-    here = Path.cwd()
-    return (here, *here.parents)
-
-
-def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the firmware on the simulator, which ends with its standard input. Returns it and the link to it.
-
-    Args:
-        target: one of `H8SIM_TARGETS`.
-        trace: file to which it writes the address and the stack pointer of each instruction, as native 16-bit words.
-    """
-    simulator, image = h8_simulator(target)
-    ours, theirs = socket.socketpair()
-    with theirs:
-        process = subprocess.Popen(
-            ["stdbuf", "-o0", simulator, image],
-            bufsize=0,
-            stdin=theirs.fileno(),
-            stdout=theirs.fileno(),
-            stderr=subprocess.DEVNULL,
-            env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
-        )
-    return process, StreamLink(ours)
 
 
 def open_link(spec: str) -> Link:
@@ -229,14 +60,6 @@ def open_link(spec: str) -> Link:
     if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
         return CanLink(open_bus(spec, name, channel))
     raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
-
-
-def _restart_process(process: subprocess.Popen[bytes]) -> None:
-    """Restarts a brick by SIGUSR1 and waits for the line that it then prints."""
-    assert process.stdout is not None
-    process.send_signal(signal.SIGUSR1)
-    if select.select([process.stdout], [], [], 2.0)[0]:
-        process.stdout.readline()
 
 
 @dataclass(frozen=True)
@@ -274,7 +97,7 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
         if spec in STARTED:
             process, address = start_brick(STARTED[spec])
             link = open_link(address)
-            restart = partial(_restart_process, process)
+            restart = partial(restart_brick, process)
         elif spec in H8SIM_TARGETS:
             simulator, link = start_h8(spec, trace)
         elif spec in IN_PROCESS:
@@ -296,4 +119,4 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
         if process is not None:
             end_brick(process)
         if simulator is not None:
-            _end(simulator)
+            wait_for_end(simulator)

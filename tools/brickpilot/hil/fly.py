@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.faults import FaultyLink, controller_restarts
+from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.hil.plant_end import PlantEnd, open_plant
-from brickpilot.hil.telemetry import Telemetry
-from brickpilot.link.links import Link, LinkGoneError
-from brickpilot.link.messages import book
-from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
+from brickpilot.link.links import LinkGoneError
+from brickpilot.link.session import REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.settings import compensations
 from brickpilot.vehicle.settings import settings as known_settings
@@ -33,10 +31,6 @@ LOST_STEPS = int(SILENT_S / STEP_S)
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
 """A flight ends after so many steps without its link, with the motors off."""
-
-SEQUENCE_AT = 4  # in MOTORS; the tick follows
-
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -56,86 +50,6 @@ class HilFlight:
     lost_frames: int
     safe_stops: int
     broke_off: str | None
-
-
-class _Run:
-    """The state of one flight over a link."""
-
-    def __init__(self, ends: Ends, spec: str, plan: flight.Plan, pace: str, reply_s: float, progress: Progress) -> None:
-        self.restart = ends.restart
-        self.reply_s = reply_s
-        self.faulty = FaultyLink(ends.link, plan.scenario.faults, plan.seed)
-        self.link: Link = self.faulty if plan.scenario.faults else ends.link
-        link = self.link
-        self.plan = plan
-        self.lockstep = pace == LOCKSTEP
-        self.progress = progress
-        self.session = Session(link, spec, self.take, reply_s)
-        self.telemetry = Telemetry()
-        self.step = 0
-        self.late = 0
-        self.without_reply = 0
-        self.safe_stops = 0
-        self.heartbeat: dict[str, int] = {}
-        self.faults: dict[str, int] = {}
-        self.motors = (0, 0)
-        self.commanded_at = 0  # the step of the last motor command
-        self.sent_sequence = 0
-        self.expected = b""  # sequence number and tick of the reply
-        self.started = False
-        self.broke_off: str | None = None
-        by = book().by_name
-        self._motors, self._reply = by["MOTORS"], by["MODE_REPLY"]
-        self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults"}
-
-    def take(self, identifier: int, data: bytes) -> None:
-        """Takes a message that is not the expected reply to a request."""
-        if self.telemetry.take(identifier, data, self.step, lockstep=self.lockstep):
-            return
-        if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
-            left, right, sequence, _, _ = self._motors.unpack(data)
-            if (self.sent_sequence - sequence) & 255 < 128:  # neither from the future nor more than 127 sets old
-                self.motors, self.commanded_at = (left, right), self.step
-        elif identifier == self._reply.id and self._reply.sealed(data):
-            self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
-        elif identifier in self._reports and len(data) == 8:
-            layout = book().by_id[identifier]
-            setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
-
-    def begin_step(self) -> None:
-        """Applies the faults that restart the brick, at the beginning of a step."""
-        self.faulty.step = self.step
-        if self.plan.scenario.faults and controller_restarts(self.plan.scenario.faults, self.step):
-            assert self.restart is not None
-            self.restart()
-            self.safe_stops += 1
-
-    def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
-        """Sends the step's set until its reply comes, and takes the motor command. Returns False if none came."""
-        for _ in range(tries):
-            self.sent_sequence = self.session.next_sequence()
-            self.expected = bytes((self.sent_sequence, end.tick_ms))
-            self.link.send(end.messages(self.sent_sequence))
-            data = self.session.wait(self._motors.id, self._is_reply, timeout)
-            if data is not None:
-                left, right, *_ = self._motors.unpack(data)
-                self.motors = (left, right)
-                return True
-            self.without_reply += 1
-        return False
-
-    def _is_reply(self, data: bytes) -> bool:
-        return self._motors.sealed(data) and data[SEQUENCE_AT : SEQUENCE_AT + 2] == self.expected
-
-    def show(self) -> None:
-        if self.step % 100 == 0:
-            mode = ("idle", "run", "arrived", "fault")[self.telemetry.mode]
-            text = f"{mode}, waypoint {self.telemetry.waypoint + 1}"
-            self.progress(self.step, self.plan.steps, text)
-
-    def lost_frames(self) -> int:
-        at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
-        return self.without_reply + self.link.damaged + at_brick
 
 
 def prepare(
@@ -159,7 +73,7 @@ def prepare(
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
 
 
-def _fly_lockstep(run: _Run, end: PlantEnd) -> None:
+def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
     lost_since: int | None = None
     while run.step < run.plan.steps:
         run.begin_step()
@@ -188,7 +102,7 @@ def _fly_lockstep(run: _Run, end: PlantEnd) -> None:
     _drain(run)
 
 
-def _coast(run: _Run, end: PlantEnd, until: int) -> None:
+def _coast(run: LinkedFlight, end: PlantEnd, until: int) -> None:
     """Simulates the robot with its motors off. The sensors of the present step were read already."""
     while run.step < min(until, run.plan.steps):
         end.act(0, 0)
@@ -197,7 +111,7 @@ def _coast(run: _Run, end: PlantEnd, until: int) -> None:
             end.sense()
 
 
-def _drain(run: _Run) -> None:
+def _drain(run: LinkedFlight) -> None:
     """Waits for the telemetry of the last step."""
     last = run.step = run.step - 1
     until = time.monotonic() + 0.1
@@ -208,7 +122,7 @@ def _drain(run: _Run) -> None:
     run.step = last + 1
 
 
-def _fly_realtime(run: _Run, end: PlantEnd) -> None:
+def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
     began = time.perf_counter()
     stopped = False
     while run.step < run.plan.steps:
@@ -264,7 +178,7 @@ def fly(
         SimulationError: the plant's state diverges.
     """
     _check_plan(ends, spec, plan)
-    run = _Run(ends, spec, plan, pace, ends.reply_s if reply_s is None else reply_s, progress)
+    run = LinkedFlight(ends, spec, plan, pace, ends.reply_s if reply_s is None else reply_s, progress)
     prepare(run.session, plan, pace, telemetry_every, settings)
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
@@ -290,7 +204,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
         )
 
 
-def _flown(run: _Run, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
+def _flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
     """Returns the flight as far as it went: the plant's log with the columns that telemetry gives, and the counts."""
     done = run.step
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}
