@@ -34,6 +34,7 @@ NAMED = {
     "hil/fly.py",  # what a flight needs
     "vehicle/flight.py",  # a scenario's cruise
     "vehicle/compensation_values.py",  # the equations of the compensation
+    "constants.py",  # reads the value of one from the vehicle file
 }
 
 

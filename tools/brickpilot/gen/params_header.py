@@ -47,7 +47,7 @@ def _heading(common: Mapping[str, float]) -> dict[str, Any]:
 def _speed(
     common: Mapping[str, float], own: Mapping[str, float], radius: float, counts: float, step: float
 ) -> dict[str, Any]:
-    """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on the travel, b^2 on the speed."""
+    """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on travel, b^2 on speed."""
     band = own["observer_bandwidth"]
     bias = {"accel_bias_time": _nearest_power_of_two(common["accel_bias_time"] / step)}
     return {
