@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.benchmark import blind_test, sets, sindy, sindy_tune, table, table_text
+from brickpilot.benchmark.result import RESULTS, append, load
 from brickpilot.benchmark.score import (
     Share,
     composed,
@@ -187,7 +188,7 @@ def test_the_suggested_experiment_decides_where_the_truth_alone_is_named_after_i
     assert not decided(misled)
     results = [settled, misled, nothing, result(["a"], "named", effect("a"))]
     assert claim(results, "ambiguous, single").value == 0.5
-    assert claim(results, "ambiguous: none suggested").value == pytest.approx(1 / 3)
+    assert claim(results, "ambiguous: no experiment").value == pytest.approx(1 / 3)
     assert claim(results, "any set: ambiguous").value == 0.75
 
 
@@ -232,7 +233,7 @@ def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> Non
     single = rows["single, clearly visible, wheel speeds measured: right name"]
     assert single["of"] == 2
     assert (single["by"]["brickpilot"]["value"], single["by"]["PySINDy FROLS"]["value"]) == (1.0, 0.5)
-    false = rows["nothing hidden: an effect all the same"]["by"]
+    false = rows["nothing hidden: an effect is named or suspected"]["by"]
     assert false["PySINDy STLSQ"]["value"] == 0.0
     assert false[f"PySINDy {sindy.BIC_ALONE}"]["value"] == 1.0
 
@@ -258,17 +259,17 @@ def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:
 
 
 def test_results_are_appended_whole_and_a_torn_line_is_dropped(tmp_path) -> None:
-    path = tmp_path / "out" / blind_test.RESULTS
-    blind_test.append(path, result(["a"], "none", name="one"))
+    path = tmp_path / "out" / RESULTS
+    append(path, result(["a"], "none", name="one"))
     with path.open("a") as file:
         file.write('{"name": "two", "eng')
-    assert [one["name"] for one in blind_test.load(path)] == ["one"]
-    blind_test.append(path, result(["a"], "none", name="three"))
-    blind_test.append(path, result(["a"], "named", name="one"))
-    assert [(one["name"], one["verdict"]) for one in blind_test.load(path)] == [("one", "named"), ("three", "none")]
+    assert [one["name"] for one in load(path)] == ["one"]
+    append(path, result(["a"], "none", name="three"))
+    append(path, result(["a"], "named", name="one"))
+    assert [(one["name"], one["verdict"]) for one in load(path)] == [("one", "named"), ("three", "none")]
     path.write_text("[]\n" + path.read_text())
-    with pytest.raises(InputError, match=rf"{blind_test.RESULTS}:1: is not a line"):
-        blind_test.load(path)
+    with pytest.raises(InputError, match=rf"{RESULTS}:1: is not a line"):
+        load(path)
 
 
 class Recorded(sets.Maker):
@@ -288,34 +289,34 @@ class Recorded(sets.Maker):
 def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkeypatch) -> None:
     tasks = [sets.Task(f"s{i}", "mujoco", i, "single", 0) for i in range(10)]
     tasks += [sets.Task("s0", "planar", 0, "single", 0)]
-    judged = []
+    done = []
 
-    def judge(task, folder, *_):
-        if len(judged) == 3:
+    def run_one(task, folder, *_):
+        if len(done) == 3:
             raise KeyboardInterrupt
         assert folder.is_dir()
-        judged.append(task)
+        done.append(task)
         error = "ValueError: no" if task.name == "s1" else None
         return result([], "none", name=task.name, engine=task.engine, seed=task.seed, error=error)
 
-    monkeypatch.setattr(blind_test, "judge", judge)
-    told = []
-    options = {"jobs": 1, "peer": None, "progress": lambda *one: told.append(one)}
+    monkeypatch.setattr(blind_test, "run_one", run_one)
+    shown = []
+    options = {"jobs": 1, "peer": None, "progress": lambda *one: shown.append(one)}
     with pytest.raises(KeyboardInterrupt):
         blind_test.run(tasks, tmp_path, maker=Recorded(), **options)
-    assert [task.name for task in judged] == ["s0", "s1", "s2"]
-    judged.clear()
-    judged.extend([None] * 4)
+    assert [task.name for task in done] == ["s0", "s1", "s2"]
+    done.clear()
+    done.extend([None] * 4)
     maker = Recorded()
     results = blind_test.run(tasks, tmp_path, maker=maker, **options)
-    assert [(task.name, task.engine) for task in judged[4:]] == [
+    assert [(task.name, task.engine) for task in done[4:]] == [
         ("s1", "mujoco"), *((f"s{i}", "mujoco") for i in range(3, 10)), ("s0", "planar"),
     ]  # fmt: skip
     assert maker.made == [["s1", *(f"s{i}" for i in range(3, 10))], ["s0"]]
     assert len(results) == 11
-    assert told[-1] == (10, 11, "s0")
-    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == blind_test.load(
-        tmp_path / blind_test.RESULTS
+    assert shown[-1] == (10, 11, "s0")
+    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == load(
+        tmp_path / RESULTS
     )
 
 
@@ -455,7 +456,7 @@ def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert (table["sets"], table["engines"], table["errors"]) == (1, ["mujoco"], {})
-    kept = blind_test.load(tmp_path / "out" / blind_test.RESULTS)[0]
+    kept = load(tmp_path / "out" / RESULTS)[0]
     assert kept["hidden"] == {"coulomb_friction": {"torque": 0.005}}
     assert credit(kept) == 1.0
     assert parameter_errors([kept], main=True)[0] < 0.1
@@ -463,7 +464,7 @@ def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     assert kept["held_out"]["before"] > 3.0
     again = brickpilot(*arguments, cwd=tmp_path)
     assert "right name" in again.stdout
-    assert len((tmp_path / "out" / blind_test.RESULTS).read_text().splitlines()) == 1
+    assert len((tmp_path / "out" / RESULTS).read_text().splitlines()) == 1
     shown = brickpilot("benchmark", "discover", "--out", str(tmp_path / "out"), "--table", cwd=tmp_path)
     assert shown.stdout == again.stdout
 
@@ -474,6 +475,6 @@ def test_sets_are_made_and_thrown_away(tmp_path) -> None:
     options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
     done = brickpilot("benchmark", "discover", *options, cwd=CHECKOUT)
     assert done.returncode == 0, done.stderr
-    assert [path.name for path in folder.iterdir()] == [blind_test.RESULTS]
-    kept = blind_test.load(folder / blind_test.RESULTS)[0]
+    assert [path.name for path in folder.iterdir()] == [RESULTS]
+    kept = load(folder / RESULTS)[0]
     assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)

@@ -1,1 +1,22 @@
-"""Benchmarks: how often discovery is right, how fast the simulator is, what a step costs on the RCX."""
+"""Benchmarks: how often discovery is right, how fast the simulator is, and what a control step costs on the RCX.
+
+`brickpilot benchmark discover` and `tune-peer`, on data sets whose truth is known:
+
+    sets.py            the data sets: `tests/hidden` makes them, or they exist already
+    blind_test.py      runs discovery on each set and appends a result
+    result.py          one result, a line of results.jsonl: truth and verdict
+    score.py           what one result counts
+    claims.py          what discovery is asked to show, as shares and figures over many results
+    table.py           the whole table; table_text.py prints it
+    sindy.py           the peer: PySINDy on the same sets, with a named library
+    sindy_rows.py      the rows of its regression
+    sindy_library.py   the columns of its regression: effects as text books write them
+    sindy_motion.py    what the library is computed from
+    sindy_tune.py      tunes its windows and gates on calibration seeds
+
+`brickpilot bench`:
+
+    speed.py           the simulator and the links, beside a peer in the same process
+    step_budget.py     instructions, states, stack and bytes of a control step on the H8 simulator
+    h8_states.py       states of each H8/300 instruction
+"""

@@ -2,12 +2,12 @@
 
 Source: Hitachi H8/300 Series Programming Manual, appendix A, "Number of States Required for Instruction Execution". An
 instruction fetches I words of code, reads J branch addresses, moves K words on the stack, L bytes and M words of data,
-and takes N states by itself: I S_I + J S_J + K S_K + L S_L + M S_M + N. The count does not depend on the data, nor on
-whether a branch is taken; only `eepmov`'s depends on its count and is not in the table.
+and takes N states by itself: I S_I + J S_J + K S_K + L S_L + M S_M + N. The sum depends neither on the data nor on
+whether a branch is taken. Only that of `eepmov` depends on its count, so `eepmov` is not in the table.
 
 On-chip memory answers a byte or a word in 2 states. Behind the 8-bit external bus a byte takes 3 states and a word 6,
-without wait states. The RCX holds brickOS and programs in external RAM: that is what `EXTERNAL` assumes of code, data
-and stack alike. Interrupts (the kernel's 1 ms tick, sensors, link) are not in it.
+without wait states. The RCX holds brickOS and programs in external RAM; `EXTERNAL` assumes that for code, data and
+stack. Interrupts (the 1 ms tick of the kernel, sensors, link) are not counted.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CLOCK_HZ = 16_000_000
 
 @dataclass(frozen=True)
 class Memory:
-    """States of one access: ``word`` of code, stack or data, ``byte`` of data."""
+    """States of one access: ``word`` for code, stack or data, ``byte`` for data."""
 
     word: int
     byte: int
@@ -42,7 +42,7 @@ class Cost:
     own: int = 0
 
     def states(self, memory: Memory) -> int:
-        """States with code, stack and data in `memory`."""
+        """Returns the states with code, stack and data in `memory`."""
         return (self.code + self.words) * memory.word + self.data_bytes * memory.byte + self.own
 
 
@@ -73,5 +73,5 @@ COSTS = _by_first_byte()
 
 
 def by_first_byte(memory: Memory) -> NDArray[np.int64]:
-    """States of an instruction by its first byte, shape (256,); -1 where there is none, or none with a fixed count."""
+    """Returns (256,): states of an instruction by its first byte; -1 where there is none, or none with a fixed sum."""
     return np.array([COSTS[first].states(memory) if first in COSTS else -1 for first in range(256)], dtype=np.int64)

@@ -1,7 +1,7 @@
-"""Scores of the blind test, from its results alone: one record a set, as `benchmark` writes them.
+"""What one result of the blind test counts (see result.py).
 
-A record holds the truth (`hidden`: effect -> parameter -> value, SI) and the verdict. What an explanation names is
-compared by name; parameters are compared where the name is right.
+A result holds the truth (`hidden`: effect -> parameter -> value, SI) and the verdict. Explanations are compared by the
+names of their effects. Parameters are compared where the names are right.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""Noise sd, rms, in some signal: from here on an effect is called clearly visible."""
+"""An effect that changes some signal by so many noise sd, rms, is called clearly visible."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
-"""Most names that an `ambiguous` verdict may hold, by what was measured."""
+"""Sensors -> the most names that an `ambiguous` verdict may hold."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
-"""What it then counts."""
+"""Sensors -> what such a verdict counts."""
 REMOVED = 0.8
-"""Of the held-out gap: what a composed term must take away."""
+"""Share of the held-out gap that a composed term has to remove."""
 
-_Z = 1.959964  # of 95 %
+_Z = 1.959964  # quantile of the normal distribution for 95 %
 _FULL_TURN = 2 * math.pi
 
 
 @dataclass(frozen=True)
 class Share:
-    """`hits` (halves are possible) out of `of`, and the interval of Wilson 1927 for 95 %. No sets: all None."""
+    """`hits` (halves are possible) out of `of`, with the 95 % interval of Wilson 1927. Without sets all is None."""
 
     hits: float
     of: int
@@ -49,7 +49,7 @@ class Share:
 
 
 def kind(result: Result) -> str:
-    """By what is hidden: "none", "single", "pairs", "triples" or "odd"; "unmade" where the set could not be made."""
+    """Returns "none", "single", "pairs", "triples" or "odd" by what is hidden; "unmade" if there is no set."""
     hidden = result["hidden"]
     if hidden is None:
         return "unmade"
@@ -59,49 +59,49 @@ def kind(result: Result) -> str:
 
 
 def move(result: Result) -> float:
-    """Noise sd, rms: how far what is hidden moves the signal that it moves most."""
+    """Returns how far the hidden effects move the signal that they move most, in noise sd, rms."""
     return float(max(result["visibility"].values(), default=0.0))
 
 
 def visible(result: Result) -> bool:
-    """Whether what is hidden changes some signal by `VISIBLE` noise sd rms or more."""
+    """Returns whether the hidden effects are clearly visible: see `VISIBLE`."""
     return move(result) >= VISIBLE
 
 
 def detected(result: Result) -> bool:
-    """Whether anything is said to be missing."""
+    """Returns whether the verdict says that something is missing."""
     return result["verdict"] in ("named", "ambiguous", "unknown")
 
 
 def any_named(result: Result) -> bool:
-    """Whether the verdict is `named`."""
+    """Returns whether the verdict is `named`."""
     return bool(result["verdict"] == "named")
 
 
 def named(result: Result) -> list[str]:
-    """The effects of the best explanation, the strongest first; none where the verdict is `none` or there is none."""
+    """Returns the effects of the best explanation; none if the verdict names none."""
     return [effect["name"] for effect in result.get("effects", ())]
 
 
 def explanations(result: Result) -> list[frozenset[str]]:
-    """All explanations that the verdict leaves open, the best first; each the names of its effects."""
+    """Returns all explanations that the verdict leaves open, the best first: the names of their effects."""
     best = frozenset(named(result))
     others = [other["name"] for effect in result.get("effects", ()) for other in effect["equivalents"]]
     return [best, *(frozenset(other.split(" + ")) for other in others)] if best else []
 
 
 def found(result: Result) -> frozenset[str]:
-    """The effects that the verdict stands for: what all the explanations it leaves open have in common."""
+    """Returns the effects that all open explanations have in common."""
     left = explanations(result)
     return frozenset.intersection(*left) if left else frozenset()
 
 
 def credit(result: Result) -> float:
-    """What a set with hidden effects counts, 0 to 1.
+    """Returns what a set with hidden effects counts, 0 to 1.
 
-    1: `named`, the true name first; of several effects, all of them among the names. An `ambiguous` verdict counts
-    `AMBIGUOUS_CREDIT` where some explanation holds all that is hidden, and all of them together at most `AMONG` names
-    for each effect that is hidden.
+    `named` counts 1 if the true name comes first or, of several effects, if all are among the names. `ambiguous` counts
+    `AMBIGUOUS_CREDIT` if one explanation holds all hidden effects, and all explanations together hold at most `AMONG`
+    names for each hidden effect.
     """
     truth = set(result["hidden"])
     if result.get("error") or not truth:
@@ -117,12 +117,12 @@ def credit(result: Result) -> float:
 
 
 def wrong(result: Result) -> bool:
-    """Whether a name is given with confidence that is not hidden: `named`, or beside a composed term."""
+    """Returns whether a wrong name is given as certain: in a verdict `named`, or beside a composed term."""
     return result["verdict"] in ("named", "unknown") and bool(set(named(result)) - set(result["hidden"]))
 
 
 def right(result: Result) -> bool:
-    """Whether the verdict is all that can be said: `none`, `unknown`, or the true names and no other."""
+    """Returns whether the verdict is the best possible: `none`, `unknown`, or the true names and no other."""
     expected = {"none": "none", "odd": "unknown"}.get(kind(result), "named")
     return (
         not result.get("error")
@@ -132,15 +132,17 @@ def right(result: Result) -> bool:
 
 
 def decided(result: Result) -> bool:
-    """Whether the verdict after the suggested experiment is `right`."""
+    """Returns whether the verdict after the next experiment is `right`."""
     return right({**result, **result["follow"]})
 
 
 def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
-    """Relative errors of the fitted parameters of rightly named effects.
+    """Returns relative errors of the fitted parameters of rightly named effects.
 
-    An effect's main parameter is the first that it lists, which is its size. Parameters that are truly zero have no
-    relative error, and an angle none either: its error is taken over pi.
+    A true value of zero has no relative error and is left out. The error of an angle is taken over pi.
+
+    Args:
+        main: only the first parameter that an effect lists, which is its size.
     """
     errors = []
     for effect, truth in _rightly_named(results):
@@ -148,22 +150,22 @@ def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
             true = truth.get(name)
             if true is None or (true == 0 and not _periodic(name)):
                 continue
-            error = _apart(name, value["value"], true)
+            error = _difference(name, value["value"], true)
             errors.append(abs(error) / (math.pi if _periodic(name) else abs(true)))
     return errors
 
 
 def intervals_hold(results: Iterable[Result]) -> Share:
-    """How many of the 95 % intervals of rightly named effects hold the true value."""
-    held = []
+    """Returns how many of the 95 % intervals of rightly named effects hold the true value."""
+    holding = []
     for effect, truth in _rightly_named(results):
         for name, value in effect["parameters"].items():
             if value["ci95"] is None or name not in truth:
                 continue
             low, high = value["ci95"]
             middle = 0.5 * (low + high)
-            held.append(abs(_apart(name, middle, truth[name])) <= 0.5 * (high - low))
-    return Share(sum(held), len(held))
+            holding.append(abs(_difference(name, middle, truth[name])) <= 0.5 * (high - low))
+    return Share(sum(holding), len(holding))
 
 
 def _rightly_named(results: Iterable[Result]) -> Iterable[tuple[Mapping[str, Any], Mapping[str, float]]]:
@@ -177,22 +179,22 @@ def _periodic(parameter: str) -> bool:
     return parameter in ("phase", "phase_difference")
 
 
-def _apart(parameter: str, value: float, true: float) -> float:
-    apart = value - true
-    return apart - _FULL_TURN * round(apart / _FULL_TURN) if _periodic(parameter) else apart
+def _difference(parameter: str, value: float, true: float) -> float:
+    difference = value - true
+    return difference - _FULL_TURN * round(difference / _FULL_TURN) if _periodic(parameter) else difference
 
 
 def whole(result: Result) -> bool:
-    """Whether all that is hidden is found."""
+    """Returns whether all hidden effects are found."""
     return set(result["hidden"]) <= found(result)
 
 
 def clean_part(result: Result) -> bool:
-    """Whether at least one of what is hidden is found, and nothing else."""
+    """Returns whether at least one hidden effect is found, and no other."""
     return bool(found(result)) and found(result) <= set(result["hidden"])
 
 
 def composed(result: Result) -> bool:
-    """Whether the verdict is `unknown` with a term that takes away `REMOVED` of the held-out gap."""
+    """Returns whether the verdict is `unknown` with a term that removes `REMOVED` of the held-out gap."""
     removed = result["held_out"]["removed"] if result["verdict"] == "unknown" and result.get("term") else None
     return removed is not None and removed >= REMOVED

@@ -1,4 +1,7 @@
-"""The sets of the blind test: made by `tests/hidden` of a checkout, which is run as a program, or standing already."""
+"""The data sets of the blind test: `tests/hidden` of a checkout makes them, or they exist already.
+
+The product never imports tests/hidden. It runs it as a program.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,19 @@ from brickpilot.errors import InputError, SimulationError
 
 SUITES = ("single", "pairs", "triples", "none", "odd")
 REPORT = 1_000_000
-"""Seed offset of what is reported; thresholds are set on 0."""
+"""Seed offset of reported results. Thresholds were set with 0."""
 
 Engine = Literal["mujoco", "planar"]
 
 
 @dataclass(frozen=True)
 class Task:
-    """One set to judge. `folder`: where it stands already; else it is made. `seed`: of its noise."""
+    """One set to run.
+
+    Attributes:
+        seed: the seed of its noise.
+        folder: where the set exists already; None: it has to be made.
+    """
 
     name: str
     engine: str
@@ -46,29 +54,29 @@ class Maker:
 
     @classmethod
     def find(cls, start: Path) -> Maker:
-        """Of the checkout that `start` stands in.
+        """Returns the maker of the checkout that holds `start`.
 
         Raises:
-            InputError: it stands in none.
+            InputError: no checkout holds it.
         """
         for folder in (start, *start.parents):
             if (folder / "tests" / "hidden" / "__main__.py").is_file():
                 return cls(folder / "tests")
         raise InputError(
-            "no tests/hidden here or above: run it inside a checkout, or judge sets that are made already with --data",
+            "no tests/hidden here or above: run it inside a checkout, or run existing sets with --data",
             file=start,
         )
 
     @classmethod
     def near(cls, start: Path) -> Maker | None:
-        """The same, or None: where sets stand already, a checkout only makes the experiments that verdicts ask for."""
+        """Returns the same, or None. For existing sets only the experiments of verdicts need a checkout."""
         try:
             return cls.find(start)
         except InputError:
             return None
 
     def tasks(self, suite: str, engine: Engine, seed_offset: int) -> list[Task]:
-        """The sets of a suite, in order."""
+        """Returns the sets of a suite, in order."""
         listed = self._run("hidden.benchmark", "list", suite, "--engine", engine, "--seed-offset", str(seed_offset))
         entries = [json.loads(line) for line in listed.splitlines()]
         return [Task(entry["name"], engine, entry["seed"], suite, seed_offset) for entry in entries]
@@ -81,7 +89,7 @@ class Maker:
         self._run("hidden", str(first.suite), str(out), *options, *chosen)
 
     def follow(self, folder: Path, asked: Mapping[str, Any], out: Path) -> Path | None:
-        """Makes the experiment that a verdict asks for: OUT/NAME; None where it is none that the engine can make."""
+        """Makes the experiment that a verdict asks for, OUT/NAME; None if the engine cannot make it."""
         if asked.get("name") is not None:
             table = out / "manoeuvre.json"
             table.parent.mkdir(parents=True, exist_ok=True)
@@ -95,10 +103,10 @@ class Maker:
         return None
 
     def _run(self, module: str, *arguments: str) -> str:
-        """stdout of ``python -m MODULE ARGUMENTS``.
+        """Returns the stdout of ``python -m MODULE ARGUMENTS``.
 
         Raises:
-            SimulationError: it failed; with the last line that it said.
+            SimulationError: it failed; holds the last line of its stderr.
         """
         path = os.pathsep.join(filter(None, [str(self._tests), os.environ.get("PYTHONPATH")]))
         environment = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}
@@ -106,7 +114,7 @@ class Maker:
             [sys.executable, "-m", module, *arguments], capture_output=True, text=True, env=environment, check=False
         )
         if done.returncode:
-            said = (done.stderr.strip().splitlines() or ["no word why"])[-1]
+            said = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise SimulationError(f"{module} {arguments[0]} failed: {said}")
         return done.stdout
 
@@ -114,19 +122,19 @@ class Maker:
 def planned(
     maker: Maker, suite: str, engine: str, seed_offset: int, only: Sequence[str], limit: int | None
 ) -> list[Task]:
-    """What is asked for: `limit` sets at most of each suite and engine, of those whose names match `only`.
+    """Returns at most `limit` sets of each suite and engine, of those whose names match `only`.
 
     Args:
         suite: one of `SUITES`, "ci" or "all".
         engine: "mujoco", "planar" or "both".
 
     Raises:
-        InputError: nothing matches, or the engine's library is not installed.
+        InputError: nothing matches, or the library of the engine is not installed.
     """
     engines: tuple[Engine, ...] = ("mujoco", "planar") if engine == "both" else (engine,)  # type: ignore[assignment]
     if "mujoco" in engines and find_spec("mujoco") is None:
         raise InputError(
-            "needs the package mujoco: pip install mujoco, or take --engine planar", field="--engine mujoco"
+            "needs the package mujoco: pip install mujoco, or use --engine planar", field="--engine mujoco"
         )
     tasks = []
     for one in SUITES if suite == "all" else (suite,):
@@ -137,11 +145,11 @@ def planned(
     return tasks
 
 
-def standing(data: Path, only: Sequence[str], limit: int | None) -> list[Task]:
-    """The sets that stand in a folder, with their truths beside them.
+def existing(data: Path, only: Sequence[str], limit: int | None) -> list[Task]:
+    """Returns the sets in a folder that holds their truths too.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such set.
     """
     truths = sorted(data.glob("*.truth.json")) if data.is_dir() else []
     tasks = []
@@ -152,9 +160,7 @@ def standing(data: Path, only: Sequence[str], limit: int | None) -> list[Task]:
             tasks.append(Task(folder.name, recipe["engine"], recipe["seed"], folder=folder))
     tasks = _chosen(tasks, only)[:limit]
     if not tasks:
-        raise InputError(
-            "holds no data set with its NAME.truth.json beside it, or none that --only asks for", file=data
-        )
+        raise InputError("holds no data set with its NAME.truth.json beside it, or none that --only selects", file=data)
     return tasks
 
 
@@ -163,10 +169,10 @@ def _chosen(tasks: Sequence[Task], only: Sequence[str]) -> list[Task]:
 
 
 def truth_of(folder: Path) -> dict[str, Any]:
-    """What `tests/hidden` wrote of a set, beside its folder.
+    """Returns the truth that `tests/hidden` wrote beside the folder of a set.
 
     Raises:
-        InputError: it is missing, or something else.
+        InputError: the file is missing, or holds something else.
     """
     path = folder.with_name(f"{folder.name}.truth.json")
     try:

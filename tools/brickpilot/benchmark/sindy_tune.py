@@ -1,4 +1,4 @@
-"""Tunes the peer of the blind test: gates by what it finds where nothing is hidden, the rest by the names it finds."""
+"""Tunes the peer: gates by what it finds in clean sets, window and share by the names that it finds in others."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from brickpilot.benchmark.score import Result, Share, clean_part, credit, detect
 from brickpilot.benchmark.sindy import METHODS, SHARES, WINDOWS_S, Setting, nameable, verdict_of
 from brickpilot.errors import InputError
 
-_FALSE = 0.02
-_LEAST_GATE = 3.0  # log likelihood: about what BIC asks of a term among a few hundred samples
+_FALSE = 0.02  # of the clean sets may get a name
+_LEAST_GATE = 3.0  # log likelihood: about what BIC asks of a term for a few hundred samples
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class Tuned:
     """One point of the grid.
 
     Attributes:
-        false: clean sets that get a name.
-        right, alone: clearly visible single effects that are named first, and named alone.
-        whole, part: pairs of which both are found, and of which at least one is and no false one.
+        false: share of clean sets that get a name.
+        right, alone: shares of clearly visible single effects that are named first, and named alone.
+        whole, part: shares of pairs of which both effects are found; at least one and no false one.
     """
 
     method: str
@@ -35,17 +35,17 @@ class Tuned:
 
     @property
     def score(self) -> float:
-        """Mean of the four shares that are wanted high; of the first two where there are no pairs."""
+        """Mean of the four shares that should be high; of the first two if there are no pairs."""
         shares = [one.value for one in (self.right, self.alone, self.whole, self.part) if one.value is not None]
         return sum(shares) / len(shares)
 
 
 def tune(results: Sequence[Result]) -> list[Tuned]:
-    """Every method at every point of the grid, with the gates that let at most 2 % of the clean sets pass.
+    """Returns every method at every point of the grid, with gates that let at most 2 % of the clean sets pass.
 
     Args:
-        results: of a benchmark on calibration seeds, made with the peer's whole grid: clean sets, single effects and,
-            if there are any, pairs.
+        results: of a benchmark on calibration seeds with the peer's whole grid: clean sets, single effects and, if
+            there are any, pairs.
 
     Raises:
         InputError: no clean sets or single effects among them.
@@ -85,25 +85,25 @@ def tune(results: Sequence[Result]) -> list[Tuned]:
 
 
 def best(found: Sequence[Tuned]) -> list[Tuned]:
-    """The point of the highest score, for each method."""
+    """Returns the point of the highest score for each method."""
     return [max((one for one in found if one.method == method), key=lambda one: one.score) for method in METHODS]
 
 
 def _first(result: Result, method: str, window_s: float) -> float:
-    """What the first term gains; whether a set gets a name at all hangs on that one."""
+    """Returns what the first term gains: it decides whether a set gets a name at all."""
     gains = result["peer"][f"{window_s:g}"][method]["gains"]
     return float(gains[0]) if gains else 0.0
 
 
 def _gate(gains: Sequence[float]) -> float:
-    """The least that lets at most `_FALSE` of these pass."""
+    """Returns the least gate that lets at most `_FALSE` of these gains pass."""
     ordered = sorted(gains, reverse=True)
     highest = ordered[int(_FALSE * len(ordered))]
     return max(_LEAST_GATE, 1.001 * highest)
 
 
 def to_json(found: Sequence[Tuned]) -> list[dict[str, Any]]:
-    """One object for each point of the grid."""
+    """Returns one object for each point of the grid."""
     chosen = best(found)
     return [
         {
@@ -124,7 +124,7 @@ def to_json(found: Sequence[Tuned]) -> list[dict[str, Any]]:
 
 
 def lines(found: Sequence[Tuned]) -> Iterator[str]:
-    """The grid as text; a star marks the best point of each method."""
+    """Yields the grid as text. A star marks the best point of each method."""
     sizes = found[0]
     yield f"{sizes.false.of} clean sets, {sizes.right.of} single effects, {sizes.whole.of} pairs"
     yield f"  {'method':8}{'window':>9}{'share':>7}{'false':>8}{'first':>8}{'alone':>8}{'both':>8}{'part':>8}   gates"

@@ -1,4 +1,4 @@
-"""Speed, side by side with a peer in the same process, because absolute times on a shared machine mean little."""
+"""Speed beside a peer in the same process: on a shared machine absolute times mean little."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from brickpilot.vehicle.model import Model, rcx
 
 @dataclass(frozen=True)
 class Figure:
-    """``value`` in ``unit``; ``peer`` ran beside it, and we were ``ratio`` times faster."""
+    """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process."""
 
     value: float
     unit: str
@@ -29,7 +29,7 @@ class Figure:
 
 
 def _best(work: Callable[[], float], repeats: int = 5) -> float:
-    """Times real time of `work`, which returns simulated seconds: the best, least disturbed, of several runs."""
+    """Returns the best speed of several runs, in times real time. `work` returns simulated seconds."""
     rates = []
     for _ in range(repeats):
         began = time.perf_counter()
@@ -52,7 +52,7 @@ def _plant_alone(model: Model) -> float:
 
 
 def _scipy(model: Model, seconds: float = 3.0) -> float:
-    """The same robot as a text-book ODE under SciPy's LSODA, inputs renewed every 3 ms as the plant's are."""
+    """Simulates the same robot as a text-book ODE with SciPy's LSODA. Inputs change every 3 ms, as the plant's do."""
     p = model.parameters
     resistance, inductance, radius, track = p["resistance"], p["inductance"], p["wheel_radius"], p["half_track"]
     loss = p["viscous_friction"] + p["mass"] * p["gravity"] * p["rolling_friction"] * radius**2
@@ -96,7 +96,7 @@ _MUJOCO_ROBOT = f"""
 
 
 def _mujoco(seconds: float = 6.0) -> float:
-    """A free planar body with two driven wheels in MuJoCo, contacts off, at the same 0.3 ms step."""
+    """Simulates a planar body with two driven wheels in MuJoCo, without contacts, at the same step of 0.3 ms."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
@@ -107,7 +107,7 @@ def _mujoco(seconds: float = 6.0) -> float:
 
 
 def _lockstep_pty() -> float:
-    """Control steps per second of the mission's first 15 s, the brick a process at the other end of a pty."""
+    """Returns control steps per second over 15 s of the mission. The brick is a process at the other end of a pty."""
     from brickpilot.hil import ends
     from brickpilot.hil import fly as hil
 
@@ -119,9 +119,10 @@ def _lockstep_pty() -> float:
 
 
 def host() -> dict[str, Figure]:
-    """The full loop (plant, sensors, controller), the plant alone, 0.3 ms motor and 3 ms body steps, and a link.
+    """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
 
-    The peer is MuJoCo where it is installed, else SciPy's LSODA; that of the link is real time.
+    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peer is MuJoCo if it is installed, else SciPy's
+    LSODA. The peer of the link is real time.
     """
     model = rcx()
     if find_spec("mujoco"):

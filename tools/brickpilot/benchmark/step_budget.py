@@ -1,8 +1,8 @@
-"""What a control step of the firmware takes on the RCX's processor: counted on the simulator of its instruction set,
-while a mission is flown in lockstep.
+"""What a control step of the firmware costs on the RCX's processor.
 
-A step is one call of `loop_tick`: sensors in, motors out, telemetry included. What it spends in the HAL is told apart:
-on the simulator that is the host's link, whose place a brick's drivers take.
+A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
+call of `loop_tick`: sensors in, motors out, telemetry included. The HAL is counted apart: on the simulator it is the
+link to the host, on a brick it is drivers.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ STAGES = {
     "mixer": ("mixer_step",),
     "telemetry": ("telemetry_part",),
 }
-"""Stage -> its functions, as firmware/ has them; those of the HAL are "hal", what a step does besides is "rest"."""
+"""Stage -> its functions in firmware/. Those of the HAL are "hal"; everything else in a step is "rest"."""
 
 MEMORIES = {"external": h8_states.EXTERNAL, "on_chip": h8_states.ON_CHIP}
 
 _CHUNK = 1 << 22
-"""Records read at a time."""
+"""Instructions of a trace that are read at a time."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Of each step flown, shape (steps,): instructions, and states with everything in one memory (`MEMORIES`)."""
+    """Counts of each step, shape (steps,): instructions, and states with everything in one memory (`MEMORIES`)."""
 
     instructions: NDArray[np.int64]
     states: dict[str, NDArray[np.int64]]
@@ -57,7 +57,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Size:
-    """Bytes of code with constants, of data that is not 0 to begin with, and of what is."""
+    """Bytes of code and constants (text), of data with a start value (data), and of data that starts as 0 (bss)."""
 
     text: int
     data: int
@@ -66,10 +66,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Budget:
-    """``stages`` has those of `STAGES`, "rest", "step", which is all of these, and "hal".
+    """The cost of a control step.
 
-    ``stack``: the most bytes of it that a step needs. ``sizes``: of each folder of the firmware and of the messages it
-    exchanges (hal/wire), as compiled, not yet linked.
+    Attributes:
+        stages: those of `STAGES`, "rest", "step" (the sum of these), and "hal".
+        stack: the most bytes of stack that a step needs.
+        sizes: size of each folder of the firmware and of hal/wire, as compiled, before linking.
     """
 
     stages: dict[str, Counts]
@@ -79,7 +81,12 @@ class Budget:
 
 @dataclass(frozen=True)
 class Program:
-    """``costs``: states of the instruction at each address, shape (65536,), by memory. ``at``: functions."""
+    """A linked program.
+
+    Attributes:
+        costs: memory -> (65536,) states of the instruction at each address.
+        at: function -> its address.
+    """
 
     costs: dict[str, NDArray[np.int64]]
     at: dict[str, int]
@@ -107,7 +114,7 @@ class Program:
 
 
 class Counter:
-    """Takes a trace in pieces, of any size, and keeps what each step in it took. ``stack``: as in `Budget`."""
+    """Takes a trace in pieces of any size and keeps the counts of each step. ``stack`` is that of `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -118,13 +125,13 @@ class Counter:
         self._hal = np.array(
             [address for name, address in program.at.items() if name.startswith("hal_")], dtype=np.uint16
         )
-        self._left = np.empty((0, 2), dtype=np.uint16)
+        self._rest = np.empty((0, 2), dtype=np.uint16)
         self._steps: list[dict[str, tuple[int, ...]]] = []
         self.stack = 0
 
     def take(self, trace: NDArray[np.uint16]) -> None:
-        """`trace`: address and stack pointer of each instruction, shape (n, 2), in the order of execution."""
-        trace = np.concatenate([self._left, trace])
+        """Takes address and stack pointer of each instruction, shape (n, 2), in the order of execution."""
+        trace = np.concatenate([self._rest, trace])
         program_counter, stack_pointer = trace[:, 0], trace[:, 1]
         begins = np.flatnonzero(program_counter == self._program.at[STEP])
         sums = {
@@ -139,7 +146,7 @@ class Counter:
             self._steps.append(self._count(program_counter, stack_pointer, sums, begin, end))
             self.stack = max(self.stack, int(stack_pointer[begin]) + 2 - int(stack_pointer[begin:end].min()))
             used = end
-        self._left = trace[used:] if len(begins) else trace[:0]
+        self._rest = trace[used:] if len(begins) else trace[:0]
 
     def _count(
         self,
@@ -169,9 +176,9 @@ class Counter:
         return {stage: tuple(counts) for stage, counts in found.items()}
 
     def stages(self) -> dict[str, Counts]:
-        """Of all steps taken so far."""
+        """Returns the counts of all steps so far."""
         if not self._steps:
-            raise SimulationError("no step came to its end on the simulator")
+            raise SimulationError("no step ended on the simulator")
         table = {name: np.array([step[name] for step in self._steps], dtype=np.int64) for name in self._steps[0]}
         return {
             name: Counts(rows[:, 0], {memory: rows[:, 1 + i] for i, memory in enumerate(MEMORIES)})
@@ -180,7 +187,10 @@ class Counter:
 
 
 def _end(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
-    """Index of the first instruction after the function entered at `entry`: its return address has left the stack."""
+    """Returns the index of the first instruction after the function entered at `entry`.
+
+    There its return address has left the stack.
+    """
     for first in range(entry, len(stack_pointer), 1 << 14):
         popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
         if len(popped):
@@ -191,18 +201,18 @@ def _end(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
 def mission(
     target: str, profile: str, sensors: str, duration: float | None, progress: Callable[[int, int, str], None]
 ) -> Budget:
-    """Flies the packaged mission on the simulator and counts.
+    """Flies the packaged mission on the simulator and counts what its steps cost.
 
     Args:
         target: one of `h8_simulator.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
-        sensors: as `brickpilot run` has them.
+        sensors: as in `brickpilot run`.
         duration: s of the mission; None: all of it.
-        progress: called with steps done, steps in all and a word.
+        progress: called with the steps done, all steps, and a text.
 
     Raises:
         InputError: no checkout of the project, or no compiler.
-        SimulationError: the flight broke off.
+        SimulationError: the flight ended early.
     """
     h8_simulator.check_sensors(target, sensors)
     _, image = h8_simulator.h8_simulator(target)
@@ -220,12 +230,12 @@ def mission(
             flown = fly.fly(both, target, plan, pace=LOCKSTEP, telemetry_every=10, progress=progress)
         reader.join()
     if flown.broke_off is not None:
-        raise SimulationError(f"the mission on the simulator broke off: {flown.broke_off}")
+        raise SimulationError(f"the mission on the simulator ended early: {flown.broke_off}")
     return Budget(counter.stages(), counter.stack, sizes(Path(image).parent))
 
 
 def sizes(folder: Path) -> dict[str, Size]:
-    """`Budget.sizes` of the objects that firmware/targets/h8sim/build left in `folder`: FOLDER_FOLDER_FILE.o."""
+    """Returns `Budget.sizes` of the objects FOLDER_FOLDER_FILE.o that firmware/targets/h8sim/build left in `folder`."""
     listed = subprocess.run(
         ["h8300-hms-size", *sorted(folder.glob("*.o"))], check=True, stdout=subprocess.PIPE, text=True
     ).stdout
@@ -246,7 +256,7 @@ def _read(path: Path, counter: Counter) -> None:
 
 
 def as_dict(budget: Budget) -> dict[str, Any]:
-    """Median ("typical") and most of each stage, for `json`."""
+    """Returns median ("typical") and maximum ("most") of each stage, for JSON."""
 
     def pair(counts: NDArray[np.int64]) -> dict[str, int]:
         return {"typical": int(np.median(counts)), "most": int(counts.max())}

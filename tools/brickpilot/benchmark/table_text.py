@@ -7,13 +7,13 @@ from typing import Any
 
 
 def lines(table: Mapping[str, Any]) -> Iterator[str]:
-    """What `benchmark_table.table` gives, line by line."""
+    """Yields the lines of what `table.table` returns."""
     offsets = ", ".join(map(str, table["seed_offsets"])) or "not known"
     yield f"{table['sets']} sets of {' and '.join(table['engines'])}, seed offsets: {offsets}"
-    yield "95 % intervals in brackets (Wilson); [+] holds, [-] does not, of what is asked for"
+    yield "In brackets: 95 % intervals (Wilson). [+]: what is asked for holds; [-]: it does not."
     for group, made in table["claims"].items():
         yield ""
-        yield f"== what is claimed, {group} =="
+        yield f"== claims, {group} =="
         for one in made:
             if one["of"]:
                 mark = {True: "[+]", False: "[-]", None: "   "}[one["holds"]]
@@ -25,9 +25,9 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
         yield f"{'sensors':16}{'change':>12}{'sets':>6}{'detected':>11}{'':17}{'right name':>11}"
         for one in table["curve"]:
             span = f"{one['from']:g}..{'' if one['to'] is None else format(one['to'], 'g')}"
-            seen = f"{_percent(one['detected']):>11} {_interval(one['detected_interval']):16}"
+            any_verdict = f"{_percent(one['detected']):>11} {_interval(one['detected_interval']):16}"
             good = f"{_percent(one['right']):>11} {_interval(one['right_interval'])}"
-            yield f"{one['sensors']:16}{span:>12}{one['sets']:6d}{seen}{good}"
+            yield f"{one['sensors']:16}{span:>12}{one['sets']:6d}{any_verdict}{good}"
     yield from _power_lines(table["power"])
     yield from _peer_lines(table["peer"])
     if table["errors"]:
@@ -37,12 +37,12 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """A line for each effect and set of sensors: share right and change in noise sd at each size, and what was said."""
+    """Yields a line for each effect and set of sensors: share that is right and change in noise sd at each size."""
     sizes = sorted({one["size"] for one in rows})
     if not sizes:
         return
     yield ""
-    yield "== right at each size: share of sets, change in noise sd, and what was said where it was not =="
+    yield "== by size: share of sets that are right, change in noise sd, and the verdicts where they are wrong =="
     yield f"{'effect':28}{'sensors':14}" + "".join(f"{f'x{size:g}':>16}" for size in sizes)
     cells = {(one["effect"], one["sensors"], one["size"]): one for one in rows}
     for effect, sensors in sorted({(one["effect"], one["sensors"]) for one in rows}):
@@ -60,7 +60,7 @@ def _peer_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         return
     names = list(rows[0]["by"])
     yield ""
-    yield "== beside PySINDy, on the same sets; with effects, those sets alone whose effects its library names =="
+    yield "== beside PySINDy, on the same sets; sets with effects only where its library has them =="
     yield f"{'':60}{'sets':>6}" + "".join(f"{name:>28}" for name in names)
     for one in rows:
         cells = "".join(

@@ -71,15 +71,15 @@ def benchmark_discover(
     tests/hidden makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun
     continues where the last one stopped. The table is computed from these lines.
     """
-    from brickpilot.benchmark import blind_test, sets, table, table_text
+    from brickpilot.benchmark import blind_test, result, sets, table, table_text
 
     folder = Path(out)
     if table_alone:
-        results = blind_test.load(folder / blind_test.RESULTS)
+        results = result.load(folder / result.RESULTS)
     else:
         if data is not None:
             maker = sets.Maker.near(Path.cwd())
-            tasks = sets.standing(Path(data), only, limit)
+            tasks = sets.existing(Path(data), only, limit)
         else:
             maker = sets.Maker.find(Path.cwd())
             tasks = sets.planned(maker, suite, engine, seed_offset, only, limit)
@@ -98,9 +98,9 @@ def benchmark_discover(
 @as_json
 def benchmark_tune_peer(results: str, as_json: bool) -> None:
     """Tunes PySINDy's window and gates on the results of calibration seeds that were run with --peer sindy-grid."""
-    from brickpilot.benchmark import blind_test, sindy_tune
+    from brickpilot.benchmark import result, sindy_tune
 
-    found = sindy_tune.tune(blind_test.load(Path(results)))
+    found = sindy_tune.tune(result.load(Path(results)))
     if as_json:
         click.echo(json.dumps(sindy_tune.to_json(found)))
         return
