@@ -104,8 +104,8 @@ def inside(flight: Flight) -> str:
     )
     _lines(axes[2], flight, [("heading_error_rad", "line of sight minus heading", PURPLE)], "heading (deg)", degrees)
     parts = [
-        ("speed_p_v", "P", BLUE),
-        ("speed_i_v", "I", ORANGE),
+        ("speed_p_v", "speed P", BLUE),
+        ("speed_i_v", "speed I", ORANGE),
         ("yaw_p_v", "yaw P", GREEN),
         ("yaw_d_v", "yaw D", PURPLE),
     ]
