@@ -252,3 +252,33 @@ def test_tables_are_complete() -> None:
         assert effect.source
         assert all(info.minimum <= info.preset <= info.maximum and info.unit for info in effect.parameters)
     assert catalogue.outputs()["accel_surge"] == "m/s^2"
+
+
+def test_the_attributes_of_an_effect_s_row_reach_python() -> None:
+    backlash = catalogue.effect("gear_backlash")
+    gap, share = backlash.parameters
+    assert (backlash.mechanism, backlash.acts_on, backlash.motor_step) == ("gear", "gear", 0.001)
+    assert (gap.role, gap.linear_unit, share.role, share.linear_unit) == ("size", "m", "shape", "1")
+    assert (len(gap.scan), share.scan) == (16, ())
+    assert (gap.scan[0], gap.scan[-1]) == pytest.approx((0.01, 0.5))
+    assert [one.role for one in catalogue.effect("pwm_coast").parameters] == ["size", "switch"]
+    assert [one.limits for one in catalogue.effect("gyro_saturation").parameters] == ["yaw_rate"]
+    assert [one.only_with for one in catalogue.effect("stiction_stribeck").parameters] == ["", "coulomb", ""]
+    assert [one.name for one in catalogue.effects() if one.carries_over] == ["battery_discharge", "motor_heating"]
+    assert [one.name for one in catalogue.effects() if one.composed] == ["composed_term"]
+    assert catalogue.loads() == {"payload_mass.mass"}
+    with pytest.raises(KeyError, match="no_such_effect"):
+        catalogue.effect("no_such_effect")
+
+
+def test_nominal_parameters_say_which_are_never_fitted_and_which_may_be_absent() -> None:
+    fixed = {"air_density", "gravity", "stall_torque", "no_load_speed", "force_per_volt", "torque_per_volt"}
+    assert {one.name for one in catalogue.parameters() if one.role == "fixed"} == fixed
+    assert {one.name for one in catalogue.parameters() if one.zero_if_unstated} == {"drag_area", "inductance"}
+
+
+def test_what_can_be_undone_is_added_up_by_the_plant() -> None:
+    friction = {"coulomb_friction": {"torque": 0.004}, "stiction_stribeck": {"coulomb": 0.003}}
+    found = plant.undoable(dataclasses.replace(rcx(), effects={**friction, "gyro_scale": {"error": -0.1}}))
+    assert found.dry_torque == pytest.approx((0.007, 0.007))
+    assert (found.gyro_gain, found.flux, found.load, found.lost_voltage) == (0.9, (1.0, 1.0), (0.0, 0.0), 0.0)
