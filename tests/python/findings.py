@@ -113,7 +113,7 @@ def finding(data: Dataset, kind: str) -> Finding:
         simulated=simulated,
         roles=roles,
         faults=tuple(Fault("curve", "yaw_rate", "frozen", 0.1 * k, 0.1 * k + 0.03) for k in range(23)),
-        notes=("The data set says which runs are held out.", "A note with <script>alert(1)</script> in it."),
+        notes=("The data set states which runs are held out.", "A note with <script>alert(1)</script> in it."),
         noise_sd=NOISE,
         elapsed_s=6.24,
         seed=7,

@@ -56,7 +56,9 @@ def test_a_wrong_unit_beyond_the_stated_range_is_no_clipping(runs: tuple[str, ..
     found = wrong(dataset)
     if lone and not runs:  # nothing tells by how much
         assert found == {(run, "yaw_rate"): ("unit", None) for run in SOME}
-        assert "all runs: yaw_rate goes far beyond its stated range, as in another unit; left out" in dataset.notes
+        assert (
+            "all runs: yaw_rate is far beyond its stated range, so it may be in another unit; left out" in dataset.notes
+        )
     else:
         assert found == {(run, "yaw_rate"): ("unit", pytest.approx(DEGREES)) for run in runs or SOME}
     for run in dataset.runs:
@@ -117,7 +119,9 @@ def test_a_clock_in_milliseconds_is_found_by_angle_and_speed_or_by_the_other_run
 def test_what_is_said_names_unit_factor_and_witness(tmp_path: Path) -> None:
     dataset = robot(tmp_path / "s", {"yaw_rate": DEGREES}, "spin")
     note = next(note for note in dataset.notes if "yaw_rate" in note)
-    assert note.startswith("run spin: yaw_rate looks like degrees per second: 57.3 times what yaw_angle")
+    assert note.startswith(
+        "run spin: yaw_rate seems to be in degrees per second: 57.3 times the value expected from yaw_angle"
+    )
     assert note.endswith("; left out")
     fault = dataset.faults[0].to_json()
     assert fault["factor"] == pytest.approx(DEGREES)
@@ -136,7 +140,7 @@ def test_a_frame_stated_wrongly_turns_all_that_is_sideways(frame: str, tmp_path:
 def test_a_set_that_loses_all_its_channels_says_so(tmp_path: Path) -> None:
     dataset = robot(tmp_path / "s", {"wheel_speed_left": -1.0}, noise={"wheel_speed_left": 0.05})
     assert all(np.isnan(run.outputs["wheel_speed_left"]).all() for run in dataset.runs)
-    assert "nothing is left of what was measured" in dataset.notes[-1]
+    assert "no sound sample is left" in dataset.notes[-1]
 
 
 @pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects()])

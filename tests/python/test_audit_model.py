@@ -135,7 +135,7 @@ def test_what_contradicts_is_left_out_and_said(tmp_path: Path) -> None:
         np.testing.assert_array_equal(run.outputs["accel_surge"], before.outputs["accel_surge"])
         np.testing.assert_array_equal(run.raw_outputs["yaw_rate"], before.raw_outputs["yaw_rate"])
     note = left.notes[-1]
-    assert "yaw_rate looks like degrees per second: 57.3 times what the nominal model says" in note
+    assert "yaw_rate seems to be in degrees per second: 57.3 times the value expected from the nominal model" in note
     assert note.endswith("left out")
 
 

@@ -89,7 +89,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "scenario twice": (["run", "mission", "--scenario", "fig4"], "twice"),
     "scenario is a folder": (["run", "."], "."),
     "scenario is an empty name": (["run", ""], "no such file"),
-    "model is a device": (["run", "--model", "/dev/null"], "is no file"),
+    "model is a device": (["run", "--model", "/dev/null"], "is not a file"),
     "out is a link": (["run", "--out", "link"], "link"),
     "too many arguments": (["run", "mission", "fig4"], "unexpected extra argument"),
     "model missing": (["run", "--model", "nowhere.toml"], "nowhere.toml"),

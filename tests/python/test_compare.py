@@ -309,7 +309,7 @@ def test_runs_all_held_out_are_refused_where_something_is_to_be_fitted(tmp_path)
     ("roles", "said"),
     [
         (["fit"], "The data set holds no run out."),
-        (["fit", "held_out"], "The data set says which runs are held out."),
+        (["fit", "held_out"], "The data set states which runs are held out."),
     ],
 )
 def test_the_note_on_roles_is_true(tmp_path, roles, said):

@@ -1,4 +1,4 @@
-"""The compiled plant: loads the shared library that is installed beside this package."""
+"""Loads the compiled plant, a shared library that is installed beside this package."""
 
 from __future__ import annotations
 

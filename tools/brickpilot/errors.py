@@ -1,4 +1,4 @@
-"""What can go wrong, and whose fault it is."""
+"""The two errors of this package: the input is bad, or a simulation failed."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 class SimulationError(Exception):
-    """A run that could not be simulated to its end. The CLI prints it in one line and exits 1.
+    """A run cannot be simulated to its end. The CLI prints one line and exits with status 1.
 
     Args:
-        job: index of the run among those asked for.
+        job: index of the run in the request.
         status: BP_E_ code of the plant.
     """
 
@@ -20,12 +20,12 @@ class SimulationError(Exception):
 
 
 class InputError(Exception):
-    """Bad input, told in one line that names the place, `file:line: field: what is wrong`: the CLI exits 2 with it.
+    """Bad input. The message is one line that names the place, `file:line: field: fault`; the CLI exits with status 2.
 
     Args:
-        message: what is wrong and what would be right; one sentence, no newline.
-        file: the file it stands in, as the user named it.
-        line: 1-based line in that file, where one line is to blame.
+        message: what is wrong and what would be right, in one sentence without a newline.
+        file: the file, as the user named it.
+        line: 1-based line in that file, if the fault is in one line.
         field: the key, column, option or signal, e.g. ``nominal.mass``.
     """
 

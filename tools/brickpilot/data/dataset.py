@@ -1,6 +1,6 @@
-"""Measured data sets: a folder with `dataset.toml` and one text file of columns per run.
+"""Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run.
 
-What comes out is in SI and in the paper's frame (x forward, y right, clockwise positive), whatever the files are in.
+Values are converted to SI and to the paper's frame (x forward, y right, clockwise positive).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Sign
 Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
-"""V; duty is multiplied by it where a data set states no battery voltage at all."""
+"""V: multiplies a duty where a data set states no battery voltage."""
 
 _LONGEST_RUN_S = 1e6
 
-_DROPOUT_SHARE = 0.25  # of the running median; a battery sags by less within one sample
+_DROPOUT_SHARE = 0.25  # of the running median: a battery sags by less within one sample
 _MEDIAN_SAMPLES = 5
 
 
@@ -41,14 +41,14 @@ class Run:
     Attributes:
         name: unique in its data set.
         file: the text file it came from.
-        role: None where the data set leaves the choice to the program.
+        role: None where the program chooses it.
         time: s, strictly increasing, as logged: it need not begin at 0 nor be regular.
-        inputs: signal -> values; NaN where the cell is blank, that is where the motor floats.
-        outputs: signal -> values; NaN where the cell is blank or the sample damaged (`Dataset.faults`).
-        raw_outputs: the same with the damaged samples as they were measured.
-        gap_s: s between the end of the run before it in the file's order and this one's start.
+        inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
+        outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
+        raw_outputs: the same with the damaged samples as measured.
+        gap_s: s of pause between the end of the run before it in the file and this one's start.
         replicate_of: name of the run that this one repeats.
-        initial: state the run starts from, where the data set states it (`signals.INITIAL_UNITS`).
+        initial: state at the start, where the data set states it (`signals.INITIAL_UNITS`).
     """
 
     name: str
@@ -65,18 +65,18 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """A data set, read and checked.
+    """A data set that has been read and checked.
 
     Attributes:
         path: the dataset.toml, as the caller named it.
-        frame: the frame of the files; everything here is FRD already.
-        signals: how each was written; noise_sd, resolution and range in SI and FRD.
-        nominal: known parameters of the plant; what is absent is to be fitted.
-        nominal_effects: effect -> parameter -> value, which the experimenter's model already contains.
-        runs: in the file's order, one sequence.
-        gap_s: s between runs that do not state their own.
+        frame: of the files; all values here are in FRD.
+        signals: how each is written in the files; noise_sd, resolution and range are in SI and FRD.
+        nominal: known parameters of the plant; absent ones are fitted.
+        nominal_effects: effect -> parameter -> value, for effects that the experimenter's model contains.
+        runs: in the file's order, as one sequence.
+        gap_s: s of pause between runs that do not state their own.
         faults: the damaged samples, which are NaN in the runs' outputs (see `audit`); by run, in time.
-        notes: what a user should be told: presets taken, readings repaired, damage found. One sentence each.
+        notes: for the user: presets used, readings repaired, damage found. One sentence each.
     """
 
     name: str
@@ -103,7 +103,7 @@ def read(folder: Path | str) -> Dataset:
         folder: its folder, or the dataset.toml in it.
 
     Raises:
-        InputError: anything that is not as it must be, with file, line and field. Nothing is written.
+        InputError: anything is wrong; the message names file, line and field.
     """
     path = Path(folder)
     try:
@@ -129,17 +129,18 @@ def read(folder: Path | str) -> Dataset:
         notes=(*description.notes, *damage),
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
-        raise InputError("nothing is measured: all outputs of all runs are blank", file=path, field="signals")
+        raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")
     empty = not any(np.isfinite(values).any() for run in runs for values in run.outputs.values())
-    left = ["nothing is left of what was measured: every output of every run is damaged"] if empty else []
-    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *left))
+    none = ["no sound sample is left: every output of every run is damaged"] if empty else []
+    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *none))
 
 
 def motor_inputs(run: Run, dataset: Dataset) -> Vector:
-    """The voltage at each motor: (n, 2) left and right of a diff_drive, (n, 1) of a motor; V, NaN where it floats.
+    """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
-    A duty is multiplied by the measured battery voltage row by row, single-sample dropouts repaired and blanks filled;
-    else by the nominal one, else by `PRESET_BATTERY_VOLTAGE`. duty_mean is (left + right) / 2, duty_diff left - right.
+    NaN means that the motor floats. A duty is multiplied, sample by sample, by the measured battery voltage; its
+    single-sample dropouts are repaired and its blanks are filled. Without a measured voltage the nominal one is used,
+    else `PRESET_BATTERY_VOLTAGE`. duty_mean is (left + right) / 2, duty_diff is left - right.
     """
     names = next(names for names in INPUT_SETS[dataset.vehicle] if names[0] in run.inputs)
     columns = np.column_stack([run.inputs[name] for name in names])
@@ -151,7 +152,7 @@ def motor_inputs(run: Run, dataset: Dataset) -> Vector:
 
 
 def _battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
-    """Battery voltage of each sample, and how many readings were replaced as dropouts."""
+    """Returns the battery voltage of each sample, and how many readings were replaced as dropouts."""
     measured = run.outputs.get("battery_voltage")
     if measured is not None and np.isfinite(measured).any():
         known = np.isfinite(measured)
@@ -197,10 +198,10 @@ def _read_run(entry: RunEntry, description: Description) -> Run:
 
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
-    """The runs with their damaged samples blanked, the faults, and what to say of them."""
-    records = [MeasuredRun(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
+    """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
+    measured = [MeasuredRun(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
-    found = audit(records, description.signals, description.frame, nominal)
+    found = audit(measured, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():
         for values in outputs.values():
             values.setflags(write=False)
@@ -214,7 +215,9 @@ def _to_si(file: Path, columns: Columns, description: Description, signal: Signa
     beyond = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
     if beyond.any():
         line = columns.lines[int(np.argmax(beyond))]
-        raise InputError("is beyond any number", file=file, line=line, field=f"{signal.name} (column {signal.column})")
+        raise InputError(
+            "is too large for a number", file=file, line=line, field=f"{signal.name} (column {signal.column})"
+        )
     limit = SIGNALS[signal.name].largest
     with np.errstate(invalid="ignore"):
         beyond = np.abs(values) > limit
@@ -233,7 +236,7 @@ def _check_time(file: Path, columns: Columns, time: Vector) -> None:
     if blank.any():
         raise InputError("is blank", file=file, line=columns.lines[int(np.argmax(blank))], field="time")
     if time.size < 2:
-        raise InputError("one sample is no run, two are the least", file=file, line=columns.lines[0])
+        raise InputError("a run needs at least two samples", file=file, line=columns.lines[0])
     stuck = np.diff(time) <= 0.0
     if stuck.any():
         row = int(np.argmax(stuck)) + 1

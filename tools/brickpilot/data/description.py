@@ -1,4 +1,4 @@
-"""Checks `dataset.toml` and turns it into what the reader needs: signals in SI, nominal values, the list of runs."""
+"""Reads and checks `dataset.toml`: the signals with their units, the nominal values and the list of runs."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ _SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
 
 @dataclass(frozen=True)
 class Signal:
-    """One measured column. A value in SI is ``to_si * (scale * raw + offset)``, its sign turned where the frame is FLU.
+    """One measured column.
 
-    ``noise_sd``, ``resolution`` and ``range`` are written in ``unit``, after scale and offset; here they are in SI and
-    in the paper's frame, like the values themselves. None: not stated.
+    A value in SI is ``to_si * (scale * raw + offset)``; in FLU its sign may be reversed (`signals.to_frd`). The file
+    states ``noise_sd``, ``resolution`` and ``range`` in ``unit``, after scale and offset. Here they are in SI and the
+    paper's frame, like the values themselves; None: not stated.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class RunEntry:
-    """One ``[[runs]]`` table, checked; ``initial`` in SI and the paper's frame."""
+    """One checked ``[[runs]]`` table; ``initial`` is in SI and in the paper's frame."""
 
     name: str
     file: Path
@@ -83,7 +84,7 @@ def describe(path: Path) -> Description:
     """Reads and checks a dataset.toml.
 
     Raises:
-        InputError: naming file, line and key.
+        InputError: the message names file, line and key.
     """
     toml = TomlFile(path)
     data = toml.data
@@ -118,7 +119,7 @@ def describe(path: Path) -> Description:
 def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
     notes = []
     if "frame" not in data and TURNS_WITH_FRAME & set(signals):
-        notes.append("no frame is stated: FRD is taken, the paper's, clockwise positive")
+        notes.append("no frame is stated: FRD is assumed, the paper's, clockwise positive")
     return notes
 
 
@@ -138,7 +139,7 @@ def _layout(toml: TomlFile) -> CsvFormat:
     toml.known_keys(("csv",), table, {"delimiter", "header"})
     delimiter, header = table.get("delimiter", ","), table.get("header", True)
     if delimiter not in DELIMITERS:
-        toml.refuse(("csv", "delimiter"), f"{delimiter!r} is none of comma, semicolon, tab, blank and bar")
+        toml.refuse(("csv", "delimiter"), f"{delimiter!r} is not one of comma, semicolon, tab, blank and bar")
     if not isinstance(header, bool):
         toml.refuse(("csv", "header"), f"{header!r} is neither true nor false")
     return CsvFormat(delimiter, header)
@@ -150,7 +151,7 @@ def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal
         if name not in SIGNALS:
             toml.refuse(("signals", name), "unknown signal")
         if vehicle not in SIGNALS[name].vehicles:
-            toml.refuse(("signals", name), f"is no signal of vehicle {vehicle}")
+            toml.refuse(("signals", name), f"is not a signal of vehicle {vehicle}")
     if "time" not in table:
         toml.refuse(("signals",), "time is missing")
     _check_inputs(toml, table, vehicle)
@@ -203,7 +204,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
 
 
 def _size(toml: TomlFile, name: str, size: str, value: object, factor: float) -> float:
-    """A noise_sd or a resolution, SI."""
+    """Returns a noise_sd or a resolution in SI."""
     key = ("signals", name, size)
     number = _positive(toml, key, value) * factor
     if not _SMALLEST_SIZE <= number <= SIGNALS[name].largest:
@@ -249,7 +250,7 @@ def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple
     names = {run.name for run in runs}
     for index, run in enumerate(runs):
         if run.replicate_of is not None and run.replicate_of not in names - {run.name}:
-            toml.refuse(("runs", index, "replicate_of"), f"{run.replicate_of!r} is no other run")
+            toml.refuse(("runs", index, "replicate_of"), f"{run.replicate_of!r} is not another run")
     return tuple(runs)
 
 

@@ -1,4 +1,4 @@
-"""Which runs are fitted and which are held out, where the data set leaves the choice to the program."""
+"""Chooses fit runs and held-out runs where the data set does not state them."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from brickpilot.data.dataset import Dataset, Run
 
 # An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
 _STEP_SPREAD = 0.2
-# Of two motors' inputs, the smaller of sum and difference below this share of the larger: straight, or on the spot.
+# With the smaller of sum and difference of two motors' inputs below this share of the larger, a run is straight or a
+# turn on the spot.
 _PURE = 0.3
 
 _GIVEN = {
     frozenset({"fit"}): "The data set holds no run out.",
     frozenset({"held_out"}): "The data set holds every run out.",
-    frozenset({"fit", "held_out"}): "The data set says which runs are held out.",
+    frozenset({"fit", "held_out"}): "The data set states which runs are held out.",
 }
 
 
 @dataclass(frozen=True)
 class Roles:
-    """`by_run`: "fit" or "held_out" of each run. `note`: one sentence on who chose, and how."""
+    """The role of each run, "fit" or "held_out", and one sentence on who chose it and how."""
 
     by_run: Mapping[str, str]
     note: str
@@ -38,19 +39,19 @@ class Roles:
 
 
 def assign(dataset: Dataset, inputs: Mapping[str, NDArray[np.float64]]) -> Roles:
-    """The role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
+    """Returns the role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
 
-    Where the file holds a run out, its other runs are fitted. Where it holds none out, runs without a role are grouped
-    by manoeuvre (straight, spot turn, curve; step or ramp; forward and backward are one manoeuvre) and ordered by the
-    size of their input. The second of every three is held out, and a repeat rather than what it repeats. The same data
-    set always gives the same roles.
+    If the file holds a run out, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre:
+    straight, turn on the spot or curve, each as step or ramp; forward and backward are the same. Each group is ordered
+    by the size of the input, and the second of every three runs is held out. Replicates are always held out. The same
+    data set always gives the same roles.
     """
     given = {run.name: run.role for run in dataset.runs if run.role is not None}
     if len(given) == len(dataset.runs):
         return Roles(given, _GIVEN[frozenset(given.values())])
     if "held_out" in given.values():
         chosen = {run.name: run.role or "fit" for run in dataset.runs}
-        return Roles(chosen, "The data set says which runs are held out; its other runs are fitted.")
+        return Roles(chosen, "The data set states which runs are held out; its other runs are fitted.")
     open_runs = [run for run in dataset.runs if run.role is None]
     out = _choose(open_runs, inputs)
     chosen = {run.name: run.role or ("held_out" if run.name in out else "fit") for run in dataset.runs}

@@ -1,4 +1,4 @@
-"""How far a simulated signal is from a measured one: integral least squares (eq. 20) and what follows from it."""
+"""The error of a simulated signal: integral least squares (eq. 20) and the measures derived from it."""
 
 from __future__ import annotations
 
@@ -53,9 +53,11 @@ class SignalError:
 
 
 def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bool = False) -> SignalError:
-    """Trapezoidal on the samples' own, possibly irregular, times. All arrays (n,); NaN leaves its two intervals out.
+    """Integrates the error by the trapezoidal rule on the samples' own times, which may be irregular.
 
-    `relative`: the signal is judged by its change since its first known sample, for signals of arbitrary origin.
+    Args:
+        time, simulated, measured: (n,); a NaN leaves out the two intervals beside it.
+        relative: the signal's energy counts from its first known sample, for signals of arbitrary origin.
     """
     known = np.isfinite(measured) & np.isfinite(simulated)
     error = np.where(known, simulated - measured, 0.0)
@@ -66,7 +68,7 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
 
 
 def pooled(errors: Iterable[SignalError]) -> SignalError:
-    """Several runs, or windows, as if they were one."""
+    """Returns the error of several runs, or windows, taken as one."""
     listed = list(errors)
     return SignalError(sum(e.ils for e in listed), sum(e.energy for e in listed), sum(e.seconds for e in listed))
 

@@ -1,4 +1,4 @@
-"""`[nominal]` of a data set: what the experimenter knows. Names and ranges come from the plant's C tables."""
+"""Reads `[nominal]` of a data set: the values that the experimenter knows. The C tables give names and ranges."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from brickpilot import catalogue
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# Where an effect's lateral values are along the axes of the frame, unless their name says the side.
+# Effects that act here have lateral values along the axes of the frame, unless the name is that of a side.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
 _LARGE = 1e12
 _FINEST_SD = 1e-15
-_FINEST_SHARE = 1e-9  # of the value: nothing on a bench is known better
+_FINEST_SHARE = 1e-9  # of the value: no measurement is more precise
 _WIDEST_SD = 1e9
 
 
 @dataclass(frozen=True)
 class Nominal:
-    """A known value in SI and how well it is known; ``sd`` None: nothing said."""
+    """A known value in SI with its sd; ``sd`` None: not stated."""
 
     value: float
     sd: float | None = None
 
 
 def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Nominal]:
-    """The nominal parameters, each known to the plant and within its physical range.
+    """Returns the nominal parameters, each known to the plant and within its physical range.
 
     Raises:
-        InputError: naming the parameter's line.
+        InputError: the message names the parameter's line.
     """
     known = {info.name: info for info in catalogue.parameters()}
     nominal = {}
@@ -49,13 +49,13 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
 
 
 def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame) -> dict[str, dict[str, Nominal]]:
-    """The effects that the experimenter's model already contains.
+    """Returns the effects that the experimenter's model already contains.
 
-    Values are read in the file's frame and handed out in the paper's: in FLU the sign of what a sensor or the body has
-    sideways or about the vertical turns over, as that of its signals does. What is called left or right stays.
+    Values are read in the file's frame and returned in the paper's. From FLU, lateral and yaw values of a sensor or the
+    body change their sign, as their signals do. Values named left or right keep it.
 
     Raises:
-        InputError: naming the effect's line.
+        InputError: the message names the effect's line.
     """
     known = {effect.name: effect for effect in catalogue.effects()}
     effects: dict[str, dict[str, Nominal]] = {}
@@ -91,7 +91,7 @@ def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, uni
     if sd <= 0.0:
         toml.refuse((*key, "sd"), f"{sd:g} is not above zero")
     if not max(_FINEST_SD, _FINEST_SHARE * abs(value)) <= sd <= min(high - low, _WIDEST_SD):
-        toml.refuse((*key, "sd"), f"{sd:g} is no believable uncertainty of {value:g} {unit}".rstrip())
+        toml.refuse((*key, "sd"), f"{sd:g} is not a plausible uncertainty of {value:g} {unit}".rstrip())
     return Nominal(value, sd)
 
 

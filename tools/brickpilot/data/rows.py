@@ -1,4 +1,4 @@
-"""Columns of numbers from a run's text file, strictly: what is not a plain number is refused with its line."""
+"""Reads columns of numbers from a run's text file. Anything that is not a plain number is refused with its line."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SIZE_LIMIT = 256 * 2**20
 """Bytes; a larger run file is refused before it is read."""
 
 DELIMITERS = (",", ";", "\t", " ", "|")
-"""A blank stands for any number of blanks and tabs, and then no cell can be empty."""
+"""A blank stands for any number of blanks and tabs; no cell can then be empty."""
 
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII).fullmatch
 
 
 @dataclass(frozen=True)
 class CsvFormat:
-    """How the text files of a data set are laid out."""
+    """The layout of a data set's text files."""
 
     delimiter: str = ","
     header: bool = True
@@ -33,7 +33,12 @@ class CsvFormat:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns by signal, as written (no unit, scale or offset), NaN where blank; ``lines``: 1-based, one a row."""
+    """Columns of a file.
+
+    Attributes:
+        values: signal -> values as written, without unit, scale or offset; NaN where blank.
+        lines: the 1-based line of each row.
+    """
 
     values: dict[str, NDArray[np.float64]]
     lines: list[int]
@@ -48,7 +53,8 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
         layout: delimiter and header.
 
     Raises:
-        InputError: no readable UTF-8 text, a missing or doubled column, ragged rows, a cell that is no number, no rows.
+        InputError: no readable UTF-8 text, a missing or double column, rows of different length, a cell that is not a
+            number, or no rows.
     """
     rows, lines = _rows(path, _text(path), layout.delimiter)
     names = _header(path, rows, lines) if layout.header else None
@@ -59,7 +65,7 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
     width = len(names) if names is not None else len(rows[0])
     for cells, line in zip(rows, lines, strict=True):
         if len(cells) != width:
-            raise InputError(f"has {len(cells)} cells where {width} are due", file=path, line=line)
+            raise InputError(f"has {len(cells)} cells instead of {width}", file=path, line=line)
     table = list(zip(*rows, strict=True))
     values = {}
     for signal, column in columns.items():
@@ -108,7 +114,7 @@ def _header(path: Path, rows: list[list[str]], lines: list[int]) -> list[str]:
     names = [name.strip() for name in rows[0]]
     for name in names:
         if name and names.count(name) > 1:
-            raise InputError("column stands more than once in the header", file=path, line=lines[0], field=name)
+            raise InputError("column occurs more than once in the header", file=path, line=lines[0], field=name)
     return names
 
 
@@ -117,7 +123,7 @@ def _position(path: Path, signal: str, column: str | int, names: list[str] | Non
         position = int(column)
         if position >= width:
             raise InputError(
-                f"no column {column}, for the file has {width}, numbered from 0", file=path, line=line, field=signal
+                f"no column {column}: the file has {width}, numbered from 0", file=path, line=line, field=signal
             )
         return position
     if column not in names:

@@ -1,4 +1,4 @@
-"""The signals a data set may hold: what each is, its SI unit, and for which vehicle."""
+"""The signals that a data set may hold: kind, SI unit and vehicle of each."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ TURNS_WITH_FRAME = frozenset({"accel_sway", "sway", "yaw_rate", "yaw_angle"})
 class SignalType:
     """A known signal.
 
-    ``unit`` is the SI unit in which the reader hands it out, ``largest`` the magnitude in it beyond which a cell is
-    refused: far above any machine's and any sensor's, so that a single garbled reading stays a fault of the sensor.
+    Attributes:
+        unit: SI unit of its values after reading.
+        largest: magnitude beyond which a cell is refused. It is far above any machine and any sensor, so that a single
+            wrong reading counts as a fault of the sensor and not of the file.
     """
 
     unit: str
@@ -68,7 +70,7 @@ INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
     "diff_drive": (("voltage_left", "voltage_right"), ("duty_left", "duty_right"), ("duty_mean", "duty_diff")),
     "motor": (("voltage",), ("duty",)),
 }
-"""What a vehicle may be driven by: exactly one of these sets, whole."""
+"""The inputs of a vehicle: exactly one of these sets, complete."""
 
 INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
     "diff_drive": {
@@ -79,7 +81,7 @@ INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
     },
     "motor": {"speed": "rad/s", "angle": "rad", "position": "m", "velocity": "m/s", "current": "A"},
 }  # fmt: skip
-"""What a run's ``initial`` may state, in SI and in the data set's frame."""
+"""The state that a run's ``initial`` may give, in SI and in the data set's frame."""
 
 RATE_OF: dict[str, str] = {"angle": "speed", "position": "velocity"} | {
     f"wheel_{summed}_{side}": f"wheel_{rate}_{side}"
@@ -93,8 +95,8 @@ SUMMED = frozenset(RATE_OF) | {"yaw_angle"}
 
 
 def to_frd(signal: str, values: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
-    """Values of `signal` in the paper's frame (x forward, y right, clockwise positive).
+    """Returns the values of `signal` in the paper's frame (x forward, y right, clockwise positive).
 
-    FLU differs by half a turn about x: sideways and yaw quantities change sign, left and right stay what they are.
+    FLU differs by half a turn about x: lateral and yaw values change sign; left and right remain.
     """
     return -values if frame == "FLU" and signal in TURNS_WITH_FRAME else values

@@ -1,4 +1,4 @@
-"""TOML files whose values remember the line they stand on, so that an error can name it."""
+"""Reads TOML files and keeps the line of each value, so that an error can name it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TomlFile:
         self.path = path
         try:
             if path.exists() and not path.is_file():
-                raise InputError("is no file", file=path)
+                raise InputError("is not a file", file=path)
             if path.stat().st_size > SIZE_LIMIT:
                 raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=path)
             text = path.read_bytes().decode("utf-8")
@@ -55,7 +55,7 @@ class TomlFile:
             self._check_integers((), self.data)
         except RecursionError as error:
             raise InputError("is not TOML: nested too deep", file=path) from error
-        except ValueError as error:  # TOMLDecodeError is one; a number of thousands of digits is another
+        except ValueError as error:  # a TOMLDecodeError, or a number of thousands of digits
             found = re.search(r"\(at line (\d+), column \d+\)", str(error))
             line = int(found[1]) if found else text.count("\n") + 1
             message = re.sub(r"\s*\(at .*\)", "", str(error))
@@ -83,7 +83,7 @@ class TomlFile:
                     yield (*key, inner.strip("\"'")), number
 
     def _check_integers(self, key: Key, value: object) -> None:
-        """TOML's integers have 64 bits; Python reads longer ones and then cannot print them."""
+        """Refuses integers of more than 64 bits, which TOML forbids and Python reads but may not print."""
         if isinstance(value, int) and abs(value) >= 2**63:
             self.refuse(key, "is an integer of more than 64 bits")
         if isinstance(value, dict | list):
@@ -91,7 +91,7 @@ class TomlFile:
                 self._check_integers((*key, name), inner)
 
     def line(self, key: Key) -> int | None:
-        """Line of the key, or of the nearest table that holds it."""
+        """Returns the line of the key, or of the nearest table that holds it."""
         for depth in range(len(key), 0, -1):
             if key[:depth] in self._lines:
                 return self._lines[key[:depth]]
@@ -110,7 +110,7 @@ class TomlFile:
                 self.refuse((*key, name), f"unknown key; known: {', '.join(names)}")
 
     def number(self, key: Key, value: object, low: float, high: float, unit: str = "") -> float:
-        """`value` as a finite number in low..high, ends included, or a refusal."""
+        """Returns `value` as a finite number in low..high, ends included, or refuses it."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.refuse(key, f"{value!r} is not a number")
         if not low <= value <= high:
@@ -118,27 +118,27 @@ class TomlFile:
         return float(value)
 
     def text(self, key: Key, value: object) -> str:
-        """`value` as a name for people: 1 to 200 printable characters, not all blank, or a refusal."""
+        """Returns `value` as a text of 1 to 200 printable characters, not all blank, or refuses it."""
         if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 200:
             self.refuse(key, "needs a text of 1 to 200 printable characters")
         return value
 
     def file_name(self, key: Key, value: object) -> str:
-        """`value` as a text that may become a part of a file's name, or a refusal."""
+        """Returns `value` as a text that may become a part of a file's name, or refuses it."""
         name = self.text(key, value)
         if name.startswith(".") or set(name) & set("/\\"):
             self.refuse(key, f"{name!r} cannot be a part of a file's name")
         return name
 
     def choice(self, key: Key, value: object, known: Iterable[str]) -> str:
-        """`value` as one of `known`, or a refusal that lists them."""
+        """Returns `value` if it is one of `known`, or refuses it and lists them."""
         names = tuple(known)
         if not isinstance(value, str) or value not in names:
             self.refuse(key, f"{value!r} is not one of {', '.join(names)}")
         return value
 
     def table(self, key: Key, value: object) -> dict[str, Any]:
-        """`value` as a table, or a refusal."""
+        """Returns `value` if it is a table, or refuses it."""
         if not isinstance(value, dict):
             self.refuse(key, f"{value!r} is not a table")
         return value

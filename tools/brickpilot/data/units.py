@@ -1,6 +1,6 @@
-"""Units of measured columns, by pint with a registry of our own.
+"""Units of measured columns, by pint with its own registry.
 
-pint's default registry counts angles as plain numbers, so that "1/s" or "Hz" would pass as a turn rate and be wrong by
+pint's default registry treats angles as plain numbers: "1/s" or "Hz" would be accepted as a turn rate and be wrong by
 2 pi. Here the angle is a dimension, and only units that occur in logs are known.
 Standard gravity is "g0"; "g" is the gram.
 """
@@ -34,7 +34,7 @@ standard_gravity = 9.80665 * meter / second ** 2 = g0 = g_0
 newton = kilogram * meter / second ** 2 = N
 volt = newton * meter / second / ampere = V
 """
-# No numbers but small powers: a unit is never a computation.
+# The only numbers are small powers: a unit contains no arithmetic.
 _FACTOR = r"(?:1|%|[A-Za-zµμ°][A-Za-z0µμ°_]*)(?:(?:\^|\*\*)-?[1-4])?"
 _UNIT = re.compile(rf"\s*{_FACTOR}(?:\s*[*/·\s]\s*{_FACTOR})*\s*")
 _HINTS = {
@@ -55,14 +55,14 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def si_factor(unit: str, si_unit: str) -> float:
-    """What a value in `unit` is multiplied by to stand in `si_unit`.
+    """Returns the factor from `unit` to `si_unit`.
 
     Args:
         unit: as written in a data set, e.g. ``deg/s``, ``mm``, ``g0``, ``1``.
         si_unit: a unit of the same dimension, e.g. ``rad/s``.
 
     Raises:
-        ValueError: an unknown unit, or one of another dimension; the message is for the user.
+        ValueError: an unknown unit, or one of another dimension. The message is for the user.
     """
     hint = f"; {_HINTS[unit.strip()]}" if unit.strip() in _HINTS else ""
     if len(unit) > 40 or not _UNIT.fullmatch(unit):

@@ -1,8 +1,9 @@
-"""Finds channels that contradict the nominal model as a whole: where a set measures only one channel of its kind.
+"""Finds channels that contradict the nominal model as a whole, for data sets with only one channel of a kind.
 
-A nominal value may be off and an effect may be missing, so only what no machine does counts: a motion that goes with
-the model's but the other way, or by the factor of another unit. What is too small may be friction; it counts only where
-all runs that move are too small by the same factor. What all runs that move say holds for those that hardly do.
+A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion that follows the
+model's with the opposite sign, or by the factor of another unit. A motion that is too small may be due to friction; it
+counts only where it is too small by the same factor in all runs that move. A fault in all runs that move is also
+assumed in the runs that hardly move.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from brickpilot.data.dataset import Dataset, Run
 Vector = NDArray[np.float64]
 
 _LEAST = 9.0  # smallest factor of a unit that counts
-_FITS = (0.45, 1.6)  # ratio over factor: nominal values are only nominal, and the friction they lack slows
-_PLAIN = (0.4, 2.5)  # a reversed motion's size over the model's
+_FITS = (0.45, 1.6)  # ratio over factor: nominal values are inexact, and missing friction slows the motion
+_REVERSED = (0.4, 2.5)  # size of a reversed motion over the model's
 _SURELY = 0.9  # correlation over windows
 _MOVES = 0.3  # of the motion in the run that moves most
-_ALIKE = 2.0  # ratios of runs, the largest over the smallest, that are one wrong column
+_ALIKE = 2.0  # largest over smallest ratio of the runs of one wrong column, where ratios are above 1
 _ALIKE_SMALL = 1.3
 _LEAST_WINDOWS = 4
 
@@ -43,15 +44,15 @@ class _Ratio:
 
 
 def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector]]) -> tuple[Fault, ...]:
-    """Channels whose sign or unit the nominal model denies; by run, kinds "sign" and "unit" with their factor.
+    """Returns channels whose sign or unit contradicts the nominal model, by run, as faults "sign" and "unit".
 
-    A unit is judged only where the data set states what the size of the signal follows from; a fitted value, or a
-    preset, takes on any unit.
+    A unit is tested only where the data set states the values that set the size of the signal. A fitted value, or a
+    preset, would adapt to any unit.
 
     Args:
         dataset: as `dataset.read` gives it.
         simulated: run -> signal -> (n,) of the nominal model from the run's inputs, SI, the paper's frame, at the run's
-            own time. Runs and signals that are not in it are not judged.
+            own time. Runs and signals that are not in it are not tested.
     """
     found: list[Fault] = []
     for signal in dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"):
@@ -64,7 +65,7 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
         if ratios:
             hardest = max(one.level for one in ratios)
             moving = [one for one in ratios if one.level >= _MOVES * hardest]
-            wrong = _turned_over(signal, moving)
+            wrong = _reversed(signal, moving)
             if not wrong and _is_stated(dataset, signal):
                 wrong = _in_other_units(signal, moving)
             if len(wrong) == len(moving) > 1 and len(set(wrong.values())) == 1:
@@ -76,10 +77,10 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
 
 
 def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
-    """The data set with these channels' samples blanked, and with the faults and a note on each channel added."""
+    """Returns the data set with the samples of these channels blanked, and with the faults and their notes added."""
     listed = list(faults)
-    spoilt = {(fault.run, fault.signal) for fault in listed}
-    runs = tuple(replace(run, outputs=_without(run, spoilt)) for run in dataset.runs)
+    wrong = {(fault.run, fault.signal) for fault in listed}
+    runs = tuple(replace(run, outputs=_without(run, wrong)) for run in dataset.runs)
     notes: list[str] = []
 
     def kind(fault: Fault) -> tuple[str, float]:
@@ -91,17 +92,17 @@ def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
     return replace(dataset, runs=runs, faults=(*dataset.faults, *listed), notes=(*dataset.notes, *notes))
 
 
-def _without(run: Run, spoilt: set[tuple[str, str]]) -> Mapping[str, Vector]:
+def _without(run: Run, wrong: set[tuple[str, str]]) -> Mapping[str, Vector]:
     outputs = dict(run.outputs)
     for name in outputs:
-        if (run.name, name) in spoilt:
+        if (run.name, name) in wrong:
             outputs[name] = np.full_like(outputs[name], np.nan)
             outputs[name].setflags(write=False)
     return MappingProxyType(outputs)
 
 
 def _is_stated(dataset: Dataset, signal: str) -> bool:
-    """Whether the nominal values that make a signal's steady size are stated."""
+    """Whether the nominal values that set a signal's steady size are stated."""
     needed = {"resistance"} if signal.startswith("current") else {"emf_constant"}
     if signal in {"position", "velocity"} and "force_per_volt" in dataset.nominal:
         needed = {"mass"}
@@ -112,14 +113,17 @@ def _is_stated(dataset: Dataset, signal: str) -> bool:
     return needed <= dataset.nominal.keys()
 
 
-def _turned_over(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
-    """Run -> -1. Of a current only where it is so in all runs: a motor that a slope drives ahead brakes."""
-    found = {one.run.name: -1.0 for one in ratios if _PLAIN[0] < -one.value < _PLAIN[1]}
+def _reversed(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
+    """Returns run -> -1 for reversed signals.
+
+    A current counts only if it is reversed in all runs, because a motor that a slope drives brakes.
+    """
+    found = {one.run.name: -1.0 for one in ratios if _REVERSED[0] < -one.value < _REVERSED[1]}
     return {} if signal.startswith("current") and len(found) < max(len(ratios), 2) else found
 
 
 def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
-    """Run -> factor, signed."""
+    """Returns run -> signed factor for signals in another unit."""
     values = np.array([one.value for one in ratios])
     sizes = np.abs(values)
     middle = float(np.median(sizes))
@@ -136,9 +140,9 @@ def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
 
 
 def _gross(signal: str, ratio: float) -> float | None:
-    """The factor of a unit that is nearest a ratio, above 1 or below as it is; None where none is near.
+    """Returns the factor of a unit nearest to a ratio; None where none is near.
 
-    The units that the signal's own is usually taken for come first.
+    Units that are often confused with the signal's own are preferred.
     """
     for listed in (usual_factors(signal), FACTORS):
         factors = [by if ratio > 1.0 else 1 / by for by in listed if by > _LEAST]
@@ -154,7 +158,7 @@ def _fault(run: Run, signal: str, factor: float) -> Fault:
 
 
 def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
-    """None where the two do not go together, or nothing moves."""
+    """Returns measured over simulated motion; None where the two are not correlated, or nothing moves."""
     if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
         return None
     measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
@@ -172,7 +176,7 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
-    """What moved in each window; of an acceleration less its mean, for a bias or a slope is no motion."""
+    """Returns the motion in each window; for an acceleration without its mean, which may be a bias or a slope."""
     moved = windows.moved[signal]
     known = np.isfinite(moved)
     if not signal.startswith("accel_") or not known.any():

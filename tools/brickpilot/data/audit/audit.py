@@ -1,8 +1,8 @@
-"""Finds what is wrong with measured outputs before anything is fitted to them; no model is needed.
+"""Finds faults in measured outputs before anything is fitted to them; no model is needed.
 
-Damaged samples: clipped, frozen, dropped out, swapped with another column. Channels wrong as a whole: the sign reversed
-or another unit (`channels`). Clocks that drift or jump (`clock`). What is found cannot be the motion of a
-body with noise and quantisation on it; when in doubt a sample is left alone.
+Single samples may be clipped, frozen, dropped out, or swapped with another column. A channel may be wrong as a whole:
+its sign reversed, or in another unit (`channels`). A clock may drift or jump (`clock`). A fault is reported only where
+a moving body with sensor noise and quantisation cannot have made the samples; in doubt a sample is kept.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """What is audited of one run: SI, one entry a sample, NaN where blank. `inputs`: (n,) each."""
+    """One measured run, in SI: (n,) each, NaN where blank."""
 
     name: str
     time: Vector
@@ -43,7 +43,13 @@ class MeasuredRun:
 
 @dataclass(frozen=True)
 class Audited:
-    """`outputs`: run -> signal -> values, NaN where damaged. `faults`: by run, in time. `notes`: a sentence a group."""
+    """The result of the audit.
+
+    Attributes:
+        outputs: run -> signal -> values, NaN where damaged.
+        faults: ordered by run, then by time.
+        notes: one sentence for each group of faults.
+    """
 
     outputs: Mapping[str, Mapping[str, Vector]]
     faults: tuple[Fault, ...]
@@ -53,9 +59,13 @@ class Audited:
 def audit(
     runs: Sequence[MeasuredRun], signals: Mapping[str, Signal], frame: Frame, nominal: Mapping[str, float] | None = None
 ) -> Audited:
-    """Finds the faults of all runs; a signal's resolution is taken from all of them together.
+    """Finds the faults of all runs.
 
-    `nominal`: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+    Args:
+        runs: in the data set's order. The resolution of a signal is taken from all of them together.
+        signals: as the data set describes them.
+        frame: of the data set's files.
+        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
     """
     resolution = {name: _resolution(name, runs, signals) for name in runs[0].outputs} if runs else {}
     views = [
@@ -63,13 +73,13 @@ def audit(
         for run in runs
     ]
     faults, notes = _damaged_rows(runs, views, signals, frame)
-    for found, said in (
+    for found, its_notes in (
         _wrong_channels(runs, views, nominal or {}),
         _beyond_range(runs, views, signals),
         _wrong_clocks(runs, views),
     ):
         faults += found
-        notes += said
+        notes += its_notes
     outputs = {run.name: dict(view.outputs) for run, view in zip(runs, views, strict=True)}
     order = {run.name: number for number, run in enumerate(runs)}
     faults.sort(key=lambda one: (order[one.run], one.from_s, one.signal))
@@ -79,7 +89,7 @@ def audit(
 def _damaged_rows(
     runs: Sequence[MeasuredRun], views: Sequence[RunView], signals: Mapping[str, Signal], frame: Frame
 ) -> tuple[list[Fault], list[str]]:
-    """The faults of single stretches of samples, which are blanked in `views`, and what to say of them."""
+    """Finds damaged samples and blanks them in `views`; returns the faults and their notes."""
     faults: list[Fault] = []
     notes: list[str] = []
     damage: list[dict[Kind, dict[str, Mask]]] = []
@@ -108,7 +118,7 @@ def _damaged_rows(
 
 
 def _clipped(view: RunView, name: str, signals: Mapping[str, Signal]) -> Mask:
-    """None of a channel that leaves its range, which may be of another unit as a whole."""
+    """Returns the clipped samples; none for a channel beyond its stated range, which may be in another unit."""
     stated = signals[name].range
     if stuck.leaves(view.outputs[name], stated):
         return np.zeros(len(view.time), dtype=bool)
@@ -118,9 +128,9 @@ def _clipped(view: RunView, name: str, signals: Mapping[str, Signal]) -> Mask:
 def _beyond_range(
     runs: Sequence[MeasuredRun], views: Sequence[RunView], signals: Mapping[str, Signal]
 ) -> tuple[list[Fault], list[str]]:
-    """Channels that leave their stated range for no reason that was found, which are blanked in `views`.
+    """Finds channels beyond their stated range that nothing else explains, and blanks them in `views`.
 
-    Where most runs leave it, the column is wrong in the others as well, in which less moves.
+    Where they are beyond it in most runs, the column is wrong in the other runs as well, in which less moves.
     """
     faults: list[Fault] = []
     notes: list[str] = []
@@ -141,7 +151,10 @@ def _beyond_range(
 def _wrong_channels(
     runs: Sequence[MeasuredRun], views: Sequence[RunView], nominal: Mapping[str, float]
 ) -> tuple[list[Fault], list[str]]:
-    """The faults of whole channels, which are blanked in `views`: all channels of a run whose input or time it is."""
+    """Finds channels that are wrong as a whole, and blanks them in `views`.
+
+    Where an input or the time is wrong, all channels of that run are blanked.
+    """
     found = contradictions(
         views, wheel_radius=nominal.get("wheel_radius"), half_track=nominal.get("half_track")
     ) + _wrong_batteries(views, nominal.get("battery_voltage"))
@@ -159,13 +172,13 @@ def _wrong_channels(
                 kind: Kind = "sign" if one.factor == -1.0 else "clock" if name == "time" else "unit"
                 span = float(run.time[0]), float(run.time[-1])
                 faults.append(Fault(run.name, name, kind, *span, one.factor))
-                for spoilt in [name] if name in view.outputs else view.outputs:
-                    view.outputs[spoilt][:] = np.nan
+                for blanked in [name] if name in view.outputs else view.outputs:
+                    view.outputs[blanked][:] = np.nan
     return faults, notes
 
 
 def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
-    """Channels by the names of the data set's signals: a drive by those of its inputs."""
+    """Returns the data set's signals of channels; those of a drive are its inputs."""
     found: dict[str, None] = {}
     for name in names:
         _, is_drive, side = name.partition("drive_")
@@ -175,7 +188,10 @@ def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, .
 
 
 def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
-    """Runs whose battery is of another order than stated, than in the other runs, or than a battery can be."""
+    """Finds runs whose battery voltage is 100 or 1000 times off.
+
+    It is compared with the stated one, with the other runs, or with that of a typical battery.
+    """
     name = "battery_voltage"
     levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(views) if _known(one, name)}
     odd: dict[float, list[int]] = {}
@@ -197,7 +213,7 @@ def _known(view: RunView, name: str) -> bool:
 
 
 def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tuple[list[Fault], list[str]]:
-    """The runs whose clock is wrong, of which all is blanked from where it is."""
+    """Finds runs whose clock is wrong, and blanks all channels from there on."""
     faults: list[Fault] = []
     notes: list[str] = []
     for one in clock_faults(views):
@@ -208,7 +224,7 @@ def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tupl
         faults.append(Fault(run.name, "time", "clock", start, end, one.factor))
         for values in view.outputs.values():
             values[one.start :] = np.nan
-        notes.append(f"run {run.name}: its clock {one.seen}; left out from {start:.6g} s on")
+        notes.append(f"run {run.name}: its clock {one.evidence}; left out from {start:.6g} s on")
     return faults, notes
 
 
@@ -217,7 +233,7 @@ def _spans(time: Vector, mask: Mask) -> list[tuple[float, float]]:
 
 
 def _resolution(name: str, runs: Sequence[MeasuredRun], signals: Mapping[str, Signal]) -> float:
-    """The stated step of a signal, else the smallest that occurs in any run; 0 where there is none."""
+    """Returns the stated step of a signal, else the smallest in any run; 0: it never changes."""
     if (stated := signals[name].resolution) is not None:
         return stated
     values = np.unique(np.concatenate([run.outputs[name] for run in runs]))

@@ -1,8 +1,9 @@
-"""Finds runs whose clock runs fast or slow, drifts or jumps against that of other runs or against the motion itself.
+"""Finds runs whose clock is fast or slow, drifts or jumps, compared with other runs or with the motion itself.
 
-Two witnesses: the sampling interval, where the logger otherwise keeps it to a fraction of a percent; and angles beside
-their rates, whose ratio is a property of the sensors and not of a run. A ratio that is off in all runs alike may be a
-scale; only where wheels and gyro, two sensors, are off by the same is it the clock.
+Two things show it. One is the sampling interval, where the logger keeps it constant to a fraction of a percent in other
+runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the sensors and not on
+the run. A ratio that is off in all runs alike may be a scale; only where wheels and gyro, two sensors, are off by the
+same factor is it the clock.
 """
 
 from __future__ import annotations
@@ -23,39 +24,45 @@ Vector = NDArray[np.float64]
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
 _STEADY = 0.002  # spread of the sampling interval over a run's blocks, and from run to run
-_LEAST_OFF, _MOST_OFF = 0.008, 0.15  # of the interval; more is another rate by design
+_LEAST_OFF, _MOST_OFF = 0.008, 0.15  # of the interval; a larger difference is another sampling rate on purpose
 _ALIKE = 2 / 3  # of the runs
-_SMOOTH = 0.15  # of the drift: what is left of it beside a parabola
-_ROUND = 3e-4
+_SMOOTH = 0.15  # of the drift: the residual of a parabola
+_ROUND = 3e-4  # relative difference from a round number
 _WINDOWS = 24
-_BOUNDED = 0.5  # sd of a ratio over what is left of the way, which is not independent from window to window
+_BOUNDED = 0.5  # of the sd from independent windows: residuals of a sum are not independent
 _RATIO_OFF = 0.012
 _SURE = 5.0  # standard errors
-_DENIES = 3.0  # standard errors
-_WANDER = {"yaw_angle"}  # beside its rate: a bias that wanders looks like a clock
-_SENSOR = 0.002  # spread of a ratio that is always there
+_DENIES = 3.0  # standard errors: a ratio so far from the fault contradicts it
+_WANDER = {"yaw_angle"}  # sums whose rate has a slow bias, which looks like a wrong clock
+_SENSOR = 0.002  # spread that a ratio always has
 _AGREE = 0.4  # of the deviation
 _DRIFTS = 0.02
-_GAP = 8.0  # usual intervals
-_STOOD = 0.35  # of what the motion would have made of the gap
+_JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
+_STOOD = 0.35  # of the motion expected during a jump
 _LOCAL = 10  # samples
 _STEPS = 10.0  # resolutions
 
 
 @dataclass(frozen=True)
 class ClockFault:
-    """`run`: its number; `start`: first sample whose time is wrong; `factor`: stated over true time, None where that is
-    not one number; `seen`: how it shows, for people, after "its clock"."""
+    """A wrong clock.
+
+    Attributes:
+        run: its number.
+        start: the first sample whose time is wrong.
+        factor: stated over true time; None where it is not one number.
+        evidence: the rest of a sentence that begins with "its clock".
+    """
 
     run: int
     start: int
     factor: float | None
-    seen: str
+    evidence: str
 
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Growth of a sum over the integral of its rate, in one run, and the change of it from the start to the end."""
+    """Growth of a sum over the integral of its rate in one run, and the relative change of it from start to end."""
 
     value: float
     sd: float
@@ -64,12 +71,12 @@ class _Ratio:
 
 
 def clock_faults(views: Sequence[RunView]) -> list[ClockFault]:
-    """At most one for each run, in the runs' order."""
+    """Returns at most one fault for each run, in the runs' order."""
     ratios = _ratios(views)
     usual = _usual(ratios)
     found: dict[int, ClockFault] = {}
     for fault in (*_jumps(views), *_off_ratios(ratios, usual), *_off_intervals(views)):
-        if fault.run not in found and not (fault.factor and _is_truthful(ratios[fault.run], usual, fault.factor)):
+        if fault.run not in found and not (fault.factor and _is_right(ratios[fault.run], usual, fault.factor)):
             found[fault.run] = fault
     return [found[number] for number in sorted(found)]
 
@@ -84,16 +91,16 @@ def _off_intervals(views: Sequence[RunView]) -> list[ClockFault]:
             break
         off = float(np.median(each)) / usual - 1.0
         if k in steady and _LEAST_OFF < abs(off) < _MOST_OFF:
-            said = f"is off: samples {1e3 * steady[k]:.4g} ms apart, {1e3 * usual:.4g} ms in the other runs"
-            found.append(ClockFault(k, 0, 1.0 + off, said))
+            evidence = f"is off: samples {1e3 * steady[k]:.4g} ms apart, {1e3 * usual:.4g} ms in the other runs"
+            found.append(ClockFault(k, 0, 1.0 + off, evidence))
         elif k not in steady and _drifts(each, usual):
-            said = f"drifts: samples from {1e3 * each[0]:.4g} to {1e3 * each[-1]:.4g} ms apart"
-            found.append(ClockFault(k, 0, float(np.mean(each)) / usual, said))
+            evidence = f"drifts: samples from {1e3 * each[0]:.4g} to {1e3 * each[-1]:.4g} ms apart"
+            found.append(ClockFault(k, 0, float(np.mean(each)) / usual, evidence))
     return found
 
 
 def _common_start(blocks: list[Vector]) -> float | None:
-    """The interval with which all runs begin, where none keeps it."""
+    """Returns the interval with which all runs begin, for runs whose interval is not constant; None: it differs."""
     starts = [float(each[0]) for each in blocks]
     alike = len(starts) > 1 and (max(starts) - min(starts)) < _LEAST_OFF * min(starts)
     return float(np.median(starts)) if alike else None
@@ -110,7 +117,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """What most runs have; of two runs, or where all differ, the one round number of ms or Hz."""
+    """Returns the interval of most runs; of two runs that differ, the rounder number of ms or Hz; else None."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -123,23 +130,23 @@ def _usual_interval(intervals: list[float]) -> float | None:
 
 
 def _digits(value: float) -> int:
-    """How many figures it takes to write a value."""
+    """Returns how many decimal places it takes to write a value."""
     scaled = value / 10.0 ** floor(log10(value))
     return next((digits for digits in range(4) if abs(round(scaled, digits) / scaled - 1.0) < _ROUND), 4)
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly over the run, by more than a steady clock and less than by design."""
+    """Whether the interval changes smoothly over the run, by more than a steady clock's and less than on purpose."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
     worst = float(np.max(np.abs(smooth / usual - 1.0)))
-    left = float(np.quantile(np.abs(blocks - smooth), 0.9))
-    return _LEAST_OFF * usual < change and worst < 2 * _MOST_OFF and left < _SMOOTH * change
+    residual = float(np.quantile(np.abs(blocks - smooth), 0.9))
+    return _LEAST_OFF * usual < change and worst < 2 * _MOST_OFF and residual < _SMOOTH * change
 
 
 def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
-    """Of each run, by the name of the sum."""
+    """Returns for each run: name of the sum -> ratio."""
     present = set().union(*(view.outputs for view in views))
     pairs = [(sums, rate) for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
     found: list[dict[str, _Ratio]] = [{} for _ in views]
@@ -149,7 +156,7 @@ def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
             if len(view.time) >= _LEAST_SAMPLES:
                 windows = cut(view.time, {sums: view.outputs[sums], rate: view.outputs[rate]}, _WINDOWS)
                 if {sums, rate} <= windows.moved.keys():
-                    # beside the rate: a lag of it, or the bias of a gyro
+                    # The second column of the fit is a lag of the rate, or the bias of a gyro.
                     beside = windows.changed.get(rate, windows.seconds)
                     known = np.isfinite(windows.moved[sums]) & np.isfinite(windows.moved[rate]) & np.isfinite(beside)
                     if np.count_nonzero(known) > _WINDOWS // 2 and np.any(windows.moved[rate][known]):
@@ -163,34 +170,39 @@ def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
 
 
 def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _Ratio | None:
-    """`lag`: that of the sensor, from all runs, to be taken off; None: what is beside is a bias of this run."""
+    """Fits growth = ratio * rate + a * beside.
+
+    Args:
+        beside: the change of the rate, whose factor is a lag; or the seconds, whose factor is a bias.
+        lag: of the sensor, from all runs, to be subtracted; None: the factor is fitted in this run.
+    """
     place = np.linspace(-0.5, 0.5, len(growth))
     trend, trend_sd = _solve(np.column_stack([place * rate, rate, beside]), growth)
     if lag is None:
         solved, sds = _solve(np.column_stack([rate, beside]), growth)
         value, sd = float(solved[0]), float(sds[0])
-    else:  # by the sums: what a sum is off by at a sample does not grow, while the way does
-        way, said = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
-        value = float(way @ said) / float(said @ said)
-        sd = float(np.sqrt(np.sum((way - value * said) ** 2) / (said @ said))) * _BOUNDED
+    else:  # from the sums themselves: their error at a sample stays bounded while the path grows
+        path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
+        value = float(path @ integral) / float(integral @ integral)
+        sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
     if value <= 0.0:
         return None
     return _Ratio(value, sd, float(trend[0]) / value, float(trend_sd[0]) / value)
 
 
 def _solve(columns: NDArray[np.float64], values: Vector) -> tuple[Vector, Vector]:
-    """Least squares: the coefficients and their sd, infinite where the columns do not tell them."""
+    """Returns the least-squares coefficients and their sd, infinite where they are not identifiable."""
     fitted, _, rank, _ = np.linalg.lstsq(columns, values, rcond=1e-9)
     solved = np.asarray(fitted, dtype=np.float64)
     if rank < columns.shape[1]:
         return solved, np.full(columns.shape[1], np.inf)
-    left = values - columns @ solved
-    spread = float(left @ left) / max(len(values) - columns.shape[1], 1)
+    residual = values - columns @ solved
+    spread = float(residual @ residual) / max(len(values) - columns.shape[1], 1)
     return solved, np.asarray(np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) * spread), dtype=np.float64)
 
 
 def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, float]]:
-    """Of each pair the median over the runs and the spread about it, where three runs or more have it."""
+    """Returns sum -> median over the runs and the spread about it, where three runs or more have the ratio."""
     found: dict[str, tuple[float, float]] = {}
     for name in dict.fromkeys(name for one in ratios for name in one):
         values = np.array([one[name].value for one in ratios if name in one and np.isfinite(one[name].sd)])
@@ -210,22 +222,24 @@ def _off_ratios(ratios: Sequence[Mapping[str, _Ratio]], usual: Mapping[str, tupl
                     number,
                     0,
                     shared,
-                    "is off, as the angles of wheels and of the gyro say beside their rates, in all runs",
+                    "is off: the angles of wheels and gyro do not grow as their rates in any run",
                 )
             )
             continue
         if each.keys() <= _WANDER:
             continue
-        judged = {name: _off(one, *usual[name]) for name, one in each.items() if name in usual}
-        sure = {name: one for name, one in judged.items() if abs(one[0]) > _SURE * one[1]}
+        offs = {name: _off(one, *usual[name]) for name, one in each.items() if name in usual}
+        sure = {name: one for name, one in offs.items() if abs(one[0]) > _SURE * one[1]}
         trends = [(one.trend, one.trend_sd) for one in each.values()]
         off = float(np.mean([one for one, _ in sure.values()])) if sure else 0.0
-        if not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(judged, off):
+        if not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(offs, off):
             ratio = off + 1.0
-            said = f"is off, as {' and '.join(sure)} beside the rates say and not in the other runs"
-            found.append(ClockFault(number, 0, 1.0 / ratio, said))
+            evidence = f"is off: {' and '.join(sure)} grow otherwise than the rates, unlike in the other runs"
+            found.append(ClockFault(number, 0, 1.0 / ratio, evidence))
         elif trends and _agree(trends, _DRIFTS):
-            found.append(ClockFault(number, 0, None, f"drifts, as {' and '.join(each)} beside the rates say"))
+            found.append(
+                ClockFault(number, 0, None, f"drifts: {' and '.join(each)} depart from the integrals of the rates")
+            )
     return found
 
 
@@ -234,19 +248,19 @@ def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
 
 
 def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
-    """Whether one that could tell says that it is not off by as much."""
+    """Whether a ratio that is certain enough contradicts a fault of this size."""
     return any(abs(off - by) > max(_AGREE * abs(by), _DENIES * sd) for off, sd in offs.values())
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether all are surely off, and by the same."""
+    """Whether all are certainly off, and by the same."""
     values = np.array([off for off, _ in offs])
     sure = all(abs(off) > max(least, _SURE * sd) for off, sd in offs)
     return bool(sure and np.ptp(values) < _AGREE * np.abs(values).min())
 
 
 def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
-    """Stated over true time where the pairs of wheels and gyro are off by the same in all runs."""
+    """Returns stated over true time where wheels and gyro are off by the same in all runs; else None."""
     offs = [(middle - 1.0, max(spread, _SENSOR)) for middle, spread in usual.values()]
     kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
     if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
@@ -254,8 +268,8 @@ def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
     return 1.0 / float(np.mean([middle for middle, _ in usual.values()]))
 
 
-def _is_truthful(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, float]], factor: float) -> bool:
-    """Whether an angle beside its rate says that the clock is right, for all its interval."""
+def _is_right(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, float]], factor: float) -> bool:
+    """Whether the ratio of an angle to its rate shows that the clock is right although its interval differs."""
     for name, one in ratios.items():
         if name in usual and factor != 1.0:
             off, sd = _off(one, *usual[name])
@@ -265,30 +279,30 @@ def _is_truthful(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, 
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Clocks that leap ahead while what moves does not: not rows that are lost, over which it moves on."""
+    """Finds clocks that jump ahead while the motion does not. Over lost rows, the motion goes on."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
         if len(view.time) < _LEAST_SAMPLES:
             continue
-        for at in np.flatnonzero(steps > _GAP * np.median(steps)):
+        for at in np.flatnonzero(steps > _JUMP * np.median(steps)):
             if (_LOCAL < at < len(view.time) - _LOCAL - 1) and _stood(view, int(at)):
                 found.append(
-                    ClockFault(number, int(at) + 1, None, f"leaps by {steps[at]:.3g} s, in which nothing moves")
+                    ClockFault(number, int(at) + 1, None, f"jumps by {steps[at]:.3g} s, during which nothing moves")
                 )
                 break
     return found
 
 
 def _stood(view: RunView, at: int) -> bool:
-    """Whether every sum that moved on both sides of the gap after sample `at` hardly moved in it."""
+    """Whether no sum moved during the jump after sample `at`, although it moved before and after."""
     time, votes = view.time, []
     for name in (*RATE_OF, "yaw_angle"):
         if name in view.outputs:
             sums = view.outputs[name]
             before = (sums[at] - sums[at - _LOCAL]) / (time[at] - time[at - _LOCAL])
             after = (sums[at + 1 + _LOCAL] - sums[at + 1]) / (time[at + 1 + _LOCAL] - time[at + 1])
-            way = min(before, after, key=abs) * (time[at + 1] - time[at])
-            if before * after > 0.0 and abs(way) > _STEPS * view.resolution[name]:
-                votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(way))
+            path = min(before, after, key=abs) * (time[at + 1] - time[at])
+            if before * after > 0.0 and abs(path) > _STEPS * view.resolution[name]:
+                votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(path))
     return bool(votes) and all(votes)

@@ -1,4 +1,4 @@
-"""What a fault of the data is, and the words for it."""
+"""A data fault, and the sentences that describe it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock"]
 
-_MANY = 4  # runs are counted, not listed, from here on
-_TAKEN_FOR = {
+_MANY = 4  # from this many on, runs are counted and not listed
+_UNITS = {
     ("rad", 180 / pi): "degrees",
     ("rad", 1 / (2 * pi)): "turns",
     ("rad/s", 180 / pi): "degrees per second",
@@ -36,10 +36,12 @@ _TAKEN_FOR = {
 
 @dataclass(frozen=True)
 class Fault:
-    """Damaged samples in a row: the first and the last at `from_s` and `to_s` of the run's own clock.
+    """Damaged samples in a row.
 
-    `factor`: of "sign", "unit" and "clock", how many times too much the signal says, -1 where its sign is reversed;
-    None where it is not one number.
+    Attributes:
+        from_s, to_s: time of the first and the last of them on the run's own clock.
+        factor: for "sign", "unit" and "clock": stated over true value, -1 where the sign is reversed; None where it is
+            not one number.
     """
 
     run: str
@@ -54,7 +56,7 @@ class Fault:
 
 
 def rows_note(found: Sequence[Fault], samples: int, of: int) -> str:
-    """On the damage of one kind to one signal of one run: `samples` of its `of` samples."""
+    """Describes faults of one kind in one signal of one run: `samples` of its `of` samples."""
     first = found[0]
     single = first.from_s == first.to_s
     when = f"at {first.from_s:.6g} s" if single else f"from {first.from_s:.6g} to {first.to_s:.6g} s"
@@ -64,30 +66,27 @@ def rows_note(found: Sequence[Fault], samples: int, of: int) -> str:
 
 
 def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of: int, against: Sequence[str]) -> str:
-    """On channels that say `factor` times too much in `runs`, of the data set's `of` runs; `against`: who says so."""
+    """Describes channels that are `factor` times too large in `runs`, of the data set's `of` runs.
+
+    `against`: the channels that contradict them; empty: the other runs do.
+    """
     several = len(signals) > 1
-    says = "say" if several else "says"
-    if against:
-        witness = f"what {joined(against)} {'say' if len(against) > 1 else 'says'}"
-    elif len(runs) < of:
-        witness = f"what {'they' if several else 'it'} {says} in the other runs"
-    else:
-        witness = "what can be"
+    other = joined(against) if against else "the other runs" if len(runs) < of else "a plausible value"
     if factor == -1.0:
-        said = f"{'go' if several else 'goes'} against {witness}: the sign is reversed"
+        fault = f"{'have' if several else 'has'} a reversed sign, compared with {other}"
     else:
-        said = (
-            f"{'look' if several else 'looks'} like {_other_unit(signals[0], factor)}: {_times(factor)} times {witness}"
-        )
-    spoilt = "left out"
+        unit = _other_unit(signals[0], factor)
+        value = other if other == "a plausible value" else f"the value expected from {other}"
+        fault = f"{'seem' if several else 'seems'} to be in {unit}: {_times(factor)} times {value}"
+    consequence = "left out"
     if any(SIGNALS[signal].kind != "output" for signal in signals):
-        spoilt = "nothing measured in it is used" if len(runs) == 1 else "nothing measured in them is used"
-    return f"{runs_named(runs, of)}: {joined(signals)} {said}; {spoilt}"
+        consequence = f"nothing measured in {'this run' if len(runs) == 1 else 'these runs'} is used"
+    return f"{runs_named(runs, of)}: {joined(signals)} {fault}; {consequence}"
 
 
 def range_note(signal: str, runs: Sequence[str], of: int) -> str:
-    """On a channel that leaves its stated range in `runs`, of the data set's `of` runs."""
-    return f"{runs_named(runs, of)}: {signal} goes far beyond its stated range, as in another unit; left out"
+    """Describes a channel that is beyond its stated range in `runs`, of the data set's `of` runs."""
+    return f"{runs_named(runs, of)}: {signal} is far beyond its stated range, so it may be in another unit; left out"
 
 
 def _times(factor: float) -> str:
@@ -95,11 +94,11 @@ def _times(factor: float) -> str:
 
 
 def _other_unit(signal: str, factor: float) -> str:
-    listed = (word for (unit, by), word in _TAKEN_FOR.items() if _is(signal, unit, by, factor))
+    listed = (word for (unit, by), word in _UNITS.items() if _explains(signal, unit, by, factor))
     return next(listed, "another unit")
 
 
-def _is(signal: str, unit: str, by: float, factor: float) -> bool:
+def _explains(signal: str, unit: str, by: float, factor: float) -> bool:
     return SIGNALS[signal].unit == unit and isclose(by, factor, rel_tol=1e-3)
 
 

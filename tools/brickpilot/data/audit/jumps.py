@@ -1,7 +1,7 @@
-"""Finds single samples, or a few, that jump away from their signal and back: dropouts, and rows with two cells swapped.
+"""Finds a few samples that jump away from their signal and back: dropouts, and rows with two swapped cells.
 
-The yardstick of a sample is its distance from the line through its neighbours in time (after the median filters of
-Hampel 1974), so that irregular sampling does no harm.
+A sample is measured by its distance from the line through its neighbours in time (after the median filters of Hampel
+1974), so irregular sampling does no harm.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SAMPLES = 20
-"""A signal known in fewer samples of a run has no statistics and is only checked against its stated range."""
+"""With fewer known samples in a run, a signal has no statistics and only its stated range is checked."""
 
 _DROPOUT_SAMPLES = 5
-_DROPOUT_SHARE = 0.02  # of a signal's samples; more is no accident but how the signal is
+_DROPOUT_SHARE = 0.02  # of a signal's samples; with more the jumps belong to the signal
 _OUTLYING = 12.0  # scales of the residual
-_BACK = 0.2  # of the jump: how near to each other the samples before and after are
-_BEYOND_REST = 5.0  # times the largest residual of what is sound
+_BACK = 0.2  # of the jump: largest distance of the samples before and after it
+_BEYOND_REST = 5.0  # times the largest residual of sound samples
 _BEYOND_REST_AT_ZERO = 2.0
 _BEYOND_REST_IMPULSIVE = 20.0
-_BEYOND_ALL_IMPULSIVE = 50.0  # times what all other samples span: the teeth of a worn gear strike with 20
-_IMPULSIVE = ("accel_", "current", "force")  # a blow or a commutation may last a single sample
+_BEYOND_ALL_IMPULSIVE = 50.0  # times the span of all other samples: worn gear teeth make impacts of 20
+_IMPULSIVE = ("accel_", "current", "force")  # an impact or a commutation may last a single sample
 _INPUT_STEP = 0.1  # of its largest value
 _MOSTLY = 0.5
 _CLOSE_BY = 5  # samples
-_ZEROED = 4.0  # scales: noise may reach it, but not at a value that it has nowhere else
-_SWAP_APART = 8.0
-_SWAP_HEALED = 0.2
+_ZEROED = 4.0  # scales: noise may reach it, but not always at the value zero
+_SWAP_APART = 8.0  # scales: least distance of both cells from their lines
+_SWAP_MENDED = 0.2  # of that distance: the distance after the cells are exchanged
 
 
 def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> tuple[dict[str, Mask], dict[str, Mask]]:
-    """Samples of swapped cells and dropped-out samples, by signal; both are blanked in `view`."""
+    """Returns the samples of swapped cells and of dropouts, by signal, and blanks both in `view`."""
     swapped = _swapped(view, signals, frame)
     blank(view, swapped)
     dropout = {name: _dropout(view, name, signals[name]) for name in view.outputs}
@@ -49,14 +49,17 @@ def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> tuple[d
 
 
 def blank(view: RunView, masks: Mapping[str, Mask]) -> None:
-    """Puts NaN in place of the samples of each signal that its mask names."""
+    """Sets the samples of each signal to NaN where its mask is true."""
     for name, mask in masks.items():
         view.outputs[name][mask] = np.nan
 
 
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
-    """For each stretch of `length` inside a run: its samples' least distance from the line between the two samples
-    around it, and how far these are apart."""
+    """Measures each stretch of `length` samples inside a run.
+
+    Returns the least distance of its samples from the line between the two samples around it, and the distance of these
+    two.
+    """
     count = len(values) - length - 1
     before, after = values[:count], values[length + 1 :]
     span = time[length + 1 :] - time[:count]
@@ -68,7 +71,7 @@ def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
 
 
 def _scale(residual: Vector, resolution: float) -> float:
-    """Size of what noise, motion and resolution make of a residual, from its median and its ninth decile."""
+    """Returns the size of a residual from noise, motion and resolution, by its median and its ninth decile."""
     return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
 
 
@@ -85,8 +88,8 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
         return found
     zero = signal.to_si * signal.offset
     impulsive = name.startswith(_IMPULSIVE)
-    driven_anew = _driven_anew(view)[known]
-    stepped = driven_anew & impulsive
+    near_step = _near_input_step(view)[known]
+    stepped = near_step & impulsive
     events = _events(time, level, scale)
     rest = _sound_residual(residual, events)
     for away, start, length in sorted(events):
@@ -102,17 +105,17 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
             rest = max(rest, away)
     if not impulsive:
         at_zero = np.isin(level, (0.0, zero, -zero))
-        found[known[_single_zeros(time, level, at_zero, _ZEROED * scale) & ~driven_anew]] = True
+        found[known[_single_zeros(time, level, at_zero, _ZEROED * scale) & ~near_step]] = True
     return found if np.count_nonzero(found) <= max(_DROPOUT_SHARE * len(known), 3) else np.zeros_like(found)
 
 
 def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> Mask:
-    """Zeros, a few in a row, in a signal that before and after goes one way, `beyond` off zero and off their line.
+    """Finds a few zeros in a row, more than `beyond` from the line between the samples around them.
 
-    Not so where it comes near zero again close by: it swings, and the samples are few.
+    A signal that comes near zero again close by oscillates and has few samples; its zeros are kept.
     """
     found = np.zeros(len(level), dtype=bool)
-    if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # it rests at zero
+    if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # the signal rests at zero
         return found
     for start, stop in stretches(at_zero):
         if start == 0 or stop == len(level) or stop - start > _DROPOUT_SAMPLES:
@@ -120,13 +123,13 @@ def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> 
         around = level[[start - 1, stop]]
         away = float(np.abs(np.interp(time[start:stop], time[[start - 1, stop]], around)).min())
         near = np.r_[level[max(start - _CLOSE_BY, 0) : start], level[stop : stop + _CLOSE_BY]]
-        swings = bool(np.any(near * np.sign(around[0]) < _MOSTLY * away))
-        found[start:stop] = away > max(beyond, float(np.ptp(around))) and not swings
+        oscillates = bool(np.any(near * np.sign(around[0]) < _MOSTLY * away))
+        found[start:stop] = away > max(beyond, float(np.ptp(around))) and not oscillates
     return found
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
-    """Stretches that jump away and back: (jump, start, length), the shortest explanation of each sample."""
+    """Returns stretches that jump away and back as (jump, start, length), each sample in the shortest one."""
     events: list[tuple[float, int, int]] = []
     taken = np.zeros(len(level), dtype=bool)
     for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):
@@ -140,7 +143,7 @@ def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int,
 
 
 def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> float:
-    """The largest residual that no event has a part in."""
+    """Returns the largest residual outside the events."""
     sound = np.ones(len(residual), dtype=bool)
     for _, start, length in events:
         sound[max(start - 2, 0) : start + length] = False
@@ -148,7 +151,7 @@ def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> f
 
 
 def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
-    """Single rows in which the cells of two columns, exchanged, lie on both signals' lines again."""
+    """Finds single rows in which two cells, once exchanged, lie on both signals' lines."""
     masks = {name: np.zeros(len(view.time), dtype=bool) for name in view.outputs}
     if len(view.time) < LEAST_SAMPLES:
         return masks
@@ -161,9 +164,9 @@ def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict
         here = _as_read_from(signals[first], view.outputs[first], signals[second], frame)
         with np.errstate(invalid="ignore"):
             hit = (away > _SWAP_APART * scale) & (other_away > _SWAP_APART * other_scale)
-            hit &= np.abs(there - line) < np.maximum(_SWAP_HEALED * away, 3 * scale)
-            hit &= np.abs(here - other_line) < np.maximum(_SWAP_HEALED * other_away, 3 * other_scale)
-        hit &= ~_driven_anew(view)
+            hit &= np.abs(there - line) < np.maximum(_SWAP_MENDED * away, 3 * scale)
+            hit &= np.abs(here - other_line) < np.maximum(_SWAP_MENDED * other_away, 3 * other_scale)
+        hit &= ~_near_input_step(view)
         alone = hit & ~np.r_[False, hit[:-1]] & ~np.r_[hit[1:], False]
         if 0 < np.count_nonzero(alone) <= max(_DROPOUT_SHARE * len(alone), 3):
             masks[first] |= alone
@@ -171,8 +174,8 @@ def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict
     return masks
 
 
-def _driven_anew(view: RunView) -> Mask:
-    """Samples within one of a step of an input, where a row may leave both its neighbours' lines by right."""
+def _near_input_step(view: RunView) -> Mask:
+    """Returns the samples within one of a step of an input, where a signal may rightly leave its neighbours' line."""
     step = np.zeros(len(view.time) + 1, dtype=bool)
     for values in view.inputs.values():
         driven = np.nan_to_num(values)
@@ -184,7 +187,7 @@ def _driven_anew(view: RunView) -> Mask:
 
 
 def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
-    """The line through each sample's neighbours, the sample's distance from it, and the scale of these distances."""
+    """Returns the line through each sample's neighbours, the distances from it, and the scale of these."""
     values, time = view.outputs[name], view.time
     line = np.full_like(values, np.nan)
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
@@ -195,6 +198,6 @@ def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
 
 
 def _as_read_from(own: Signal, values: Vector, other: Signal, frame: Frame) -> Vector:
-    """What the reader would make of the cells of `own`, which it read as `values`, in the column of `other`."""
+    """Returns the values of `own` as they would be read from the column of `other`."""
     raw = (to_frd(own.name, values, frame) / own.to_si - own.offset) / own.scale
     return to_frd(other.name, other.to_si * (other.scale * raw + other.offset), frame)

@@ -1,6 +1,7 @@
-"""Tells a frozen channel from a wheel that stands: by what else was measured, and by what drives it.
+"""Tells a frozen channel from a wheel that stands, by the other channels and by its drive.
 
-Each test takes a stretch in which the channel repeats one value. What may be a jam, a stop or stiction is left alone.
+Each test takes a stretch in which the channel repeats one value. It is kept where a jam, an end stop or stiction may
+explain it.
 """
 
 from __future__ import annotations
@@ -13,29 +14,29 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 
-_STALE = 0.75  # share of repeats in a channel that then says nothing: it stands itself
-_OFF_RATE = 0.1  # of the fastest: how far a standing rate may be from what its sum says
+_STALE = 0.75  # share of repeats from which a channel is no evidence: it stands itself
+_OFF_RATE = 0.1  # of the fastest: allowed difference of a constant rate from the growth of its sum
 _STEPS = 3.0  # resolutions of a difference of two samples
 _DRIVEN = 0.5  # of the usual drive
 _PACE_S, _PACE_SAMPLES = 0.03, 10
 _STEADY = 0.3  # change of pace, over the fastest
-_FAST = 0.3  # of the fastest: a pace that does not end from one sample to the next
+_FAST = 0.3  # of the fastest: a motion so fast does not stop from one sample to the next
 _HARDER = 1.3  # times the drive at which it moved in another run
-_NEARLY = 0.6  # times that drive: enough where the other side moved
+_NEARLY = 0.6  # times that drive: sufficient where the other side moved
 
 
-def denied(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the samples `start` to `stop` of a motion, all of one value, are no standstill and no steady motion."""
+def is_frozen(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
+    """Whether samples `start` to `stop`, all of one value, can be neither a standstill nor a steady motion."""
     return (
-        _denied_by_sum(view, name, start, stop)
+        _contradicts_sum(view, name, start, stop)
         or _never_stands(view, name, start, stop, across)
         or _stops_alone(view, name, start, stop)
         or _stands_alone(view, name, start, stop, across)
     )
 
 
-def _denied_by_sum(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a rate stands while the sum that the same sensor measures goes at another, or a changing, rate."""
+def _contradicts_sum(view: RunView, name: str, start: int, stop: int) -> bool:
+    """Whether a rate is constant while the sum of the same sensor grows at another rate, or at a changing one."""
     of = next((sums for sums, rate in RATE_OF.items() if rate == name and sums in view.outputs), None)
     if of is None:
         return False
@@ -52,13 +53,14 @@ def _denied_by_sum(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum that elsewhere changes with every sample stands while it is driven to and fro as hard as elsewhere.
+    """Whether a sum stands while its drive is as strong in both directions as where it changes with every sample.
 
-    Driven one way alone a machine may be at its stop. A yaw angle has none.
+    Driven in one direction only, a machine may be at its end stop. A yaw angle has no end stop.
     """
     during = view.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
-    ways = [float(np.mean(way)) if way.size else 0.0 for way in (during[during > 0.0], -during[during < 0.0])]
-    driven = max(ways) if name == "yaw_angle" else min(ways)
+    both = (during[during > 0.0], -during[during < 0.0])
+    levels = [float(np.mean(one)) if one.size else 0.0 for one in both]
+    driven = max(levels) if name == "yaw_angle" else min(levels)
     if driven == 0.0:
         return False
     usual = across.usual_drive(name)
@@ -66,7 +68,7 @@ def _never_stands(view: RunView, name: str, start: int, stop: int, across: Acros
 
 
 def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a sum in steady motion stands from one sample to the next while its drive and all else go on."""
+    """Whether a sum in steady motion stops from one sample to the next while its drive and other channels continue."""
     reach = max(_PACE_SAMPLES, int(_PACE_S / view.interval))
     if name not in SUMMED or start < 2 * reach or stop - start < 2 * reach:
         return False
@@ -82,9 +84,9 @@ def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
         near = drive[start - reach : start + 2 * reach]
         if np.ptp(near) > _STEADY * np.max(np.abs(drive)):
             return False
-    witnesses = [other for other in view.outputs if other != name and _is_motion(other)]
+    others = [other for other in view.outputs if other != name and _is_motion(other)]
     changes: list[float] = []
-    for other in witnesses:
+    for other in others:
         if (top := _fastest(view.time, view.outputs[other], other)) > 0.0:
             was, now = _pace(view, other, before), _pace(view, other, after)
             if np.isfinite(was) and np.isfinite(now) and (abs(was) > _FAST * top or other.startswith("yaw_")):
@@ -93,9 +95,9 @@ def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _stands_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a channel stands for a whole run in which the other side moves, at a drive that moves it in other runs.
+    """Whether a channel stands for a whole run, at a drive that moves it in other runs, while the other side moves.
 
-    A wheel that is held for so long makes the robot turn; where a gyro is measured, it must not have said so.
+    A wheel that is held for so long makes the robot turn. Where a gyro is measured, it must not show a turn.
     """
     if start > 0 or stop < len(view.time) or not _is_motion(name):
         return False
@@ -113,23 +115,25 @@ def _stands_alone(view: RunView, name: str, start: int, stop: int, across: Acros
 
 
 def _goes_straight(view: RunView, moving: str) -> bool:
-    """Whether the gyro, if there is one, denies that one wheel alone moved: the robot then turns the way of that."""
+    """Whether the gyro shows no turn, as a robot would make if only one wheel moved; False without a gyro."""
     rate = view.outputs.get("yaw_rate")
     if rate is None or not np.isfinite(rate).any():
         return False
-    way = 1.0 if moving.endswith("_left") else -1.0
-    return bool(way * np.nanmean(rate) * np.sign(_pace(view, moving, slice(None))) < 0.1 * np.nanmax(np.abs(rate)))
+    sign = 1.0 if moving.endswith("_left") else -1.0
+    return bool(sign * np.nanmean(rate) * np.sign(_pace(view, moving, slice(None))) < 0.1 * np.nanmax(np.abs(rate)))
 
 
 def _turns(view: RunView, across: AcrossRuns) -> bool:
-    """Whether left and right went apart in this run by as much as in another in which the yaw angle moved."""
+    """Whether left and right differ in this run by as much as in another in which the yaw angle moved."""
     for kind in ("travel", "velocity", "angle", "speed"):
         left, right = f"wheel_{kind}_left", f"wheel_{kind}_right"
         if left in view.outputs and right in view.outputs:
             apart = [
                 abs(_pace(one, left, slice(None)) - _pace(one, right, slice(None))) for one in (view, *across.views)
             ]
-            moved = [gap for gap, one in zip(apart[1:], across.views, strict=True) if _moves(one, "yaw_angle")]
+            moved = [
+                difference for difference, one in zip(apart[1:], across.views, strict=True) if _moves(one, "yaw_angle")
+            ]
             return bool(moved and apart[0] > _DRIVEN * max(moved))
     return False
 
@@ -153,7 +157,7 @@ def _slices(start: int, reach: int) -> slice:
 
 
 def _pace(view: RunView, name: str, part: slice) -> float:
-    """Mean rate of a channel over a part of the run: of a sum its growth per time."""
+    """Returns the mean rate of a channel over a part of the run; for a sum, its growth per time."""
     values, time = view.outputs[name][part], view.time[part]
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
@@ -164,7 +168,7 @@ def _pace(view: RunView, name: str, part: slice) -> float:
 
 
 def _fastest(time: Vector, values: Vector, name: str = "angle") -> float:
-    """The largest rate over a fortieth of the run."""
+    """Returns the largest mean rate over a fortieth of the run."""
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
         return 0.0

@@ -1,8 +1,9 @@
-"""Finds stretches in which a signal stands where it cannot: at the end of its range, or still while others move."""
+"""Finds stretches in which a signal wrongly keeps one value: clipped at the end of its range, or frozen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +15,30 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # never still but for lack of resolution
+_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only where the resolution is coarse
 _LEAST_CLIPPED = 8  # samples at a run's extreme
-_CLIPPED_BEYOND = 5.0  # times as often as any other value
-_EDGE_STEPS = 3.0  # resolutions: the jump on and off a plateau
-_DITHERS = 0.6  # share of samples that repeat the one before, at most: noise of half a resolution and more
-_BLOCK = 50
-_QUIET_BLOCKS = 0.9  # quantile over blocks of that share
-_UNLIKELY = 4.0  # times the stretch that is to be expected once, or the longest elsewhere
-_LEAP = 8.0  # times the largest other change: how a sum of motion leaps when a frozen sensor wakes
-_BY_RATE = 10.0  # resolutions: how far the measured rate must have moved a sum that stands
-_ONE_WAY = 0.8  # of its path: motion, not noise
-_MOVES = 0.1  # of its largest: no offset of a rate at rest
+_CLIPPED_BEYOND = 5.0  # times as often as any other value: the count of the extreme, if clipped
+_EDGE_STEPS = 3.0  # resolutions: the least jump on and off a plateau
+_DITHERS = 0.6  # largest share of repeats of a signal with noise of half a resolution or more
+_BLOCK = 50  # samples
+_QUIET_BLOCKS = 0.9  # quantile of that share over blocks: the quietest tenth is not counted
+_UNLIKELY = 4.0  # times the stretch that is expected once, or the longest elsewhere
+_LEAP = 8.0  # times the largest other change: a sum makes such a jump when a frozen sensor recovers
+_BY_RATE = 10.0  # resolutions: least motion, from the measured rate, of a sum that stands
+_ONE_WAY = 0.8  # of the path: least displacement of a motion; noise has less
+_MOVES = 0.1  # of the largest rate: more than the offset of a rate at rest
 _NEAR = 4.0  # of the usual change from sample to sample
 _FEW = 0.2  # of the samples at an extreme
-_STALE = 0.75  # share of repeats in a rate that then says nothing: it stands itself
+_STALE = 0.75  # share of repeats from which a rate is no evidence: it stands itself
 _FAR = 0.25  # of the range, beyond its ends
-_NOW_AND_THEN = 0.02
+_NOW_AND_THEN = 0.02  # share of samples
 _BATTERY = "battery_voltage"
 
 
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
-    """Samples at or beyond the stated range's ends, two or more in a row; else those of a plateau at an extreme.
+    """Finds two samples or more in a row at the ends of the stated range; without one, a plateau at an extreme.
 
-    An end of zero is where an unsigned sensor rests, and no sign of clipping.
+    At an end of zero an unsigned sensor rests; that is no sign of clipping.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -55,7 +56,7 @@ def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mas
 
 
 def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
-    """Whether a channel goes, not only now and then, far beyond the stated range: no sensor clips there."""
+    """Whether a channel is often far beyond its stated range, where no sensor clips."""
     known = values[np.isfinite(values)]
     if stated is None or not known.size:
         return False
@@ -64,7 +65,7 @@ def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
 
 
 def _plateau(values: Vector, resolution: float) -> Mask:
-    """Samples at the highest value, where it comes far more often than any other and is left and met by leaps."""
+    """Finds samples at the highest value, if it is by far the most frequent and is reached and left by jumps."""
     none = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
     if len(known) < LEAST_FROZEN or known.max() == 0.0:
@@ -75,7 +76,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
     others = values[~at_top & np.isfinite(values)]
     if count < _LEAST_CLIPPED or len(others) < LEAST_FROZEN:
         return none
-    bottom = others.min()  # the range's other end, where the signal may stand as often
+    bottom = others.min()  # the other end of the range, which may be as frequent
     between = others[others != bottom] if bottom != 0.0 else others
     most = int(np.unique(between, return_counts=True)[1].max(initial=0))
     repeated = np.diff(others) == 0.0
@@ -87,17 +88,17 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
-    """Stretches of one value that the signal's noise cannot make, or that its own rate or a leap at the end denies."""
+    """Finds stretches of one value that the signal's noise, its rate or a jump at the end rules out."""
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     for start, last in stretches(_repeats(values), LEAST_FROZEN - 1):
         stop = last + 1
         if (
-            _denied_by_rate(view, name, start, stop)
-            or standstill.denied(view, name, start, stop, across)
+            _contradicts_rate(view, name, start, stop)
+            or standstill.is_frozen(view, name, start, stop, across)
             or (
                 _moves_elsewhere(view, name, start, stop)
-                and (_leaps(view, name, start, stop) or _too_long(view, name, start, stop, across))
+                and (_jumps(view, name, start, stop) or _too_long(view, name, start, stop, across))
             )
         ):
             found[start:stop] = True
@@ -105,10 +106,11 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
 
 
 def at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Samples at those values of the stretches `stands` that the run never exceeds: a sensor at the end of its range.
+    """Finds, among the stretches `stands`, samples at an extreme of the run: the sensor is at the end of its range.
 
-    A sum of motion may stop at its extreme, and zero is where a dead sensor stands. A sensor that died while its signal
-    rose stands at its extreme too, but never leaves it; one that froze at a steady level left many samples near it.
+    Three cases are excluded. A sum may stop at its extreme, and a dead sensor gives zero. A sensor that died while its
+    signal rose also stands at the extreme, but never leaves it. A sensor that froze at a steady level has many samples
+    near it.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -125,12 +127,12 @@ def at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
 
 
 def _repeats(values: Vector) -> Mask:
-    """True at each sample that the next one repeats."""
+    """Returns True at each sample that the next one repeats."""
     return np.append(values[1:] == values[:-1], False)
 
 
 def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a motor is driven for most of the stretch, or another output (not the battery) is seldom still."""
+    """Whether a motor is driven for most of the stretch, or another output (not the battery) mostly changes."""
     if any(np.mean(np.nan_to_num(values[start:stop]) != 0.0) > 0.5 for values in view.inputs.values()):
         return True
     others = [values[start:stop] for other, values in view.outputs.items() if other not in (name, _BATTERY)]
@@ -138,10 +140,10 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the signal, wherever else it was measured, repeats itself too seldom for such a stretch.
+    """Whether the signal repeats values too seldom elsewhere to make a stretch of this length.
 
-    The quietest tenth of its blocks is not counted, and a wheel that stands is no frozen sensor; nor does a wheel that
-    stands or creeps tell how its rate behaves while it turns.
+    A wheel that stands is no frozen sensor. Its rate while it stands or creeps is also no measure for its rate while it
+    turns.
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
@@ -149,29 +151,45 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
         return False
     elsewhere = [one.outputs[name] for one in across.views if one is not view]
     elsewhere += [view.outputs[name][:start], view.outputs[name][stop:]]
-    share, _, samples = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
-    once = np.log(samples) / -np.log(share) if 0.0 < share <= _DITHERS else np.inf  # a stretch to be expected once
+    usual = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
+    # `once`: the length of a stretch that is expected once
+    once = np.log(usual.samples) / -np.log(usual.share) if 0.0 < usual.share <= _DITHERS else np.inf
     if not analogue and level != 0.0:
-        share, longest, _ = _repetition([np.abs(values) >= 0.5 * abs(level) for values in elsewhere], elsewhere)
-        once = min(once, float(longest)) if share <= _DITHERS else once
+        turning = _repetition([np.abs(values) >= 0.5 * abs(level) for values in elsewhere], elsewhere)
+        once = min(once, float(turning.longest)) if turning.share <= _DITHERS else once
     return bool(stop - start >= max(LEAST_FROZEN, _UNLIKELY * once))
 
 
-def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> tuple[float, int, int]:
-    """Of the samples counted: the share of repeats in all but the quietest blocks (1 where there is no telling), the
-    longest stretch of repeats, and their number."""
+@dataclass(frozen=True)
+class _Repetition:
+    """How often a signal repeats a value.
+
+    Attributes:
+        share: of repeats in all but the quietest blocks; 1 where there are too few blocks.
+        longest: samples in the longest stretch of one value.
+        samples: how many changes were counted.
+    """
+
+    share: float
+    longest: int
+    samples: int
+
+
+def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> _Repetition:
+    """Counts the repeats in `pieces`, where `counted` is true."""
     inner = [values[a:b] for mask, values in zip(counted, pieces, strict=True) for a, b in stretches(mask)]
     repeats = np.concatenate([np.diff(values) == 0.0 for values in inner] or [np.zeros(0, dtype=bool)])
     blocks = repeats[: len(repeats) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1)
     edges = np.flatnonzero(np.diff(repeats, prepend=False, append=False))
     longest = 1 + int(np.diff(edges)[::2].max(initial=0))
     if len(blocks) < 2:
-        return 1.0, longest, len(repeats)
-    return max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats)), longest, len(repeats)
+        return _Repetition(1.0, longest, len(repeats))
+    share = max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats))
+    return _Repetition(share, longest, len(repeats))
 
 
-def _leaps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the signal leaves the stretch, and met it if it is no sum, by a change that it never else makes."""
+def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
+    """Whether the signal leaves the stretch by a change that is nowhere else so large; also reaches it, if no sum."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
@@ -187,8 +205,8 @@ def _leaps(view: RunView, name: str, start: int, stop: int) -> bool:
     return all(bool(changes[edge - 1] > _LEAP * usual) for edge in edges)
 
 
-def _denied_by_rate(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the measured rate of a sum says that it moved far while it stood."""
+def _contradicts_rate(view: RunView, name: str, start: int, stop: int) -> bool:
+    """Whether a sum stands although its measured rate shows that it moved far."""
     rate = view.outputs.get(RATE_OF.get(name, ""))
     if rate is None:
         return False
@@ -196,7 +214,7 @@ def _denied_by_rate(view: RunView, name: str, start: int, stop: int) -> bool:
     if not np.isfinite(during).any() or np.mean(np.diff(during) == 0.0) > _STALE:
         return False
     moved = np.nan_to_num(during[:-1]) * np.diff(view.time[start:stop])
-    way, moves = abs(float(moved.sum())), float(np.abs(moved).sum())
-    if way <= _ONE_WAY * moves or way <= _BY_RATE * view.resolution[name]:
+    displacement, path = abs(float(moved.sum())), float(np.abs(moved).sum())
+    if displacement <= _ONE_WAY * path or displacement <= _BY_RATE * view.resolution[name]:
         return False
     return bool(abs(float(np.nanmean(during))) > _MOVES * float(np.nanmax(np.abs(rate))))

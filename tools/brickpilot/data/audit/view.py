@@ -1,4 +1,4 @@
-"""One run as the audit sees it, and what belongs to what in it: sums to their rates, channels to their drives."""
+"""One run under audit, the behaviour of channels across all runs, and which drive moves which channel."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_FROZEN = 20
-"""Samples of one value: fewer are never called frozen."""
+"""Samples of one value: fewer are never reported as frozen."""
 
-_REVERSES = 0.3
-_DITHERS = 0.02  # share of repeats of a channel that never stands
+_REVERSES = 0.3  # share of samples at which noise turns back
+_REPEATS = 0.02  # share of repeats of a channel that changes with every sample
 
 
 @dataclass(frozen=True, eq=False)
 class RunView:
-    """One run as far as it is audited; `outputs` are blanked as faults are found. `resolution`: by signal, SI."""
+    """One run under audit. `outputs` are blanked as faults are found; `resolution`: by signal, SI."""
 
     time: Vector
     inputs: Mapping[str, Vector]
@@ -40,7 +40,7 @@ class RunView:
 
 
 class AcrossRuns:
-    """What the channels do in all runs together; each is looked at once, when it is first asked for."""
+    """How the channels behave in all runs together. Each result is computed when it is first needed, and kept."""
 
     def __init__(self, views: Sequence[RunView]) -> None:
         self.views = views
@@ -48,14 +48,17 @@ class AcrossRuns:
         self._usual_drive: dict[str, float | None] = {}
 
     def is_noise(self, name: str) -> bool:
-        """Whether a signal goes to and fro as noise does (two of three samples) rather than one way as motion does."""
+        """Whether a signal turns back at most samples, as noise does, and motion does not."""
         if name not in self._noise:
             changes = np.concatenate([np.diff(one.outputs[name]) for one in self.views])
             self._noise[name] = bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
         return self._noise[name]
 
     def usual_drive(self, name: str) -> float | None:
-        """Mean size of what drives a channel that, but for long stretches, changes with every sample; else None."""
+        """Returns the mean size of a channel's drive while the channel moves.
+
+        None for a channel that repeats values, apart from long stretches of one value.
+        """
         if name not in self._usual_drive:
             self._usual_drive[name] = self._drive_while_moving(name)
         return self._usual_drive[name]
@@ -72,18 +75,21 @@ class AcrossRuns:
             repeats += int(np.count_nonzero(same))
             samples += int(np.count_nonzero(outside))
             level += float(np.sum(np.abs(one.drives[driven_by(name)][outside])))
-        return level / samples if samples >= LEAST_FROZEN and repeats <= _DITHERS * samples else None
+        return level / samples if samples >= LEAST_FROZEN and repeats <= _REPEATS * samples else None
 
 
 def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
-    """Start and stop (exclusive) of each stretch of `least` true values or more."""
+    """Returns start and stop (exclusive) of each stretch of `least` true values or more."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     long = np.diff(edges)[::2] >= least
     return list(zip(edges[::2][long].tolist(), edges[1::2][long].tolist(), strict=True))
 
 
 def drives(inputs: Mapping[str, Vector]) -> dict[str, Vector]:
-    """What drives "left", "right", "shaft" and, left less right, "yaw", in the inputs' unit; 0 where a motor floats."""
+    """Returns the drives "left", "right" and "yaw" (left less right), or "shaft", in the inputs' unit.
+
+    A drive is 0 where its motor floats.
+    """
     known = {name: np.nan_to_num(values) for name, values in inputs.items()}
     for kind in ("voltage", "duty"):
         if kind in known:
@@ -96,7 +102,7 @@ def drives(inputs: Mapping[str, Vector]) -> dict[str, Vector]:
 
 
 def driven_by(name: str) -> str:
-    """Which of the `drives` moves what a channel measures; "" where it is not one of them alone."""
+    """Returns which of the `drives` moves what a channel measures; "": more than one of them."""
     if name.endswith(("_left", "_right")):
         return name.rsplit("_", 1)[1]
     if name.startswith("yaw_"):

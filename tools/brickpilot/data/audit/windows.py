@@ -1,7 +1,7 @@
-"""A run cut into windows: how far each channel says that something moved in each of them.
+"""Cuts a run into windows, and gives the motion in each window as each channel measures it.
 
-A rate is integrated and an angle differenced, so that both say the same in the same unit, whatever their noise, their
-filters and the sampling; nothing is differentiated but over a window's length.
+A rate is integrated, and an angle is differenced over the window. Both then have the same unit and can be compared,
+whatever their noise, filters and sampling.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ Vector = NDArray[np.float64]
 
 _LEAST_WINDOWS, _MOST_WINDOWS = 8, 32
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
-_KNOWN = 0.7  # share of a window's samples, for the window to count
-_EDGE = 0.15  # of a window, on each side of an edge: what a velocity there is averaged over
+_KNOWN = 0.7  # share of known samples, for a window to count
+_EDGE = 0.15  # of a window: span on each side of an edge over which the velocity there is averaged
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What moved.
+    """The motion of one run.
 
     Attributes:
         interval: s between samples, the median.
-        seconds: (w,), how long each window is.
+        seconds: (w,), the length of each window.
         moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN where too little is known.
-        changed: channel of a wheel or motor -> (w,), by how much its rate changed from a window's start to its end.
+        changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
     """
 
     interval: float
@@ -39,7 +39,7 @@ class Windows:
     changed: Mapping[str, Vector]
 
     def divided(self, factors: Mapping[str, float]) -> Windows:
-        """The same had each channel said 1 / factor of what it says; "time": had the clock run slower by that."""
+        """Returns the windows with channels divided by their factors; "time" divides the clock."""
         clock = factors.get("time", 1.0)
 
         def by(name: str, power: int) -> float:
@@ -51,7 +51,7 @@ class Windows:
 
 
 def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows:
-    """Windows of one run: `count`, or 8 to 32 of about 0.25 s. `channels`: (n,) each, NaN where unknown."""
+    """Cuts one run into `count` windows; 0: into 8 to 32 of about 0.25 s. `channels`: (n,) each, NaN where unknown."""
     count = count or int(np.clip((time[-1] - time[0]) / _WINDOW_S, _LEAST_WINDOWS, _MOST_WINDOWS))
     edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], count + 1)))
     moved: dict[str, Vector] = {}
@@ -70,7 +70,7 @@ def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows
 
 
 def integral(time: Vector, rate: Vector) -> Vector:
-    """The integral of a rate from the first sample on, by the trapezoidal rule."""
+    """Returns the integral of a rate from the first sample on, by the trapezoidal rule."""
     steps = (rate[1:] + rate[:-1]) / 2 * np.diff(time)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
