@@ -1,6 +1,6 @@
 """``python -m hidden SUITE OUT``: writes a suite's data sets and their truths. PYTHONPATH must hold the folder above.
 
-Data sets that are there already are kept, so an interrupted call goes on where it stopped.
+Existing data sets are kept, so that an interrupted call continues where it stopped.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What `brickpilot benchmark` asks of this package beside the suites: their lists, and one more experiment for a set.
+"""What `brickpilot benchmark` calls beside the suites: lists of sets, and one more experiment for a set.
 
 ``python -m hidden.benchmark list SUITE`` prints name and seed of each set, in order. ``python -m hidden.benchmark
 add FOLDER OUT --manoeuvre TABLE.json`` writes OUT/NAME: the set with one more run, made by the same engine with the
-same truth; with ``--wheel-speeds`` instead, the same runs with wheel speeds measured as well.
+same truth. With ``--wheel-speeds`` instead it writes the same runs with measured wheel speeds.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from hidden.manoeuvre import Manoeuvre, from_table
 from hidden.recipe import Recipe, Vehicle
 
 ADDED = "next_experiment"
-"""Name of the run that is added."""
+"""The name of the added run."""
 
 
 def recipe_of(data: Path) -> Recipe:
-    """The recipe of a set that stands in `data`: from its truth, and its commands from the files (to five digits)."""
+    """Returns the recipe of the set in `data`, from its truth; the commands from its files, to five digits."""
     facts = json.loads(data.with_name(f"{data.name}.truth.json").read_text(encoding="ascii"))["recipe"]
     runs = tuple(_driven(data, name) for name in facts["runs"])
     return Recipe(**{**facts, "vehicle": Vehicle(**facts["vehicle"]), "runs": runs})
@@ -37,7 +37,7 @@ def _driven(data: Path, run: str) -> Manoeuvre:
 
 
 def with_run(data: Path, added: Manoeuvre, out: Path) -> Path:
-    """Writes OUT/NAME: what stands in `data` and the run `added`, driven after the others and meant to be fitted."""
+    """Writes OUT/NAME: the set in `data` with the run `added`, driven after the others. Its role is fit."""
     recipe = recipe_of(data)
     longer = replace(recipe, runs=(*recipe.runs, replace(added, name=ADDED)))
     logged = measure.log(measure.sense(measure.tracks(longer), longer), longer)[-1]
@@ -50,7 +50,7 @@ def with_run(data: Path, added: Manoeuvre, out: Path) -> Path:
 
 
 def with_wheel_speeds(data: Path, out: Path) -> Path:
-    """Writes OUT/NAME: the same runs, with wheel speeds beside what was measured."""
+    """Writes OUT/NAME: the same runs, with measured wheel speeds added."""
     return folder.write(replace(recipe_of(data), sensors="imu+encoders"), out)
 
 

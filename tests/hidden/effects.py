@@ -1,4 +1,4 @@
-"""What may be hidden, and how large: for each effect the parameters at which it shows clearly, and how they vary."""
+"""The effects that may be hidden: for each the parameters at which it shows clearly, and how they vary."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class Effect:
     """How one effect is drawn.
 
     Attributes:
-        visible: parameters at size 1 on `recipe.BENCH`; every rms change is then at least 5 noise sd in some signal.
-        scaled: those of them that grow with the size; the others stay.
-        offset: what `scaled` starts from at size 0, for limits that an effect lowers.
+        visible: parameters at size 1 on `recipe.BENCH`: some signal then changes by at least 5 noise sd, rms.
+        scaled: the parameters that grow with the size; the others stay.
+        offset: value at size 0 of a limit that the effect lowers.
         signed: whether the scaled parameters also come with the other sign.
-        ranges: parameters drawn anew for each data set, uniformly.
-        kind: how `scaled` goes with the vehicle's strength, so that the effect shows on another one too.
-        grid: where above 0, scaled parameters are whole multiples of it.
+        ranges: parameters that are drawn uniformly for each data set.
+        kind: how `scaled` grows with the strength of the vehicle, so that the effect shows on each vehicle.
+        grid: if above 0, scaled parameters are whole multiples of it.
     """
 
     visible: Mapping[str, float]
@@ -113,7 +113,7 @@ LIBRARY: dict[str, Effect] = {
     "encoder_scale": _one("error", 0.05, signed=True),
     "sensor_delay": _one("delay", 0.02),
 }  # fmt: skip
-"""Every effect of the library that these engines can make, by the library's names, parameters and signs."""
+"""Every effect of the library that these engines can make, with the library's names, parameters and signs."""
 
 ODD: dict[str, Effect] = {
     "odd_periodic_force": Effect(
@@ -132,13 +132,13 @@ ODD: dict[str, Effect] = {
     "odd_crosstalk": _one("share", 0.04, signed=True),
     "odd_gyro_cubic": _one("cubic", 0.003, signed=True),
 }
-"""Oddities that no library names. What each does stands in README.md."""
+"""Oddities that no library names. README.md says what each does."""
 
 TABLE = LIBRARY | ODD
 
 
 def strength(kind: Kind, vehicle: Vehicle) -> float:
-    """How much stronger than the bench's this vehicle is, where `kind` counts."""
+    """Returns how many times stronger than the bench vehicle this vehicle is, in what `kind` says."""
 
     def torque(v: Vehicle) -> float:
         return v.torque_constant * v.battery_voltage / v.resistance
@@ -155,7 +155,7 @@ def strength(kind: Kind, vehicle: Vehicle) -> float:
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
-    """Parameters of effect `name` at about `size` times what shows clearly, with a random sign and spread."""
+    """Returns parameters of effect `name` at about `size` times the visible ones, with random sign and spread."""
     effect = TABLE[name]
     spread, sign = random.uniform(1.0, 1.15), random.choice((-1.0, 1.0))
     places = random.uniform(size=len(effect.ranges))

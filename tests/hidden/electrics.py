@@ -1,4 +1,4 @@
-"""Supply, drive and motors of a vehicle, in plain numbers: what no physics engine knows.
+"""Supply, drive and motors of a vehicle, in plain numbers: physics engines do not have them.
 
 Equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects named
 in `Hidden`. One call a step; the current is exact for a speed that changes linearly within it.
@@ -21,11 +21,11 @@ EFFECTS = frozenset(
      "actuator_lag", "actuator_deadband", "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast",
      "torque_constant_asymmetry", "motor_heating"}
 )  # fmt: skip
-"""What acts here alone, in the order in which a command passes it. (The gain of direction_asymmetry does, too.)"""
+"""The effects that act only here, in the order in which a command passes them. The gain of direction_asymmetry too."""
 
 
 def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float) -> NDArray[np.float64]:
-    """What reaches the drive of `commands` (n, V, one each step): late (`input_delay`), or held at the start."""
+    """Returns what reaches the drive of `commands` (n, V, one per step): late (`input_delay`), or held at the start."""
     out = commands
     delay = hidden.get("input_delay", {}).get("delay", 0.0)
     if delay > 0:
@@ -57,7 +57,7 @@ class Electrics:
         self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
         self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
         lag = p("actuator_lag", "time_constant")
-        # share of a gap that is closed by the end of a step, and on average over it
+        # share of a difference that is closed at the end of a step, and on average over it
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
         self._deadband, self._by_direction = p("actuator_deadband", "voltage"), 0.5 * p("direction_asymmetry", "gain")
@@ -75,7 +75,7 @@ class Electrics:
         self.start_run()
 
     def start_run(self) -> None:
-        """At rest, without current, nothing in the drive; `heat` and `charge` stay."""
+        """Sets everything to rest and no current. `heat` and `charge` stay."""
         self.current = [0.0, 0.0]
         self._lagged = [0.0, 0.0]
         self._sum = [0.0, 0.0]
@@ -84,14 +84,14 @@ class Electrics:
         self._drawn = 0.0
 
     def _decays(self, resistance: float) -> tuple[float, float]:
-        """What is left of a current's distance from its goal after a step, and its mean over the step."""
+        """Returns the share of a current's distance from its goal after a step, and its mean over the step."""
         if self._vehicle.inductance <= 0:
             return 0.0, 0.0
         x = self._step * resistance / self._vehicle.inductance
         return math.exp(-x), -math.expm1(-x) / x
 
     def step(self, command_left: float, command_right: float, speed_left: float, speed_right: float) -> list[float]:
-        """Mean torques (left, right), N m at the wheel, over one step at these V and mid-step rad/s."""
+        """Returns mean torques (left, right), N m at the wheel, over one step at these V and mid-step rad/s."""
         if self._plain:
             volts: list[float | None] = [command_left, command_right]
         else:
@@ -124,7 +124,7 @@ class Electrics:
         return torque
 
     def _drive(self, command_left: float, command_right: float) -> list[float | None]:
-        """V at the motors (left, right); None: the motor floats."""
+        """Returns V at the motors (left, right); None: the motor floats."""
         full = self._vehicle.battery_voltage
         self.battery = max(full - self._slope * self.charge - self._sag * self._drawn, FLOOR * full)
         share = self.battery / full
@@ -155,7 +155,7 @@ class Electrics:
         return max(-self.battery, min(self.battery, level))
 
     def _pulse(self, side: int, volts: float, fresh: bool) -> float | None:
-        """All or nothing for a tick: a first-order density, as brickOS makes it. None: the motor floats."""
+        """Returns full voltage or nothing for a tick: first-order density, as in brickOS. None: the motor floats."""
         if fresh:
             self._sum[side] += abs(volts) / self.battery
             self._on[side] = self._sum[side] >= 1 - 1e-9

@@ -1,4 +1,4 @@
-"""Writes a recipe's data set, and its truth beside the folder, never inside."""
+"""Writes the data set of a recipe, and its truth beside the folder, never inside."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SD_STATED = 0.5  # share of the nominal values whose sd is stated
 
 
 def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
-    """What the experimenter believes: parameter -> value and, for about half of them, sd."""
+    """Returns what the experimenter believes: parameter -> value and, for about half of them, sd."""
     random = np.random.default_rng([recipe.seed, 1_000_003])
     out = {}
     for parameter in fields(Vehicle):
@@ -37,10 +37,10 @@ def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
 
 
 def write(recipe: Recipe, parent: Path) -> Path:
-    """Makes the data and writes PARENT/NAME and PARENT/NAME.truth.json, whole or not at all; returns the folder.
+    """Makes the data and writes PARENT/NAME and PARENT/NAME.truth.json, both or none; returns the folder.
 
     Raises:
-        FileExistsError: where either is there already.
+        FileExistsError: one of them exists already.
     """
     folder, truth = parent / recipe.name, parent / f"{recipe.name}.truth.json"
     for path in (folder, truth):

@@ -1,4 +1,4 @@
-"""Manoeuvres: commanded voltages as break points, and the lists of them that the suites drive."""
+"""Manoeuvres: commanded voltages as break points, and the lists that the suites use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Manoeuvre:
     """One run's commanded voltages, linear between break points.
 
     Attributes:
-        name: of the run and of its file.
+        name: name of the run and of its file.
         time: (k,) s from the run's start, never decreasing; a step is two points at one time.
         left: (k,) V, held before the first and after the last point.
         right: (k,) V.
@@ -39,9 +39,9 @@ class Manoeuvre:
             raise ValueError(f"{self.name}: lasts {self.duration_s} s")
 
     def held(self, sample_s: float) -> tuple[Floats, Floats, Floats]:
-        """Time (n,) s, left (n,) and right (n,) V, as a brick gives them out: sample k holds until sample k + 1.
+        """Returns time (n,) s, left (n,) and right (n,) V as a brick outputs them: sample k holds until sample k + 1.
 
-        At a step's own time the later point counts.
+        At the time of a step the later point counts.
         """
         time: Floats = np.arange(round(self.duration_s / sample_s) + 1, dtype=float) * sample_s
         return time, _at(time, self.time, self.left), _at(time, self.time, self.right)
@@ -57,13 +57,13 @@ def _at(time: Floats, points: Sequence[float], volts: Sequence[float]) -> Floats
 
 
 def from_table(table: Mapping[str, Any]) -> Manoeuvre:
-    """A manoeuvre from the ``next_experiment`` of a verdict.
+    """Returns a manoeuvre from the ``next_experiment`` of a verdict.
 
     Args:
         table: ``name``, ``duration_s``, ``voltage_left`` and ``voltage_right``: lists of [s, V].
 
     Raises:
-        ValueError: where the break points cannot be driven.
+        ValueError: the break points are not a manoeuvre.
     """
     sides = [np.asarray(table[key], dtype=float).reshape(-1, 2) for key in ("voltage_left", "voltage_right")]
     times = sorted({float(t) for side in sides for t in side[:, 0]})
@@ -73,7 +73,7 @@ def from_table(table: Mapping[str, Any]) -> Manoeuvre:
 
 
 def _both_sides(side: Floats, time: float) -> tuple[float, float]:
-    """V just before and just after `time`."""
+    """Returns V just before and just after `time`."""
     at, volts = side[:, 0], side[:, 1]
     exact = np.flatnonzero(at == time)
     if len(exact):
@@ -83,7 +83,7 @@ def _both_sides(side: Floats, time: float) -> tuple[float, float]:
 
 
 def steps(name: str, duration_s: float, *stages: tuple[float, float, float]) -> Manoeuvre:
-    """Holds (left, right) V from each stage's start on: stages of (s, V, V); 0 V before the first."""
+    """Returns a manoeuvre that holds (left, right) V from the start of each stage (s, V, V); 0 V before it."""
     time, left, right = [0.0], [0.0], [0.0]
     for start, volts_left, volts_right in stages:
         time += [start, start]
@@ -93,13 +93,13 @@ def steps(name: str, duration_s: float, *stages: tuple[float, float, float]) -> 
 
 
 def ramps(name: str, duration_s: float, *points: tuple[float, float, float]) -> Manoeuvre:
-    """Straight lines between points of (s, V, V)."""
+    """Returns a manoeuvre of straight lines between points (s, V, V)."""
     time, left, right = zip(*points, strict=True)
     return Manoeuvre(name, time, left, right, duration_s)
 
 
 def chirp(name: str, duration_s: float, amplitude: float, periods: Sequence[float], *, opposite: bool) -> Manoeuvre:
-    """Square waves of +-`amplitude` V, one after the other with these periods, s, over and over; 0 V at the end."""
+    """Returns square waves of +-`amplitude` V that go through these periods, s, again and again; 0 V at the end."""
     stages, now, index = [], 0.0, 0
     while now < duration_s - 1.0:
         half = 0.5 * periods[(index // 2) % len(periods)]
@@ -110,7 +110,7 @@ def chirp(name: str, duration_s: float, amplitude: float, periods: Sequence[floa
 
 
 def catalogue(scale: float = 1.0) -> dict[str, Manoeuvre]:
-    """Fourteen manoeuvres by name; `scale` shortens or stretches all of their times."""
+    """Returns fourteen manoeuvres by name. `scale` multiplies all times."""
     s = scale
     d = 10.0 * s
     drives = [
@@ -133,12 +133,12 @@ def catalogue(scale: float = 1.0) -> dict[str, Manoeuvre]:
 
 
 def twelve() -> tuple[Manoeuvre, ...]:
-    """The standard list: twelve runs of 10 s."""
+    """Returns the standard list: twelve runs of 10 s."""
     return tuple(run for name, run in catalogue().items() if name not in ("backward_half", "long_run"))
 
 
 def short() -> tuple[Manoeuvre, ...]:
-    """Eight runs of 5 s, for continuous integration."""
+    """Returns eight runs of 5 s, for continuous integration."""
     names = ("forward_half", "forward_back_full", "spin_right", "spin_left", "curve_left", "left_alone",
              "ramp_through_zero", "square_waves")  # fmt: skip
     runs = catalogue(0.5)

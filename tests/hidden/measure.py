@@ -1,4 +1,4 @@
-"""From what happened to what was logged: sensors that err, noise, converters; and how much of an effect is seen."""
+"""From the truth to the log: sensor errors, noise and converters; and how visible an effect is."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
      "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic"}
 )  # fmt: skip
-"""What acts here and not in an engine."""
+"""The effects that act here and not in an engine."""
 
 
 def resolution(signal: str) -> float:
-    """One count of `signal`'s converter, SI."""
+    """Returns one count of the converter of `signal`, SI."""
     return 2 * RANGE[signal] / float(2**BITS)
 
 
 def engine(name: str) -> Engine:
-    """The engine of that name; loads only what it needs."""
+    """Returns the engine of that name, and loads only what it needs."""
     if name == "mujoco":
         from hidden import mujoco_engine
 
@@ -56,9 +56,10 @@ def engine(name: str) -> Engine:
 
 
 def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
-    """What ideal converters would log without noise: per run, signal -> (n,), every `recipe.sample_s`.
+    """Returns what ideal converters would log without noise: for each run, signal -> (n,), every `recipe.sample_s`.
 
-    Accelerometers give the mean over the sample before, as an integrating converter does; the rest is instantaneous.
+    Accelerometers give the mean over the sample before, as an integrating converter does. Other signals are
+    instantaneous.
     """
     signals, age = [], 0.0
     for track in tracks:
@@ -73,7 +74,7 @@ def _sense(track: Track, recipe: Recipe, age: float) -> dict[str, Floats]:
     surge, sway, rate = track.accel_surge, track.accel_sway, track.yaw_rate
     arm = hidden.get("imu_lever_arm")
     if arm:
-        turn = rate - 0.5 * fine * track.yaw_accel  # in the middle of what the accelerations are means of
+        turn = rate - 0.5 * fine * track.yaw_accel  # in the middle of the time over which the accelerations are means
         surge = surge - turn**2 * arm["x"] - track.yaw_accel * arm["y"]
         sway = sway - turn**2 * arm["y"] + track.yaw_accel * arm["x"]
     angle = hidden.get("accel_misalignment", {}).get("angle", 0.0)
@@ -104,14 +105,14 @@ def _sense(track: Track, recipe: Recipe, age: float) -> dict[str, Floats]:
 
 
 def _lagged(values: Floats, lag: float, step: float) -> Floats:
-    """First-order low-pass, settled on the first value; exact for values that hold over a step."""
+    """Returns a first-order low-pass that starts at the first value. It is exact for values that hold over a step."""
     kept = math.exp(-step / lag)
     first = values[0]
     return np.asarray(lfilter([1 - kept], [1, -kept], values - first) + first, dtype=float)
 
 
 def _mean_before(values: Floats, count: int) -> Floats:
-    """Mean of each value and the count - 1 before it; the first ones as they are."""
+    """Returns the mean of each value and the count - 1 before it; the first ones as they are."""
     sums = np.cumsum(np.concatenate([[0.0], values]))
     out = values.copy()
     out[count:] = (sums[count + 1 :] - sums[1:-count]) / count
@@ -119,7 +120,7 @@ def _mean_before(values: Floats, count: int) -> Floats:
 
 
 def log(signals: Sequence[Mapping[str, Floats]], recipe: Recipe) -> list[dict[str, Floats]]:
-    """Adds noise, range and, if asked for, converters. Noise depends on the recipe's seed, the run and the signal."""
+    """Adds noise, range and, if the recipe says so, converters. The noise depends on seed, run and signal."""
     out = []
     for number, run in enumerate(signals):
         logged = {}
@@ -134,7 +135,7 @@ def log(signals: Sequence[Mapping[str, Floats]], recipe: Recipe) -> list[dict[st
 
 
 def tracks(recipe: Recipe) -> list[Track]:
-    """What truly happens in a recipe's runs. The last answers are kept: recipes often differ in their sensors only."""
+    """Returns what truly happens in the runs. Results are cached: recipes often differ only in sensors."""
     physics = tuple(
         (name, tuple(sorted(values.items()))) for name, values in recipe.hidden.items() if name not in SENSOR_EFFECTS
     )
@@ -155,7 +156,7 @@ def _driven(
 
 
 def visibility(recipe: Recipe) -> dict[str, float]:
-    """How far what is hidden moves each signal: rms over all runs, in sd of the recipe's noise; nothing is refitted."""
+    """Returns how far the hidden effects move each signal: rms over all runs, in noise sd. Nothing is refitted."""
     bare = replace(recipe, hidden={})
     with_it, without = sense(tracks(recipe), recipe), sense(tracks(bare), bare)
     out = {}

@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 class Step:
-    """State at a step's start and what acts during it. Pairs are [left, right]; frame of the paper."""
+    """The state at the start of a step and what acts during it. Pairs are [left, right]; frame of the paper."""
 
     __slots__ = (
         "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "rate", "side", "sine",
@@ -51,7 +51,7 @@ def _rolling_sqrt(s: Step, p: Parameters) -> None:
 
 
 def _direction_asymmetry(s: Step, p: Parameters) -> None:
-    """Its gain is the drive's."""
+    """Acts as a torque. The gain of the effect acts in the drive."""
     for i in (0, 1):
         if s.speeds[i] * p["torque"] > 0:
             s.dry[i] += abs(p["torque"])
@@ -89,7 +89,7 @@ def _curve_scrub(s: Step, p: Parameters) -> None:
 
 
 def _carpet_nap(s: Step, p: Parameters) -> None:
-    """The pull of the pile; its dry half is a ball that drags."""
+    """Pulls along the pile. The dry half is a ball that drags."""
     s.force += 0.5 * (p["force_x"] * s.cosine + p["force_y"] * s.sine)
     s.side += 0.5 * (p["force_y"] * s.cosine - p["force_x"] * s.sine)
 

@@ -12,7 +12,7 @@ from hidden import electrics, measure, mujoco_effects, mujoco_model
 from hidden.electrics import Electrics, arriving
 from hidden.manoeuvre import Manoeuvre
 from hidden.mujoco_effects import Step
-from hidden.mujoco_model import BEND, DT, build, soften
+from hidden.mujoco_model import DT, SIDE_SLIP_RETURN, build, soften
 from hidden.recipe import Floats, Hidden, Track, Vehicle
 
 SETTLE_S = 0.5
@@ -22,7 +22,7 @@ KNOWN = mujoco_effects.EFFECTS.keys() | mujoco_model.EFFECTS | electrics.EFFECTS
 def simulate(
     vehicle: Vehicle, hidden: Hidden, runs: Sequence[Manoeuvre], seed: int, sample_s: float = 0.003
 ) -> list[Track]:
-    """See `recipe.Engine`. `seed` changes nothing: what this engine moves is deterministic.
+    """Drives the runs: see `recipe.Engine`. `seed` changes nothing, because this engine is deterministic.
 
     Raises:
         ValueError: an effect that no engine knows, two that this one cannot join, or values that make no vehicle.
@@ -36,7 +36,7 @@ def simulate(
 
 
 class _Bench:
-    """The vehicle between runs: what carries over is in `age` and `electrics`."""
+    """The vehicle between runs. `age` and `electrics` hold what carries over."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden) -> None:
         self.hidden = hidden
@@ -55,7 +55,7 @@ class _Bench:
             self.advance = self._slipping_step
 
     def _settle(self) -> Floats:
-        """Positions after the vehicle has sunk into the floor, on level ground, turned and moved back to the start."""
+        """Returns the positions of the vehicle at rest on level ground, turned and moved back to the start."""
         gravity = self.model.opt.gravity.copy()
         self.model.opt.gravity[:2] = 0.0
         self.data.qfrc_applied[:] = self.constant
@@ -69,7 +69,7 @@ class _Bench:
         return np.asarray(rest, dtype=float)
 
     def _slipping_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """mj_step with the contacts' tangents turned with the vehicle: MuJoCo lays them along the world's axes."""
+        """Does mj_step with the tangents of contacts along the vehicle. MuJoCo lays them along the world's axes."""
         mujoco.mj_step1(model, data)
         heading = 2 * math.atan2(data.qpos[6], data.qpos[3]) + (0.5 * math.pi if self.across else 0.0)
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -96,7 +96,7 @@ class _Bench:
             np.empty((steps + 1, model.nv)),
             np.empty((steps + 1, 3)),
         )
-        # What follows runs 1000 times a simulated second: views of MuJoCo's arrays, and plain numbers.
+        # This runs 1000 times a simulated second, so it uses views of MuJoCo's arrays and plain numbers.
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current
@@ -120,14 +120,14 @@ class _Bench:
 
 
 def _per_step(run: Manoeuvre, sample_s: float) -> tuple[Floats, Floats]:
-    """Commanded V (left, right) at every step, the last sample's once."""
+    """Returns the commanded V (left, right) at every step; the last sample counts for one step."""
     hold = round(sample_s / DT)
     _, left, right = run.held(sample_s)
     return np.repeat(left, hold)[: (len(left) - 1) * hold + 1], np.repeat(right, hold)[: (len(left) - 1) * hold + 1]
 
 
 class _Extras:
-    """Joins `mujoco_effects` to MuJoCo's arrays."""
+    """Connects `mujoco_effects` to MuJoCo's arrays."""
 
     def __init__(self, bench: _Bench) -> None:
         self.bench, self.step = bench, Step()
@@ -137,7 +137,7 @@ class _Extras:
         ]
 
     def act(self, age: float, torque: list[float], volts_left: float, volts_right: float) -> None:
-        """Changes `torque` (left, right; N m) and sets what else acts in the step that begins."""
+        """Changes `torque` (left, right; N m) and sets the other forces of the step that begins."""
         names, data, s = self.bench.names, self.bench.data, self.step
         qpos, qvel = data.qpos, data.qvel
         (left, right), (left_angle, right_angle) = names.wheel_dof, names.wheel_angle
@@ -165,15 +165,15 @@ class _Extras:
 
 
 def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, speeds: Floats, electric: Floats) -> Track:
-    """Into the paper's frame; the specific force from the change of speed, with gravity turned into the body's axes."""
+    """Returns the track in the paper's frame. The specific force is the change of speed less gravity, in body axes."""
     heading = np.unwrap(2 * np.arctan2(positions[:, 6], positions[:, 3]))
-    # A step bends the speed towards where the wheels pointed when it began (see BEND), and a change of speed lies
-    # between two of them.
-    lean = 1 / BEND
+    # A step turns the speed towards where the wheels pointed at its start (see SIDE_SLIP_RETURN), and a change of
+    # speed lies between two steps.
+    lean = 1 / SIDE_SLIP_RETURN
     cosine, sine = np.cos(_back(heading, lean)), np.sin(_back(heading, lean))
     w, x, y, z = _back(positions[:, 3:7], lean + 0.5).T
     felt = -bench.model.opt.gravity + np.diff(speeds[:, :3], axis=0, prepend=speeds[:1, :3]) / DT
-    # the body's axes in the world's: the first two columns of the rotation matrix
+    # axes of the body in those of the world: the first two columns of the rotation matrix
     ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     aside = np.column_stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
     left, right = bench.names.wheel_dof
@@ -199,7 +199,7 @@ def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, spe
 
 
 def _back(values: Floats, steps: float) -> Floats:
-    """`values` (n, ...) of so many steps earlier, 0 to 2, linear between steps; the first ones repeated."""
+    """Returns `values` (n, ...) of so many steps earlier, 0 to 2, linear between steps. The first ones are repeated."""
     padded = np.concatenate([values[:1], values[:1], values])
     whole = int(steps)
     part = steps - whole

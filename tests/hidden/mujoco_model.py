@@ -13,11 +13,11 @@ from hidden.recipe import GRAVITY, Hidden, Vehicle
 DT = 0.001
 GRIP = 4.0  # friction of wheel on floor: a vehicle that may not slip
 FIRM = 300.0  # friction along the firm direction, over that along the one that slips
-BEND = 1.5
-"""How far a step turns a wheel's side slip back: 1 stops it, 2 mirrors it. Speeds that turn with the vehicle lose
-energy for 1 (a drag of m u r^2 DT / 2 in curves) and none for 2, which never settles. At 1.5 a third of it is left."""
-# A ball that drags: light and with little friction under a larger load, because a cone of contact forces lifts what
-# slides over it, by grip^2 times speed times mass.
+SIDE_SLIP_RETURN = 1.5
+"""How far a step reverses the side slip of a wheel: 1 stops it, 2 mirrors it. The vehicle turns in each step, so 1
+takes energy (a drag of m u r^2 DT / 2 in curves). 2 takes none, but never settles. 1.5 leaves a third of that drag."""
+# A ball that drags is light and has little friction under a large load: the friction cone of a contact lifts what
+# slides on it, by grip^2 times speed times mass.
 CASTER_MASS = 5e-5
 CASTER_GRIP = 0.3
 WHEEL_SHARE = 0.04  # of the vehicle's mass, each wheel
@@ -26,7 +26,7 @@ EFFECTS = frozenset(
     {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
      "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip"}
 )  # fmt: skip
-"""What is a body, a joint or a contact."""
+"""The effects that are bodies, joints or contacts."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Slip:
 
 @dataclass
 class Names:
-    """Where in MuJoCo's arrays things stand. Pairs are (left, right)."""
+    """Indices into MuJoCo's arrays. Pairs are (left, right)."""
 
     wheel_dof: tuple[int, int] = (6, 7)
     motor_dof: tuple[int, int] = (6, 7)
@@ -54,7 +54,7 @@ class Names:
 
 
 def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
-    """The compiled model of `vehicle` with those of the hidden effects that are bodies, joints and contacts."""
+    """Returns the compiled model of `vehicle`, with the hidden effects that are bodies, joints and contacts."""
 
     def p(effect: str, parameter: str) -> float:
         return hidden.get(effect, {}).get(parameter, 0.0)
@@ -69,7 +69,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
     across = 0.6 * spin
     casters = _casters(hidden, radius)
     chassis = mass - 2 * wheel_mass - CASTER_MASS * len(casters)
-    # the chassis's own centre, so that the whole has its centre and inertia where the vehicle's values say
+    # the centre of the chassis alone: with it, the whole vehicle has the stated centre and inertia
     centre_x, centre_y = mass * ahead / chassis, -mass * right / chassis
     others = 2 * (across + wheel_mass * (track**2 + ahead**2 + right**2))
     others += chassis * ((centre_x - ahead) ** 2 + (centre_y + right) ** 2)
@@ -132,7 +132,8 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         pairs += ' solreffriction="0.004 1"/>'
     slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
     down = math.sqrt(1 - slope_x**2 - slope_y**2)
-    grip = f'solreffriction="-0.0001 {-BEND / DT:.12g}"'  # the stiffness is not used, but 0 would mean another format
+    # the stiffness is not used, but 0 would select another format
+    grip = f'solreffriction="-0.0001 {-SIDE_SLIP_RETURN / DT:.12g}"'
     names.slip = _slip(hidden, names.mass)
     xml = f"""
 <mujoco>
@@ -172,7 +173,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
 
 
 def _play(half_gap: float) -> str:
-    """Tendons that let each rotor turn ahead of its wheel, or behind, by so many rad."""
+    """Returns tendons that let each rotor turn ahead of its wheel, or behind it, by so many rad."""
     limits = f'limited="true" range="{-half_gap:.12g} {half_gap:.12g}" solreflimit="0.002 1"'
     fixed = [
         f"""<fixed {limits} solimplimit="0.99 0.999 0.001">
@@ -183,7 +184,7 @@ def _play(half_gap: float) -> str:
 
 
 def _casters(hidden: Hidden, radius: float) -> list[tuple[float, float]]:
-    """(m ahead, N of friction) of each ball that drags: of a caster, and the isotropic half of a carpet's nap."""
+    """Returns (m ahead, N of friction) of each ball that drags: a caster, and the isotropic half of a carpet."""
     out = []
     if "caster_drag" in hidden:
         out.append((hidden["caster_drag"]["forward"], hidden["caster_drag"]["force"]))
@@ -205,7 +206,7 @@ def _slip(hidden: Hidden, mass: float) -> Slip | None:
 
 
 def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
-    """Gives the wheels' contacts their soft direction, as tangent 1, from the loads that `data` stands with.
+    """Makes tangent 1 of the wheels' contacts soft, for the loads on them in `data`.
 
     A contact creeps at R / B times its force, with B its damping and R = R_normal / impratio in tangent 1.
     """
@@ -220,7 +221,7 @@ def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
             loads.append(float(force[0]))
             resistance = float(data.efc_R[contact.efc_address])
     load = sum(loads) / len(loads)
-    damping = BEND / DT / model.pair_solimp[0, 1]
+    damping = SIDE_SLIP_RETURN / DT / model.pair_solimp[0, 1]
     model.opt.impratio = resistance / (slip.creep * damping)
     friction = slip.limit / load
     for name in ("left", "right"):

@@ -73,7 +73,7 @@ def _pwm_quantisation(plant: Plant, p: Parameters) -> None:
 def _actuator_lag(plant: Plant, p: Parameters) -> None:
     if p["time_constant"] <= 0:
         return
-    closed = -math.expm1(-plant.step / p["time_constant"])  # share of the gap closed by the end of a step
+    closed = -math.expm1(-plant.step / p["time_constant"])  # share of the difference that one step closes
     midway = 1 - closed * p["time_constant"] / plant.step  # and on average over it
     lagged = plant.memory(2)
 
@@ -131,7 +131,7 @@ def _supply_saturation(plant: Plant, p: Parameters) -> None:
 
 
 def _pwm_coast(plant: Plant, p: Parameters) -> None:
-    """Whole ticks are pulses or pauses: first-order density."""
+    """Each tick is a pulse or a pause: first-order density."""
     period, brakes = p.get("period", 0.001), p.get("brakes", 0.0) >= 0.5
     due, on, tick = plant.memory(2), plant.memory(2), plant.memory(1)
     tick -= 1
@@ -191,7 +191,7 @@ def _cogging(plant: Plant, p: Parameters) -> None:
 
 
 def _gear_backlash(plant: Plant, p: Parameters) -> None:
-    """Teeth that meet softly enough for the step, damped so that they do not bounce, and never pull."""
+    """Teeth meet softly enough for the step, are damped so that they do not bounce, and never pull."""
     half = 0.5 * p["gap"]
     plant.rotor_share = p["rotor_share"]
 
@@ -243,7 +243,7 @@ def _wheel_radius_mismatch(plant: Plant, p: Parameters) -> None:
 
 
 class _Limit:
-    """What a tyre's limit takes away of the linear creep that is in the plant's matrix.
+    """What the limit of a tyre takes away from the linear creep in the plant's matrix.
 
     Extrapolated to the middle of the step: where nearly all is taken away, the two must cancel.
     """
@@ -252,7 +252,7 @@ class _Limit:
         self.before = before
 
     def __call__(self, linear: Floats, most: float) -> Floats:
-        """(n, runs) N, of a linear law's forces and the largest that the tyre bears."""
+        """Returns (n, runs) N from the forces of a linear law and the largest force that the tyre bears."""
         now = linear * (1 / np.sqrt(1 + (linear / most) ** 2) - 1)
         middle = 1.5 * now - 0.5 * self.before
         self.before[:] = now
@@ -357,7 +357,7 @@ def _com_lateral_offset(plant: Plant, p: Parameters) -> None:
 
 
 def _payload_mass(plant: Plant, p: Parameters) -> None:
-    """Two bodies as one: parallel axes about the common centre."""
+    """Makes one body of two: parallel axes about the common centre."""
     mass, place = p["mass"], np.array([p.get("forward", 0.0), p.get("right", 0.0)])
     total = plant.mass + mass
     common = (plant.mass * plant.com + mass * place) / total

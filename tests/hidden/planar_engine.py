@@ -1,4 +1,4 @@
-"""Engine "planar": `planar_plant` driven through a sequence of runs, with the texture of a real record on top.
+"""Engine "planar": `planar_plant` driven through a sequence of runs, with the texture of a real log on top.
 
 Texture is vibration on the accelerations and roughness under the wheels: small, seeded, and in nobody's model.
 """
@@ -30,7 +30,7 @@ CARRY_ERROR = 1e-5  # of the largest charge or heat, from one run to the next
 
 
 class Roughness:
-    """Small slopes of the ground under each wheel, by the distance it has rolled; a load of the plant."""
+    """Small slopes of the ground under each wheel, by the distance that it has rolled: a load of the plant."""
 
     def __init__(self, plant: Plant, seeds: Sequence[np.random.SeedSequence], scale: float) -> None:
         length = ROUGH_CELLS * ROUGH_CELL_M
@@ -61,7 +61,7 @@ def simulate(
     *,
     texture: float = 1.0,
 ) -> list[Track]:
-    """See `recipe.Engine`. `texture` scales vibration and roughness; sensor effects in `hidden` change nothing here.
+    """Drives the runs: see `recipe.Engine`. `texture` scales vibration and roughness. Sensor effects do nothing here.
 
     Raises:
         ValueError: an effect that this plant does not know.
@@ -90,7 +90,7 @@ def simulate(
 def _in_sequence(
     drive: Callable[[Floats, Floats], tuple[Plant, Floats]], count: int, *, carries: bool
 ) -> tuple[Plant, Floats]:
-    """Drives all runs at once until each begins with the charge and heat that the one before it left.
+    """Drives all runs together until each one starts with the charge and heat that the one before it left.
 
     A run's end depends on its start nearly linearly, so the secant of two passes predicts the next.
     """
@@ -114,7 +114,7 @@ def _in_sequence(
 
 
 def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: NDArray[np.int64]) -> Floats:
-    """Drives the runs: (samples, 11, runs) of the first ten rows of the state and the supply, every OVERSAMPLE_S."""
+    """Drives the runs. Returns (samples, 11, runs): ten rows of the state and the supply, every OVERSAMPLE_S."""
     longest = int(samples.max())
     command = _commands(plant, runs, sample_s, longest * STEPS_PER_SAMPLE)
     record = np.empty((longest + 1, 11, plant.runs))
@@ -129,7 +129,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
-    """(steps, 2, runs) V that arrive: means over each step, so a delay need not be a multiple of it."""
+    """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of it."""
     out = np.zeros((steps, 2, plant.runs))
     edges = np.maximum(np.arange(steps + 1) * plant.step - plant.command_delay, plant.late_start)
     for k, run in enumerate(runs):
@@ -144,7 +144,7 @@ def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: i
 def _track(
     plant: Plant, record: Floats, run: Manoeuvre, sample_s: float, texture: float, rng: np.random.Generator
 ) -> Track:
-    """One run's record (n, 11) as a track."""
+    """Returns the samples (n, 11) of one run as a track."""
     time = np.arange(len(record), dtype=np.float64) * OVERSAMPLE_S
     given_at, left, right = run.held(sample_s)
     held = np.searchsorted(given_at, time + 1e-9, side="right") - 1
@@ -175,12 +175,12 @@ def _track(
 
 
 def _rate(speed: Floats) -> Floats:
-    """Mean derivative over the interval before each sample; 0 at the first."""
+    """Returns the mean derivative over the interval before each sample; 0 at the first one."""
     return np.diff(speed, prepend=speed[0]) / OVERSAMPLE_S
 
 
 def _mean(value: Floats) -> Floats:
-    """Mean over the interval before each sample."""
+    """Returns the mean over the interval before each sample."""
     before = np.concatenate([value[:1], value[:-1]])
     return 0.5 * (before + value)
 
@@ -192,7 +192,7 @@ def _integral(speed: Floats) -> Floats:
 
 
 def _vibration(count: int, rng: np.random.Generator) -> Floats:
-    """(count, 3) of rms 1 in VIBRATION_BAND_HZ, settled from the start."""
+    """Returns (count, 3) of rms 1 in VIBRATION_BAND_HZ, settled from the start."""
     filters = butter(2, VIBRATION_BAND_HZ, btype="bandpass", fs=1 / OVERSAMPLE_S, output="sos")
     settling = 500
     noise: Floats = np.asarray(sosfilt(filters, rng.standard_normal((settling + count, 3)), axis=0))[settling:]

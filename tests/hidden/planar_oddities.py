@@ -1,4 +1,4 @@
-"""What no library names: each changes `planar_plant` in a way of its own."""
+"""Oddities that no library names. Each changes `planar_plant` in its own way."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 def crosstalk(plant: Plant, p: Parameters) -> None:
-    """A share of the other side's voltage is lost."""
+    """Takes away a share of the other side's voltage."""
     mix = np.array([[1.0, -p["share"]], [-p["share"], 1.0]])
 
     def hook(plant: Plant) -> None:
@@ -32,7 +32,7 @@ def voltage_gain(plant: Plant, p: Parameters) -> None:
 
 
 def periodic_force(plant: Plant, p: Parameters) -> None:
-    """Along the vehicle, by the time since power-on."""
+    """Pushes along the vehicle, a sine of the time since power-on."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] += p["force"] * np.sin(2 * math.pi * p["frequency"] * (plant.age + plant.time))
@@ -41,7 +41,7 @@ def periodic_force(plant: Plant, p: Parameters) -> None:
 
 
 def friction_with_voltage(plant: Plant, p: Parameters) -> None:
-    """Dry friction of a wheel that grows with the voltage commanded there, N m/V."""
+    """Adds dry friction to a wheel that grows with its commanded voltage, N m/V."""
 
     def hook(plant: Plant) -> None:
         plant.bound += p["slope"] * np.abs(plant.command)
@@ -50,7 +50,7 @@ def friction_with_voltage(plant: Plant, p: Parameters) -> None:
 
 
 def drag_patch(plant: Plant, p: Parameters) -> None:
-    """Linear drag, N s/m, between two x."""
+    """Adds linear drag, N s/m, between two x."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:
@@ -61,7 +61,7 @@ def drag_patch(plant: Plant, p: Parameters) -> None:
 
 
 def angle_brake(plant: Plant, p: Parameters) -> None:
-    """Dry friction with two tight spots a turn."""
+    """Adds dry friction with two tight spots per turn."""
 
     def hook(plant: Plant) -> None:
         plant.bound += 0.5 * p["torque"] * (1 + np.cos(2 * plant.angle))
@@ -77,7 +77,7 @@ def cubic_drag(plant: Plant, p: Parameters) -> None:
 
 
 def yaw_by_speed(plant: Plant, p: Parameters) -> None:
-    """A clockwise moment that grows with surge squared."""
+    """Adds a clockwise moment that grows with surge squared."""
 
     def hook(plant: Plant) -> None:
         plant.force[2] += p["moment"] * plant.surge**2
@@ -86,7 +86,7 @@ def yaw_by_speed(plant: Plant, p: Parameters) -> None:
 
 
 def turn_force(plant: Plant, p: Parameters) -> None:
-    """A share of m u r along the vehicle: pushes in right curves, brakes in left ones."""
+    """Adds a share of m u r along the vehicle: it pushes in right curves and brakes in left ones."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] += p["share"] * plant.mass * plant.surge * plant.yaw
@@ -95,7 +95,7 @@ def turn_force(plant: Plant, p: Parameters) -> None:
 
 
 def load_ramp(plant: Plant, p: Parameters) -> None:
-    """Dry friction of the wheels that grows with the time since power-on, N m/s."""
+    """Adds dry friction to the wheels that grows with the time since power-on, N m/s."""
 
     def hook(plant: Plant) -> None:
         plant.bound += p["rate"] * (plant.age + plant.time)
@@ -113,7 +113,7 @@ def heading_spring(plant: Plant, p: Parameters) -> None:
 
 
 def tether(plant: Plant, p: Parameters) -> None:
-    """A spring, N/m, to where the run began."""
+    """Adds a spring, N/m, to where the run began."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:

@@ -1,4 +1,4 @@
-"""The planar plant: a robot on brush tyres, written from mechanics; it shares no code with brickpilot's plant.
+"""The planar plant: a robot on brush tyres. It is written from mechanics and shares no code with brickpilot's plant.
 
 State: currents, wheel speeds, velocity of the axle's middle, wheel angles, heading, and the stretch of the tyres'
 brushes (with backlash also the rotors). All that is linear - windings, tyres, losses, masses - is advanced exactly by
@@ -58,12 +58,12 @@ class Slider:
         self.stretch = np.zeros(shape)  # as a force
 
     def tune(self, response: Floats) -> None:
-        """`response`: what a unit of each of `forces` over one step adds to each of `speeds`."""
+        """Sets spring and damper. `response`: what a unit of each of `forces` adds to each of `speeds` in a step."""
         largest = (self.shares @ response @ self.shares.T).diagonal().max()
         self.spring, self.damping = SPRING_SHARE / largest, DAMPER_SHARE / largest
 
     def force(self, speed: Floats, against_forward: Floats | float, against_backward: Floats | float) -> Floats:
-        """Friction on the moving part, between -against_forward and against_backward."""
+        """Returns friction on the moving part, between -against_forward and against_backward."""
         force = self.stretch
         force += self.spring * speed
         np.clip(force, -against_backward, against_forward, out=force)
@@ -71,7 +71,7 @@ class Slider:
         return total
 
     def planar(self, speed: Floats, bound: Floats | float) -> Floats:
-        """Friction (2, n) against a velocity (2, n), its size within `bound`."""
+        """Returns friction (2, n) against a velocity (2, n), its size within `bound`."""
         force = self.stretch
         force += self.spring * speed
         force *= np.minimum(1.0, bound / np.maximum(np.hypot(force[0], force[1]), 1e-30))
@@ -81,7 +81,7 @@ class Slider:
 
 
 class Plant:
-    """One vehicle in as many runs as there are, all advanced together.
+    """One vehicle in several runs, all advanced together.
 
     Effects change the build values and add hooks; then `assemble`, then one `advance_by` a step. Hooks in ``drive``
     change ``voltage``; those in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side of the play)
@@ -113,11 +113,11 @@ class Plant:
     # ---- building
 
     def memory(self, rows: int) -> Floats:
-        """(rows, runs) of zeros, which a hook may keep."""
+        """Returns (rows, runs) of zeros, which a hook may keep."""
         return np.zeros((rows, self.runs))
 
     def slider(self, motion: str, forward: float = 0.0) -> Slider:
-        """Dry friction of both "wheels", of the body's "yaw", or of the body's "point" at (forward, 0)."""
+        """Returns dry friction of both "wheels", of the body's "yaw", or of the body's "point" at (forward, 0)."""
         made = {
             "wheels": Slider(WHEEL, TORQUE, [[1, 0], [0, 1]], (2, self.runs)),
             "yaw": Slider(BODY, FORCE, [[0, 0, 1]], (self.runs,)),
@@ -127,7 +127,7 @@ class Plant:
         return made
 
     def assemble(self, charge: Floats, heat: Floats) -> None:
-        """The exact step of the linear part, and a state at rest at the origin.
+        """Computes the exact step of the linear part, and a state at rest at the origin.
 
         Args:
             charge: (runs,) C drawn before each run.
@@ -170,7 +170,7 @@ class Plant:
         return SUPPLY_FLOOR * self.vehicle.battery_voltage
 
     def _linear(self) -> tuple[Floats, Floats]:
-        """A (n, n) and B (n, INPUTS) of x' = A x + B inputs."""
+        """Returns A (n, n) and B (n, INPUTS) of x' = A x + B inputs."""
         v = self.vehicle
         size = PLAY.stop if self.rotor_share else SIDE_BRUSH + 1
         a, b = np.zeros((size, size)), np.zeros((size, INPUTS))
@@ -205,11 +205,11 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """N m s/rad of each wheel, with the whole weight on either, as the nominal values mean it."""
+        """Returns N m s/rad of each wheel with the whole weight on each, as the nominal values mean it."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:
-        """Pushes wheel and body apart by the slip s = r_w w - (u +- b r); the body's rows are still forces here."""
+        """Adds the tyre force for the slip s = r_w w - (u +- b r). The rows of the body are still forces here."""
         radius, track = self.radius[k, 0], self.vehicle.half_track
         slip = np.zeros(len(a))
         wheel, brush = WHEEL.start + k, BRUSH.start + k
@@ -248,7 +248,7 @@ class Plant:
     # ---- running
 
     def advance_by(self, command: Floats, running: NDArray[np.bool_]) -> None:
-        """One step with commanded voltages (2, runs); runs that are over (False) draw no more."""
+        """Does one step with commanded voltages (2, runs). Runs that are over (False) draw no current."""
         self.command = command
         self.voltage[:] = command
         self._draw(running)
@@ -276,7 +276,7 @@ class Plant:
         self.time += self.step
 
     def _draw(self, running: NDArray[np.bool_]) -> None:
-        """The supply behind the command, the drive, and what both motors take."""
+        """Applies the supply, the drive, and the current of both motors."""
         nominal = self.vehicle.battery_voltage
         if self.supply_slope or self.supply_resistance:
             wanted = nominal - self.supply_slope * self.charge - self.supply_resistance * self.supply_current
@@ -295,13 +295,13 @@ class Plant:
             self.voltage -= warmer * self.current
 
     def _roll_tyres(self) -> None:
-        """A brush's stretch is left behind as the wheel rolls on."""
+        """Leaves the stretch of a brush behind as the wheel rolls on."""
         rolled = 1.0 + self.rolled * np.abs(self.wheel)
         self.brush[:2] /= rolled
         self.brush[2] /= rolled.mean(axis=0)
 
 
 def in_body(plant: Plant, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
-    """A vector of the earth's axes, ahead and to the right of each vehicle."""
+    """Returns a vector given in the earth's axes as components ahead and to the right of each vehicle."""
     cosine, sine = np.cos(plant.heading), np.sin(plant.heading)
     return x * cosine + y * sine, y * cosine - x * sine

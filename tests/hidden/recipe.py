@@ -1,4 +1,4 @@
-"""What a hidden data set is made of: the vehicle, what is hidden, what is measured; and what an engine gives back."""
+"""What a data set is made from: the vehicle, the hidden effects, the sensors; and what an engine returns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Hidden = Mapping[str, Mapping[str, float]]
 """Effect -> its true parameters, SI, in the paper's frame (x forward, y right, yaw clockwise from above).
 
-Names, parameters and signs are those of ``brickpilot effects``. What no library names starts with ``odd_``.
+Names, parameters and signs are those of ``brickpilot effects``. Effects outside the library start with ``odd_``.
 """
 
 GRAVITY = 9.81
@@ -28,7 +28,7 @@ class Vehicle:
     """True values, by the names of a data set's ``[nominal]`` table.
 
     ``rolling_friction`` is sigma of the paper's eq. 13 in eq. 14: a torque m g sigma r_w^2 w at each wheel, with the
-    whole weight at either, so that the losses of a wheel are linear in its speed (`wheel_damping`).
+    whole weight on each. So the losses of a wheel are linear in its speed (`wheel_damping`).
     """
 
     mass: float = 0.6  # kg, all of it
@@ -45,7 +45,7 @@ class Vehicle:
     battery_voltage: float = 9.0  # V; a command of this many volts is full duty
 
     def wheel_damping(self, mass: float | None = None, radius: float | None = None) -> float:
-        """N m s/rad: viscous and rolling losses of a wheel of `radius` m under `mass` kg; both default to the own."""
+        """Returns viscous and rolling losses of a wheel, N m s/rad. Defaults: own mass, kg, and radius, m."""
         load = (self.mass if mass is None else mass) * GRAVITY
         return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
 
@@ -63,7 +63,7 @@ VEHICLES = {"bench": BENCH, "rcx": RCX, "heavy": HEAVY}
 
 
 def specimen(vehicle: Vehicle, random: np.random.Generator, spread: float = 0.08) -> Vehicle:
-    """Another one of its kind: every value off by up to +-`spread`, uniformly; the battery's voltage as it is."""
+    """Returns another vehicle of this kind: every value differs by up to +-`spread`, except the battery voltage."""
     values = {f.name: getattr(vehicle, f.name) for f in fields(vehicle)}
     off = {name: float(value * (1 + random.uniform(-spread, spread))) for name, value in values.items()}
     return Vehicle(**{**off, "battery_voltage": vehicle.battery_voltage})
@@ -116,14 +116,14 @@ class Recipe:
     """One data set.
 
     Attributes:
-        name: of its folder.
-        engine: which physics: "mujoco" or "planar".
+        name: name of its folder.
+        engine: the physics, "mujoco" or "planar".
         hidden: what the nominal model lacks.
-        noise: factor on the sensors' usual noise.
-        nominal_error: relative sd of each nominal value about the true one.
-        frame: of the written signals.
-        quantised: 10 bits over each sensor's range.
-        noise_sd_stated: whether dataset.toml says how large the noise is.
+        noise: factor on the usual noise of the sensors.
+        nominal_error: relative sd of each nominal value around the true one.
+        frame: frame of the written signals.
+        quantised: converters have 10 bits over the range of each sensor.
+        noise_sd_stated: whether dataset.toml states the noise.
     """
 
     name: str

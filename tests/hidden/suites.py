@@ -1,4 +1,4 @@
-"""Lists of recipes. Seeds that thresholds are set on and seeds that are reported are kept apart: see `CALIBRATION`."""
+"""Lists of recipes. Thresholds are set and results are reported with different seeds: see `CALIBRATION`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hidden.manoeuvre import short, twelve, varied
 from hidden.recipe import BENCH, VEHICLES, Recipe, specimen
 
 CALIBRATION, REPORT = 0, 1_000_000
-"""Seed offsets: for setting thresholds, and for what is reported. Anything else is free."""
+"""Seed offsets: for setting thresholds, and for reported results. All others are free."""
 
 SIZES = (0.25, 0.5, 1.0, 2.0)
 Engine = Literal["mujoco", "planar"]
@@ -34,7 +34,7 @@ PAIR_GROUPS: tuple[tuple[str, ...], ...] = (
     ("gyro_bias", "gyro_saturation", "accel_bias"),
     ("cogging", "torque_ripple"),
 )
-"""Effects of one kind, which mask each other, stand together: two that are hidden at once come from two groups."""
+"""Effects that mask each other form a group. Effects that are hidden together come from different groups."""
 
 _NEVER = {frozenset(pair) for pair in (("side_slip", "caster_drag"), ("side_slip", "carpet_nap"))}
 

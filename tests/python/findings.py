@@ -1,4 +1,4 @@
-"""Findings made by hand, one for each verdict, of runs that the plant made; and a reader of the page made of them."""
+"""Findings made by hand, one for each verdict, for runs of the plant; and a parser for their page."""
 
 from __future__ import annotations
 
@@ -63,19 +63,19 @@ RANKING = (
 
 
 def measured(folder: Path) -> Dataset:
-    """Four runs of the robot with dry friction, the third held out, noise on every signal."""
+    """Returns four runs of the robot with dry friction and noise, the third one held out."""
     written = write(folder, TRUTH, NOISE, "", roles=list(ROLES.values()))
     return dataclasses.replace(dataset.read(written), name="bench-7")
 
 
 def all_verdicts(folder: Path) -> dict[str, Finding]:
-    """A finding for each verdict, of the same runs: the plant's own, simulated without and with dry friction."""
+    """Returns a finding for each verdict, all for the same runs."""
     data = measured(folder)
     return {kind: finding(data, kind) for kind in VERDICTS}
 
 
 def finding(data: Dataset, kind: str) -> Finding:
-    """What discovery might say of `data`; the simulations and the gaps are real, the rest is made up."""
+    """Returns a finding for `data`. Its simulations and gaps are real, the rest is invented."""
     nominal = robot()
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))
@@ -121,7 +121,7 @@ def finding(data: Dataset, kind: str) -> Finding:
 
 
 class Page(HTMLParser):
-    """A page's elements, checked for balance as they are read, and the text of each section and table row."""
+    """The elements of a page, and the text of each section and table row. Every element has to be closed."""
 
     VOID = frozenset({"meta", "br", "hr", "img", "input", "link"})
 
@@ -167,7 +167,7 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
     def row(self, *start: str) -> list[str]:
-        """The one row of a table that begins with these cells."""
+        """Returns the only row of a table that begins with these cells."""
         (only,) = (row for row in map(self._clean, self.rows) if row[: len(start)] == list(start))
         return only
 

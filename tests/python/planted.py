@@ -1,4 +1,4 @@
-"""Faults planted in copies of measured sets: in columns, as a wrong unit or clock leaves them, or in rows."""
+"""Plants faults in copies of measured data sets: in columns, as a wrong unit or clock does, or in rows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Column = NDArray[np.float64]
 def plant(
     source: Path, folder: Path, columns: Sequence[str], change: Callable[[Column], Column], *runs: str
 ) -> Dataset:
-    """A copy of a data set in which `change` was done to columns of these runs' files, or of all files."""
+    """Returns a copy of a data set with `change` applied to columns of these runs, or of all runs."""
     shutil.copytree(source, folder)
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:
@@ -32,7 +32,7 @@ def plant(
 
 
 def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str]], *runs: str) -> Dataset:
-    """A copy of a data set in which `change` was done to the rows, less the header, of these runs' files or all."""
+    """Returns a copy of a data set with `change` applied to the rows below the header, in these runs or in all."""
     shutil.copytree(source, folder)
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:
@@ -43,7 +43,7 @@ def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str
 
 
 def new_faults(dataset: Dataset, sound: Dataset) -> set[tuple[str, str, str]]:
-    """(run, signal, kind) of the faults that the sound set does not have."""
+    """Returns (run, signal, kind) of the faults that the undamaged data set does not have."""
     return _named(dataset) - _named(sound)
 
 

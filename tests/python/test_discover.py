@@ -56,7 +56,7 @@ NOMINAL = (
 
 
 def hidden(folder, effects, *, signals=None, seed=1, error=0.02, **options):
-    """A data set with `effects` in it, its nominal values off by `error`."""
+    """Writes a data set with `effects` in it, its nominal values wrong by `error`; returns its folder."""
     truth = dataclasses.replace(robot(), effects=effects)
     random = np.random.default_rng(seed)
     nominal = "\n".join(f"{name} = {truth.parameters[name] * (1 + error * random.normal()):.9g}" for name in NOMINAL)
@@ -64,8 +64,8 @@ def hidden(folder, effects, *, signals=None, seed=1, error=0.02, **options):
     return write(folder, truth, signals or SIGNALS, nominal + "\ninductance = 0.0", seed=seed, **options)
 
 
-def bands(folder):
-    """The full and the coarse band over the fit runs, and the nominal model."""
+def errors_of(folder):
+    """Returns the residual of the fit runs at the measured samples and on the coarse grid, and the nominal plan."""
     data = with_default_sds(dataset.read(folder))
     inputs = {run.name: dataset.motor_inputs(run, data) for run in data.runs}
     ready = with_averaged_starts(data, inputs)
@@ -80,8 +80,8 @@ def friction(tmp_path_factory):
     )
 
 
-def test_a_band_holds_the_mean_of_each_bin(tmp_path):
-    full, _, plan = bands(hidden(tmp_path / "set", {}))
+def test_the_residual_compares_the_mean_of_each_bin(tmp_path):
+    full, _, plan = errors_of(hidden(tmp_path / "set", {}))
     run = full._dataset.runs[2]
     block = next(one for one in full.blocks if one.run == run.name and one.signal == "yaw_rate")
     assert block.measured[5] == pytest.approx(run.outputs["yaw_rate"][15:18].mean())
@@ -89,9 +89,9 @@ def test_a_band_holds_the_mean_of_each_bin(tmp_path):
     assert block.pick(simulated)[5] == pytest.approx(simulated[15:18].mean())
 
 
-def test_the_coarse_band_simulates_what_the_full_one_does(tmp_path):
-    """With any effect too, within a 20th of what it does; but what makes a motion chaotic parts any two simulations."""
-    full, coarse, plan = bands(hidden(tmp_path / "set", {}))
+def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
+    """For each effect the difference is below a 20th of its signature. Chaotic effects part any two simulations."""
+    full, coarse, plan = errors_of(hidden(tmp_path / "set", {}))
     effects = {one.name: {p.name: p.preset for p in one.parameters} for one in catalogue.effects()}
     chaotic = {"torque_ripple", "cogging", "gear_backlash"}
     nominal = full.predict([plan.model])[0]
@@ -103,8 +103,8 @@ def test_the_coarse_band_simulates_what_the_full_one_does(tmp_path):
         assert apart < 0.45 + 0.05 * does, name
 
 
-def test_the_moments_of_a_load_are_what_a_fit_moves(tmp_path):
-    plan = bands(hidden(tmp_path / "set", {}))[2]
+def test_a_fit_moves_the_moments_of_a_load(tmp_path):
+    plan = errors_of(hidden(tmp_path / "set", {}))[2]
     load = next(one for one in candidates(plan.model) if one.effect == "payload_mass" and len(one.free) == 3)
     loaded = load.starting(plan, {"mass": 0.5, "forward": 0.04, "right": -0.02})
     point = loaded.start()
@@ -120,7 +120,7 @@ def test_every_nominal_value_may_be_wrong(tmp_path):
     assert data.nominal["mass"].sd is None
 
 
-def test_a_run_starts_from_what_its_first_samples_say_together(tmp_path):
+def test_a_run_starts_from_an_average_of_its_first_samples(tmp_path):
     data = dataset.read(hidden(tmp_path / "set", {}))
     ready = with_averaged_starts(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs})
     single = [run.outputs["wheel_speed_left"][0] for run in data.runs]
@@ -128,7 +128,7 @@ def test_a_run_starts_from_what_its_first_samples_say_together(tmp_path):
     assert np.std(together) < 0.6 * np.std(single)
 
 
-def test_a_motor_is_judged_by_its_velocity(tmp_path):
+def test_a_motor_is_compared_by_its_velocity(tmp_path):
     manoeuvres = {"step": (3.0, 0.0), "back": (-4.0, 0.0)}
     folder = write(
         tmp_path / "set",
@@ -143,16 +143,16 @@ def test_a_motor_is_judged_by_its_velocity(tmp_path):
     assert np.isfinite(run.outputs["speed"]).all()
 
 
-def test_a_stretch_starts_from_the_measured_state(tmp_path):
+def test_a_window_starts_from_the_measured_state(tmp_path):
     data = dataset.read(hidden(tmp_path / "set", {}))
     cut = cut_into_windows(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs}, 0.5)
-    ahead = [run for run in cut.runs if run.name.startswith("ahead, stretch")]
+    ahead = [run for run in cut.runs if run.name.startswith("ahead, window")]
     assert len(ahead) == 4
     travelled = data.runs[0].outputs["wheel_speed_left"][: len(data.runs[0].time) // 2].sum() * 0.01
     assert ahead[2].outputs["wheel_angle_left"][0] == pytest.approx(travelled, rel=0.05)
 
 
-def test_what_repeats_with_the_wheels_is_read_off_their_speed(tmp_path):
+def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
     ripple = {"cogging": {"torque": 0.01, "order": 7.0, "phase": 0.3, "phase_difference": 0.5}}
     long = {name: (left / 2, right / 2) for name, (left, right) in MANOEUVRES.items()}
     data = dataset.read(hidden(tmp_path / "set", ripple, manoeuvres=long))
@@ -160,21 +160,21 @@ def test_what_repeats_with_the_wheels_is_read_off_their_speed(tmp_path):
     assert harmonics.orders(dataset.read(hidden(tmp_path / "clean", {}))) == ()
 
 
-def test_the_order_of_a_ripple_is_moved_by_what_turns_its_phase_a_little(tmp_path):
-    """After a run's turns a hundredth of the order is a phase of its own, and no slope."""
-    plan = bands(hidden(tmp_path / "set", {}))[2]
+def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
+    """After the turns of a run a hundredth of the order is another phase, and a difference over it is no slope."""
+    plan = errors_of(hidden(tmp_path / "set", {}))[2]
     ripple = next(one for one in candidates(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
     plan = ripple.starting(plan, {"amplitude": 0.3, "order": 8.0, "phase": 1.0, "phase_difference": 0.4})
-    band, point = bands(tmp_path / "set")[1].with_plan(plan), plan.start()
+    error, point = errors_of(tmp_path / "set")[1].with_plan(plan), plan.start()
     index = [one.name for one in plan.free].index("torque_ripple.order")
-    slope = band.sensitivity(point)[:, index]
+    slope = error.sensitivity(point)[:, index]
     moved = point + 2e-4 * np.eye(len(point))[index]
-    change = band.predict([plan.at(moved)])[0] - band.predict([plan.at(point)])[0]
+    change = error.predict([plan.at(moved)])[0] - error.predict([plan.at(point)])[0]
     assert np.linalg.norm(change - 2e-4 * slope) < 0.1 * np.linalg.norm(change)
 
 
 @pytest.mark.parametrize("effect", [{"cogging": {"torque": 0.02}}, {"torque_ripple": {"amplitude": 0.4}}])
-def test_what_repeats_with_each_wheel_in_a_phase_of_its_own_is_named(tmp_path, effect):
+def test_a_periodic_effect_with_a_phase_for_each_wheel_is_named(tmp_path, effect):
     (name, size), shape = *effect.items(), {"order": 6.3, "phase": 1.0, "phase_difference": 2.0}
     found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
     assert (found.verdict, [one.name for one in found.effects]) == ("named", [name])
@@ -184,10 +184,10 @@ def test_what_repeats_with_each_wheel_in_a_phase_of_its_own_is_named(tmp_path, e
     assert values["phase_difference"] == pytest.approx(2.0, abs=0.2)
 
 
-def test_the_runs_that_are_wanted_are_simulated_as_they_are_among_all(tmp_path):
-    """Of what heats the motors with those before them."""
+def test_chosen_runs_are_simulated_as_they_are_among_all_runs(tmp_path):
+    """Heat that earlier runs leave in the motors is included."""
     folder = hidden(tmp_path / "set", {})
-    replay, plan = Replay(dataset.read(folder)), bands(folder)[2]
+    replay, plan = Replay(dataset.read(folder)), errors_of(folder)[2]
     hot = dataclasses.replace(plan.model, effects={"motor_heating": {}})
     wanted = [replay.dataset.runs[1].name, replay.dataset.runs[4].name]
     whole, some = replay.simulate([plan.model, hot]), replay.simulate([plan.model, hot], only=wanted)
@@ -212,14 +212,14 @@ def test_optional_parameters_are_freed_one_at_a_time():
     assert len(catalogue.effect("direction_asymmetry").parameters) == 3
 
 
-def test_what_may_not_be_zero_is_no_size():
-    """Nothing may be tried without it: heat without a time constant is refused by the plant."""
+def test_a_parameter_that_may_not_be_zero_is_no_size():
+    """No model is tried without it: the plant refuses heating without a time constant."""
     heating = next(one for one in candidates(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating")
     assert heating.free == ("thermal_resistance", "time_constant")
     assert sizes_of(heating) == ["thermal_resistance"]
 
 
-def test_more_has_to_go_where_more_is_left_unexplained():
+def test_the_required_gain_grows_with_the_unexplained_cost():
     assert required_gain(1000.0, 2000.0) == pytest.approx(60.0)
     assert required_gain(10000.0, 2000.0) > 0.15 * 10000.0
     assert not gains_enough(1000.0, 950.0, 2000.0)
@@ -256,7 +256,7 @@ def test_the_ranking_says_why_the_others_lost(friction):
     assert all(rank.why for rank in friction.ranking)
 
 
-def test_the_augmented_model_gives_what_is_shown(friction):
+def test_the_augmented_model_simulates_the_outputs_that_are_shown(friction):
     again = Replay(friction.dataset).simulate([friction.augmented])[0]
     for run, outputs in friction.simulated["augmented"].items():
         assert np.array_equal(outputs["yaw_rate"], again[run]["yaw_rate"])
@@ -279,7 +279,7 @@ def test_the_same_data_give_the_same_verdict(tmp_path):
     assert first | {"elapsed_s": 0} == second | {"elapsed_s": 0}
 
 
-def test_the_imu_alone_shows_what_only_the_gyro_has(tmp_path):
+def test_the_imu_alone_shows_a_gyro_bias(tmp_path):
     inertial = {name: SIGNALS[name] for name in ("accel_surge", "accel_sway", "yaw_rate")}
     found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"gyro_bias": {"bias": -0.1}}, signals=inertial)))
     assert found.verdict == "named"
@@ -295,7 +295,7 @@ def test_the_place_of_a_gap_is_where_the_effect_acts(tmp_path):
     assert first.run in {"right", "left"}
 
 
-def test_what_the_data_cannot_tell_apart_is_ambiguous(tmp_path):
+def test_equivalent_models_make_the_verdict_ambiguous(tmp_path):
     found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"input_delay": {"delay": 0.05}})))
     assert found.verdict == "ambiguous"
     names = {effect.name for effect in found.effects} | {e.name for effect in found.effects for e in effect.equivalents}
@@ -309,7 +309,7 @@ def test_a_model_that_holds_the_effect_lacks_nothing(tmp_path, friction):
     assert pipeline.discover(dataset.read(folder), friction.augmented).verdict == "none"
 
 
-def test_data_of_low_noise_would_have_shown_smaller_effects(tmp_path):
+def test_data_of_low_noise_show_smaller_effects(tmp_path):
     quiet = {name: sd / 4 for name, sd in SIGNALS.items()}
     loud = pipeline.discover(dataset.read(hidden(tmp_path / "loud", {}))).power
     still = pipeline.discover(dataset.read(hidden(tmp_path / "quiet", {}, signals=quiet))).power
@@ -317,7 +317,7 @@ def test_data_of_low_noise_would_have_shown_smaller_effects(tmp_path):
     assert 0 < still["gyro_bias"].size < loud["gyro_bias"].size
 
 
-def test_the_next_experiment_is_the_manoeuvre_that_tells_most():
+def test_the_next_experiment_is_the_manoeuvre_that_separates_most():
     near = {
         "coulomb_friction": dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.005}}),
         "actuator_deadband": dataclasses.replace(robot(), effects={"actuator_deadband": {"voltage": 0.5}}),
@@ -334,7 +334,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_tells_most():
         assert all(abs(volts) <= 9.0 for _, volts in points)
 
 
-def test_where_driving_does_not_help_another_signal_is_asked_for():
+def test_another_signal_is_asked_for_where_no_manoeuvre_helps():
     heavy = dataclasses.replace(robot(), effects={"gyro_scale": {"error": 0.05}})
     alike = {"gyro_scale": heavy, "nothing": robot()}
     found = next_experiment(alike, ["accel_surge"], {"accel_surge": 0.025}, 9.0)

@@ -15,7 +15,7 @@ from brickpilot.discover.start_state import MOVING_SAMPLES, with_averaged_starts
 
 Array = NDArray[np.float64]
 
-_WINDOW = ", stretch "  # between the run's name and the window's number
+_WINDOW = ", window "  # between the run's name and the window's number
 _ANGLE_AND_RATE = (
     ("wheel_angle_left", "wheel_speed_left"),
     ("wheel_angle_right", "wheel_speed_right"),
