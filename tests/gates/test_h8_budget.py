@@ -43,7 +43,7 @@ STAGES = {
 
 def bench(target: str, profile: str, sensors: str) -> dict[str, Any]:
     options = ("--target", target, "--profile", profile, "--sensors", sensors, "--seconds", "8", "--json")
-    found: dict[str, Any] = json.loads(brickpilot("bench", *options, cwd=ROOT).stdout)
+    found: dict[str, Any] = json.loads(brickpilot("bench", *options, cwd=ROOT, fresh=True).stdout)
     return found
 
 

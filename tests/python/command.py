@@ -1,15 +1,152 @@
-"""Runs the installed command as a user does."""
+"""Runs the installed command as a user does: in a process of its own, with its exit status and what it prints.
+
+Loading the package takes longer than most commands do. So the process is a copy (a fork) of one that has loaded it and
+has done nothing else; the copy then runs the installed script to its end. `fresh=True` starts a new interpreter
+instead, with a hash seed of its own.
+"""
 
 from __future__ import annotations
 
+import atexit
+import json
+import os
+import socket
 import subprocess
 import sys
+import tempfile
+import threading
+from contextlib import suppress
 from pathlib import Path
 
 PROGRAM = Path(sys.executable).with_name("brickpilot")
+_loaded: tuple[subprocess.Popen[bytes], Path] | None = None
+_starting = threading.Lock()
 
 
-def brickpilot(*arguments: str, cwd: Path, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
-    """Runs `brickpilot ARGUMENTS` in `cwd`; status and both streams as text."""
+def brickpilot(
+    *arguments: str, cwd: Path, timeout: float = 300.0, fresh: bool = False
+) -> subprocess.CompletedProcess[str]:
+    """Runs `brickpilot ARGUMENTS` in `cwd`. Raises subprocess.TimeoutExpired after `timeout` seconds."""
     command = [str(PROGRAM), *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL)
+    if fresh:
+        return subprocess.run(
+            command, cwd=cwd, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL
+        )
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        status = _run_copy(command, cwd, timeout, [out.fileno(), err.fileno()])
+        printed = []
+        for file in (out, err):
+            file.seek(0)
+            printed.append(file.read().decode().replace("\r\n", "\n").replace("\r", "\n"))  # as text=True does
+    return subprocess.CompletedProcess(command, status, *printed)
+
+
+def _run_copy(command: list[str], cwd: Path, timeout: float, files: list[int]) -> int:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as talk:
+        talk.connect(str(_address()))
+        request = json.dumps({"command": command, "cwd": str(cwd), "environment": dict(os.environ)}).encode()
+        socket.send_fds(talk, [len(request).to_bytes(4, "big")], files)
+        talk.sendall(request)
+        answers = talk.makefile()
+        process = int(answers.readline())
+        talk.settimeout(timeout)
+        try:
+            return int(answers.readline())
+        except TimeoutError:
+            with suppress(ProcessLookupError):
+                os.kill(process, 9)
+            raise subprocess.TimeoutExpired(command, timeout) from None
+
+
+def _address() -> Path:
+    """Where the process listens that has loaded the package; starts it at the first call."""
+    global _loaded
+    with _starting:
+        if _loaded is None:
+            address = Path(tempfile.mkdtemp(prefix="brickpilot-")) / "socket"
+            ready, told = os.pipe()
+            process = subprocess.Popen(
+                [sys.executable, __file__, str(address), str(told)], pass_fds=[told],
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+            )  # fmt: skip
+            os.close(told)
+            with os.fdopen(ready, "rb") as pipe:
+                assert pipe.read() == b"ready", "the package does not load"
+            _loaded = process, address
+            atexit.register(_end)
+        return _loaded[1]
+
+
+def _end() -> None:
+    assert _loaded is not None
+    process, address = _loaded
+    process.terminate()
+    process.wait()
+    address.unlink()
+    address.parent.rmdir()
+
+
+def _load() -> None:
+    """Imports every module of the package that a command may import."""
+    import importlib
+    import pkgutil
+
+    import brickpilot
+
+    for module in pkgutil.walk_packages(brickpilot.__path__, "brickpilot."):
+        spec = module.module_finder.find_spec(module.name, None)
+        is_python = spec is not None and str(spec.origin).endswith(".py")
+        if is_python and not module.name.startswith("brickpilot.gen"):
+            importlib.import_module(module.name)
+
+
+def _serve(address: str, told: int) -> list[str]:
+    """Makes a copy of this process for each request, and returns in the copy, with the command that it has to run."""
+    import gc
+
+    _load()
+    gc.freeze()  # so that a copy shares these objects' memory for longer
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
+        listening.bind(address)
+        listening.listen(64)
+        os.write(told, b"ready")
+        os.close(told)
+        while True:
+            talk, _ = listening.accept()
+            with talk:
+                if os.fork() == 0:
+                    if (command := _watched(talk)) is not None:
+                        return command
+                    os._exit(0)
+            with suppress(ChildProcessError):
+                while os.waitpid(-1, os.WNOHANG) != (0, 0):
+                    pass
+
+
+def _watched(talk: socket.socket) -> list[str] | None:
+    """Reads one request and makes the process that runs it. Returns the command there, and None here at its end."""
+    size, files, _, _ = socket.recv_fds(talk, 4, 2)
+    request = json.loads(talk.makefile("rb").read(int.from_bytes(size, "big")))
+    process = os.fork()
+    if process == 0:
+        talk.close()
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(files[0], 1)
+        os.dup2(files[1], 2)
+        os.chdir(request["cwd"])
+        os.environ.clear()
+        os.environ.update(request["environment"])
+        command: list[str] = request["command"]
+        return command
+    talk.sendall(f"{process}\n".encode())
+    status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    talk.sendall(f"{status}\n".encode())
+    return None
+
+
+if __name__ == "__main__":
+    import runpy
+
+    sys.argv = _serve(sys.argv[1], int(sys.argv[2]))
+    sys.path[0] = str(PROGRAM.parent)
+    runpy.run_path(sys.argv[0], run_name="__main__")

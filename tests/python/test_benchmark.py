@@ -452,7 +452,7 @@ def test_wheel_speeds_are_measured_where_the_verdict_asks_for_them(small, tmp_pa
 
 def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     arguments = ["benchmark", "discover", "--data", str(small), "--only", "*coulomb*", "--out", str(tmp_path / "out")]
-    done = brickpilot(*arguments, "--json", cwd=tmp_path)
+    done = brickpilot(*arguments, "--json", cwd=tmp_path, fresh=True)
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert (table["sets"], table["engines"], table["errors"]) == (1, ["mujoco"], {})

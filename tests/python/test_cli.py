@@ -25,7 +25,8 @@ RUN_KEYS = {
 
 
 def test_run_writes_a_folder_and_prints_nothing_but_json(tmp_path: Path) -> None:
-    done = brickpilot("run", "--json", "--sensors", "imu+encoders", "--seed", "5", "--out", "out", cwd=tmp_path)
+    options = ("--sensors", "imu+encoders", "--seed", "5", "--out", "out")
+    done = brickpilot("run", "--json", *options, cwd=tmp_path, fresh=True)
     assert (done.returncode, done.stderr) == (0, "")
     figures = json.loads(done.stdout)
     assert figures.keys() >= RUN_KEYS
@@ -50,7 +51,7 @@ def test_the_page_of_a_run_is_self_contained(tmp_path: Path) -> None:
 def test_the_same_command_gives_the_same_bytes_and_replaces_its_own_folder(tmp_path: Path) -> None:
     logs = []
     for _ in range(2):
-        assert brickpilot("run", "fig5", "--sensors", "imu", cwd=tmp_path).returncode == 0
+        assert brickpilot("run", "fig5", "--sensors", "imu", cwd=tmp_path, fresh=True).returncode == 0
         logs.append((tmp_path / "runs" / "fig5-coupled-imu" / "log.csv").read_bytes())
     assert logs[0] == logs[1]
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["fig5-coupled-imu"]
@@ -162,17 +163,17 @@ def test_compare_calibrate_and_import_work_together(tmp_path: Path) -> None:
         "--vehicle",
         "motor",
     ]
-    done = brickpilot(
-        "import", "table", "log.txt", *arguments, "--nominal", "wheel_inertia=1e-4", "--out", "bench", cwd=tmp_path
-    )
+    arguments += ["--nominal", "wheel_inertia=1e-4", "--out", "bench"]
+    done = brickpilot("import", "table", "log.txt", *arguments, cwd=tmp_path, fresh=True)
     assert (done.returncode, done.stderr) == (0, "")
-    done = brickpilot("calibrate", "bench", "--json", "--out", "fit", cwd=tmp_path)
+    done = brickpilot("calibrate", "bench", "--json", "--out", "fit", cwd=tmp_path, fresh=True)
     assert done.returncode == 0, done.stderr
     assert all(
         entry.keys() >= {"value", "unit", "ci95", "identifiable"}
         for entry in json.loads(done.stdout)["parameters"].values()
     )
-    done = brickpilot("compare", "bench", "--model", "fit/model.toml", "--json", "--out", "compared", cwd=tmp_path)
+    options = ("--model", "fit/model.toml", "--json", "--out", "compared")
+    done = brickpilot("compare", "bench", *options, cwd=tmp_path, fresh=True)
     (run,) = json.loads(done.stdout)["runs"]
     assert run["signals"]["speed"].keys() == {"ils", "ils_normalised", "rms_error", "rms_signal"}
     assert run["signals"]["speed"]["rms_error"] < 0.02 * run["signals"]["speed"]["rms_signal"]

@@ -81,7 +81,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def done(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Done:
     here = tmp_path_factory.mktemp("discovered")
-    ended = brickpilot("discover", str(data), "--out", "out", "--json", "--seed", "3", cwd=here)
+    ended = brickpilot("discover", str(data), "--out", "out", "--json", "--seed", "3", cwd=here, fresh=True)
     assert ended.returncode == 0, ended.stderr
     return Done(data, here / "out", ended.stdout, ended.stderr)
 

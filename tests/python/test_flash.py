@@ -137,7 +137,7 @@ def test_other_tools_deliver_the_kernel_bit_for_bit(
 
 def test_flash_delivers_the_kernel_bit_for_bit(kernel: bytes, tmp_path: Path) -> None:
     with RcxBrick() as brick:
-        done = brickpilot("flash", "rcx", str(KERNEL), "--tty", brick.path, "--json", cwd=tmp_path)
+        done = brickpilot("flash", "rcx", str(KERNEL), "--tty", brick.path, "--json", cwd=tmp_path, fresh=True)
     assert done.returncode == 0, done.stderr
     assert brick.firmware(len(kernel)) == kernel
     assert brick.rom.entry == 0x801A

@@ -100,6 +100,7 @@ def test_cruise_and_compensation_reach_the_brick() -> None:
     assert not np.array_equal(flight.fly(plain).motors, flight.fly(wanted).motors)
 
 
+@pytest.mark.realtime
 def test_real_time_reaches_the_waypoint_and_counts_late_ticks() -> None:
     flown = undisturbed(lambda: over("serial:pty", plan(duration=3.0, waypoints=((0.3, 0.0),)), REALTIME))
     figures = flight.summary(flown.flight)
@@ -114,7 +115,7 @@ def test_hil_writes_the_folder_and_the_keys_of_run(tmp_path: Path) -> None:
         'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n', encoding="utf-8"
     )
     alone = brickpilot("run", "s.toml", "--json", cwd=tmp_path)
-    done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
+    done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path, fresh=True)
     assert (done.returncode, done.stderr) == (0, "")
     figures, wanted = json.loads(done.stdout), json.loads(alone.stdout)
     assert figures.keys() >= wanted.keys() | {"link", "late_ticks", "lost_frames", "safe_stops"}
@@ -221,7 +222,7 @@ def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Pa
     assert "The link was lost" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("pace", [LOCKSTEP, REALTIME])
+@pytest.mark.parametrize("pace", [LOCKSTEP, pytest.param(REALTIME, marks=pytest.mark.realtime)])
 def test_a_brick_without_messages_stops_and_needs_a_reset(pace: str) -> None:
     """Its plant is silent for longer than its watchdog allows; then it drives only after reset and start."""
     silent_s = 1.3 if pace == LOCKSTEP else 0.3
@@ -372,6 +373,7 @@ def test_a_bad_recording_is_refused_in_one_line(name: str, content: str | None, 
     assert says in done.stderr
 
 
+@pytest.mark.realtime
 def test_a_recording_in_real_time_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         'name = "s"\nkind = "mission"\nduration_s = 0.3\nwaypoints_m = [[0.3, 0.1]]\n', encoding="utf-8"

@@ -10,7 +10,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { VECTORS_PARTS = 16, VECTORS_OF_PART = 3125 }; /* 50,000; a hash is told after each part */
+enum { VECTORS_PARTS = 16 }; /* a hash is told after each part */
+#ifndef VECTORS_OF_PART
+#define VECTORS_OF_PART 3125 /* 50,000 in all */
+#endif
 
 /* By the module: one vector. */
 void vectors_feed(void);

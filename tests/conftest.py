@@ -1,0 +1,28 @@
+"""Options and order of all Python tests."""
+
+from __future__ import annotations
+
+import pytest
+
+LONGEST = ("test_discover_measured.py", "test_h8_vectors.py", "test_hidden_verdicts.py", "test_benchmark.py")
+"""These files begin first, so that no processor waits for the last of them at the end."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--full", action="store_true", help="run the long campaigns, with all vectors and all data")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves campaigns out unless --full is given, and sorts the longest files to the front."""
+    if not config.getoption("full"):
+        out = [item for item in items if item.get_closest_marker("campaign")]
+        if out:
+            config.hook.pytest_deselected(items=out)
+            items[:] = [item for item in items if item not in out]
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+@pytest.fixture(scope="session")
+def full(request: pytest.FixtureRequest) -> bool:
+    """Whether --full is given: the long form of a test that has two."""
+    return bool(request.config.getoption("full"))
