@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from brickpilot import catalogue
-from brickpilot.vehicle import compensation, flight, scenario
+from brickpilot.vehicle import compensation, flight, flight_figures, scenario
 from brickpilot.vehicle.model import Model, rcx
 
 SEEDS = 12
@@ -44,7 +44,7 @@ class Mission:
         """Returns the figures of each flight, with the compensation if `known`."""
         mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), start_at=self.rest)
         return [
-            flight.summary(
+            flight_figures.summary(
                 flight.fly(
                     flight.plan(
                         mission,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from brickpilot.report.plot import BLUE, GREEN, ORANGE, figure, to_svg
-from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 
 SEEDS = 50
@@ -43,7 +43,7 @@ def main() -> None:
     for axis, (title, changes) in zip(axes, PLANTS.items(), strict=True):
         for sensors, colour in COLOURS.items():
             flights = [fly(sensors, changes, seed) for seed in range(1 if sensors == "ideal" else SEEDS)]
-            figures = [flight.summary(flown) for flown in flights]
+            figures = [flight_figures.summary(flown) for flown in flights]
             reached = np.array([figure["waypoints_reached"] for figure in figures])
             error = np.array([figure["position_estimate_error_m"] for figure in figures])
             cross = np.array([figure["cross_track_rms_m"] for figure in figures])

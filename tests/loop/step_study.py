@@ -23,7 +23,7 @@ from brickpilot.gen import params_header
 from brickpilot.hil import ends, fly
 from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
-from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.settings import settings
 
@@ -75,12 +75,12 @@ def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
 
 
 def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any]]:
-    """Returns `flight.summary` of the packaged mission for each seed."""
+    """Returns `flight_figures.summary` of the packaged mission for each seed."""
     mission = scenario.load(scenario.packaged()["mission"])
     plans = [flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed) for seed in range(SEEDS)]
     start_step = round(rest_s / STEP_S)
     flown = [fly_by(program, dataclasses.replace(plan, start_step=start_step)) for plan in plans]
-    return [flight.summary(one.flight) for one in flown]
+    return [flight_figures.summary(one.flight) for one in flown]
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.vehicle import compensation, compensation_values, flight, scenario
+from brickpilot.vehicle import compensation, compensation_values, flight, flight_figures, scenario
 from brickpilot.vehicle.model import Model, rcx, save
 from command import brickpilot
 from compensation_study import ANOTHER, CROSS, MISSIONS, POSITION, PRESETS, Mission, compensation_of, mean, robot
@@ -61,7 +61,7 @@ def test_friction_misjudged_by_a_fifth_is_still_better_told(share: float) -> Non
         plan = flight.plan(
             mission, robot({"coulomb_friction": {"torque": 0.005}}), sensors="imu", seed=seed, compensation=known
         )
-        figures = flight.summary(flight.fly(plan))
+        figures = flight_figures.summary(flight.fly(plan))
         assert figures["waypoints_reached"] == 8
         assert figures[POSITION] < 0.08
 
@@ -226,7 +226,7 @@ BAD: dict[str, tuple[Change, str]] = {
     "no raw number": (lambda text: text.replace("raw = 564, ", "", 1), "left_friction_mv.raw: is missing"),
     "another format": (lambda text: text.replace('format = "mV"', 'format = "q15"', 1), "'q15' should be 'mV'"),
     "another unit": (lambda text: text.replace('unit = "V"', 'unit = "mV"', 1), "'mV' should be 'V'"),
-    "a value that contradicts": (lambda text: text.replace("0.564", "0.7", 1), "is not what raw = 564 stands for"),
+    "a value that contradicts": (lambda text: text.replace("0.564", "0.7", 1), "does not agree with raw = 564"),
     "sources that are no texts": (lambda text: text.replace('["coulomb_friction"]', "[1]", 1), "not a list of texts"),
     "no name": (lambda text: text.replace('name = "rcx"', ""), "name: is missing"),
     "no parameters": (lambda _: 'name = "rcx"\n', "parameters: is missing"),
@@ -272,7 +272,7 @@ def test_run_refuses_a_compensation_that_it_has_no_use_for(extra: tuple[str, ...
     compensation_of(robot({"coulomb_friction": {"torque": 0.005}})).save(tmp_path / "c.toml")
     run = brickpilot("run", *extra, "--compensation", "c.toml", cwd=tmp_path)
     assert (run.returncode, run.stdout) == (2, "")
-    assert run.stderr == "brickpilot: compensation: is for a mission in the profile coupled\n"
+    assert run.stderr == "brickpilot: compensation: needs a mission in the profile coupled\n"
     assert not (tmp_path / "runs").exists()
 
 

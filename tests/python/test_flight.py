@@ -7,7 +7,7 @@ import dataclasses
 import make_golden
 import numpy as np
 import pytest
-from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 
 
@@ -19,7 +19,7 @@ def fly(profile: str, sensors: str, seed: int = 0, **changes: object) -> flight.
 
 @pytest.mark.parametrize("profile", ["coupled", "paper"])
 def test_all_eight_waypoints_are_reached_in_order_with_ideal_sensors(profile: str) -> None:
-    figures = flight.summary(fly(profile, "ideal"))
+    figures = flight_figures.summary(fly(profile, "ideal"))
     assert figures["waypoints_reached"] == figures["waypoints_total"] == 8
     assert figures["reached_at_s"] == sorted(figures["reached_at_s"])
     assert figures["final_mode"] == "arrived"
@@ -28,7 +28,7 @@ def test_all_eight_waypoints_are_reached_in_order_with_ideal_sensors(profile: st
 
 @pytest.mark.parametrize("seed", range(5))
 def test_all_eight_waypoints_are_reached_with_gyro_and_rotation_sensors(seed: int) -> None:
-    figures = flight.summary(fly("coupled", "imu+encoders", seed))
+    figures = flight_figures.summary(fly("coupled", "imu+encoders", seed))
     assert figures["waypoints_reached"] == 8
     assert figures["cross_track_rms_m"] < 0.05
 
@@ -38,7 +38,7 @@ def test_the_robot_believes_worse_of_its_position_without_rotation_sensors() -> 
     errors = [
         np.median(
             [
-                flight.summary(fly("coupled", sensors, seed, parameters=heavier))["position_estimate_error_m"]
+                flight_figures.summary(fly("coupled", sensors, seed, parameters=heavier))["position_estimate_error_m"]
                 for seed in range(5)
             ]
         )
@@ -66,16 +66,16 @@ def test_a_log_row_stands_for_every_step_and_time_counts_in_3_ms() -> None:
 def test_waypoints_are_judged_by_the_true_track_and_in_order() -> None:
     time = np.arange(5.0)
     x, y = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.zeros(5)
-    near, far = (flight.waypoints_reached(time, x, y, [(1.0, side)]).at for side in (0.199, 0.201))
+    near, far = (flight_figures.waypoints_reached(time, x, y, [(1.0, side)]).at for side in (0.199, 0.201))
     assert (near, far) == ([1.0], [None])  # twice the acceptance radius
-    reached = flight.waypoints_reached(time, x, y, [(1.0, 0.1), (3.0, 0.0), (2.0, 0.0), (4.0, 0.0)])
+    reached = flight_figures.waypoints_reached(time, x, y, [(1.0, 0.1), (3.0, 0.0), (2.0, 0.0), (4.0, 0.0)])
     assert reached.at == [1.0, 3.0, None, None]  # the third lies behind, and what follows a missed one does not count
     assert reached.closest == pytest.approx([0.1, 0.0, 1.0, 0.0])
 
 
 def test_cross_track_error_is_positive_to_the_right_of_the_leg() -> None:
     x, y = np.array([0.5, 1.1]), np.array([0.2, 0.5])
-    error = flight.cross_track(x, y, (0.0, 0.0), [(1.0, 0.0), (1.0, 1.0)], np.array([0.0, 1.0]))
+    error = flight_figures.cross_track(x, y, (0.0, 0.0), [(1.0, 0.0), (1.0, 1.0)], np.array([0.0, 1.0]))
     assert error == pytest.approx([0.2, -0.1])
 
 

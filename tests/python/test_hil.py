@@ -23,7 +23,7 @@ from brickpilot.hil import brick_process, ends, fly
 from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, REALTIME, Session
-from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
@@ -64,7 +64,7 @@ def session() -> Iterator[Session]:
 @pytest.mark.parametrize("spec", STARTED_HERE)
 def test_the_mission_over_every_link_is_bit_for_bit_the_golden_one(spec: str, sensors: str) -> None:
     flown = over(spec, plan(sensors))
-    assert flight.summary(flown.flight)["motor_stream_sha256"] == make_golden.golden()[f"coupled/{sensors}"]
+    assert flight_figures.summary(flown.flight)["motor_stream_sha256"] == make_golden.golden()[f"coupled/{sensors}"]
     assert (flown.lost_frames, flown.late_ticks, flown.safe_stops, flown.broke_off) == (0, 0, 0, None)
 
 
@@ -78,7 +78,7 @@ def test_udp_multicast_carries_the_same_stream() -> None:
 
 
 def test_the_paper_profile_over_a_pty_is_the_golden_one_too() -> None:
-    figures = flight.summary(over("serial:pty", plan(profile="paper")).flight)
+    figures = flight_figures.summary(over("serial:pty", plan(profile="paper")).flight)
     assert figures["motor_stream_sha256"] == make_golden.golden()["paper/ideal"]
 
 
@@ -103,7 +103,7 @@ def test_cruise_and_compensation_reach_the_brick() -> None:
 @pytest.mark.realtime
 def test_real_time_reaches_the_waypoint_and_counts_late_ticks() -> None:
     flown = undisturbed(lambda: over("serial:pty", plan(duration=3.0, waypoints=((0.3, 0.0),)), REALTIME))
-    figures = flight.summary(flown.flight)
+    figures = flight_figures.summary(flown.flight)
     assert figures["waypoints_reached"] == 1
     assert 0.9 < figures["times_real_time"] < 1.1
     assert (flown.safe_stops, flown.broke_off) == (0, None)

@@ -16,7 +16,7 @@ import step_study
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
 from brickpilot.hil.h8_simulator import check_sensors
-from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
@@ -62,7 +62,7 @@ def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors, seed=0)
     expected = step_study.fly_by(step_study.build(built_for, tmp_path), plan)
     assert expected.broke_off is None
-    figures = flight.summary(expected.flight)
+    figures = flight_figures.summary(expected.flight)
     assert (figures["waypoints_reached"], figures["final_mode"]) == (8, "arrived")
     assert figures["cross_track_rms_m"] < 0.04  # at 3 ms 0.026
     commands = expected.flight.motors

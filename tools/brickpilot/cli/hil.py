@@ -138,7 +138,7 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     from brickpilot.hil import ends
     from brickpilot.hil.h8_simulator import check_sensors
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import flight
+    from brickpilot.vehicle import flight_figures
 
     settings = settings_of(session.written)
     plan = request.plan()
@@ -146,7 +146,7 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     priority = not session.lockstep and ends.claim_priority()
     flown = _fly_over_the_link(plan, session, settings)
-    figures = flight.summary(flown.flight) | {
+    figures = flight_figures.summary(flown.flight) | {
         "link": session.spec,
         "pace": session.pace,
         "realtime_priority": priority,

@@ -27,7 +27,7 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     Without SCENARIO it flies the paper's eight waypoints. The run folder holds log.csv, summary.json and report.html.
     """
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import flight
+    from brickpilot.vehicle import flight, flight_figures
 
     plan = request.plan()
     chosen = plan.scenario
@@ -38,7 +38,7 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     command = ["brickpilot", "run", request.scenario, *request.options(plan)]
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     flown = flight.fly(plan)
-    figures = flight.summary(flown)
+    figures = flight_figures.summary(flown)
     run_folder.write(flown, figures, run_page.page(flown, figures, shlex.join(command)), folder)
     if as_json:
         click.echo(json.dumps(figures))

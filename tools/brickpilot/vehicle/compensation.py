@@ -1,13 +1,12 @@
-"""What the brick can undo of a robot's effects: fixed-point parameters for the firmware, and their file.
+"""The compensation of a robot: what the firmware knows of it and undoes, in fixed point, and the file that holds it.
 
-The firmware drives, and believes in, the packaged robot. These parameters turn the voltages that it wants into those
-that another robot's motors need, and another one's readings into what they stand for (`firmware/app/parameters`).
+The firmware's constants are those of the packaged robot. A compensation converts its voltages into those that another
+robot's motors need, and that robot's readings into those of the packaged robot (`firmware/app/parameters`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,12 @@ from pathlib import Path
 import tomlkit
 
 from brickpilot.data.toml_file import Key, TomlFile
-from brickpilot.vehicle import compensation_values
+from brickpilot.vehicle import compensation_values, whole_file
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.settings import Setting, compensations
 
 NOMINAL = "nominal values"
-"""Stands among the sources where the model's own values differ from those the firmware believes in."""
+"""A source of compensation beside the effects: nominal values that differ from the packaged robot's."""
 
 
 FORMATS: Mapping[str, Setting] = compensations()
@@ -32,11 +31,11 @@ class Compensation:
     """Parameters for the firmware.
 
     Attributes:
-        name: of the model they were made from.
+        name: of the model from which they were made.
         raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
-        sources: parameter -> the effects that alone would ask for it, or `NOMINAL`; what is 0 may be missing.
-        left_out: effects, or `effect.parameter`, of the model that nothing here undoes.
-        limited: parameters that the firmware's format cannot hold in full.
+        sources: parameter -> the effects each of which alone needs it, or `NOMINAL`; a parameter of 0 may be missing.
+        left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
+        limited: parameters that exceed the range of the firmware's format.
     """
 
     name: str
@@ -47,23 +46,17 @@ class Compensation:
 
     @property
     def undone(self) -> tuple[str, ...]:
-        """The effects that it undoes, without `NOMINAL`."""
+        """The effects that are undone, without `NOMINAL`."""
         names = {source: None for sources in self.sources.values() for source in sources}
         return tuple(name for name in names if name != NOMINAL)
 
     def value(self, parameter: str) -> float:
-        """What the firmware takes a parameter for, SI."""
+        """Returns the value of a parameter in the firmware, SI."""
         return FORMATS[parameter].value(self.raw[parameter])
 
     def save(self, path: Path | str) -> None:
-        """Writes the file in one piece: a reader never sees half of it."""
-        target = Path(path)
-        beside = target.with_name(f".{target.name}.{os.getpid()}")
-        try:
-            beside.write_text(render(self), encoding="utf-8")
-            os.replace(beside, target)
-        finally:
-            beside.unlink(missing_ok=True)
+        """Writes the file as a whole (`whole_file`)."""
+        whole_file.write(path, render(self))
 
 
 def _quantised(model: Model, nominal: Model) -> tuple[dict[str, int], tuple[str, ...]]:
@@ -74,15 +67,15 @@ def _quantised(model: Model, nominal: Model) -> tuple[dict[str, int], tuple[str,
 
 
 def from_model(model: Model, nominal: Model | None = None) -> Compensation | None:
-    """What the firmware needs to fly the robot that `model` describes as it flies the one it believes in.
+    """Returns the compensation with which the firmware flies the robot of `model` like the packaged one.
 
     Args:
-        model: with the effects found. Effects that the brick cannot undo are left out, and named.
-        nominal: what the firmware's constants were made from; default the packaged robot.
+        model: with the effects found. Effects that the brick cannot undo are listed in `left_out`.
+        nominal: the robot from which the firmware's constants were made; default the packaged robot.
 
     Returns:
-        None where nothing of it can be undone: also for a motor, for the profile `paper`, and where the motors have no
-        torque. Where no effect but only nominal values differ, `undone` is empty.
+        None where nothing can be undone, for a motor, for the profile `paper`, and for motors without torque. Where
+        only nominal values differ, `undone` is empty.
     """
     if model.vehicle != "diff_drive" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
         return None
@@ -109,9 +102,9 @@ def c_calls(compensation: Compensation) -> list[str]:
 
 
 def render(compensation: Compensation) -> str:
-    """The file's text: what `load` reads back to an equal compensation. Ends with the same in C, as a comment."""
+    """Returns the file's text, which `load` reads back to an equal compensation. Its last comment has the same in C."""
     document = tomlkit.document()
-    document.add(tomlkit.comment("What the firmware is told of this robot: brickpilot run --compensation FILE"))
+    document.add(tomlkit.comment("What the firmware knows of this robot: brickpilot run --compensation FILE"))
     document["name"] = compensation.name
     document["left_out"] = list(compensation.left_out)
     document["limited"] = list(compensation.limited)
@@ -149,7 +142,7 @@ def _raw(toml: TomlFile, name: str, entry: object) -> tuple[int, tuple[str, ...]
             toml.refuse((*key, field), f"{table[field]!r} should be {right!r}")
     value = toml.number((*key, "value"), table.get("value", how.value(raw)), -1e9, 1e9, how.format.unit)
     if abs(value * how.format.per_unit - raw) > 0.5:
-        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} is not what raw = {raw} stands for")
+        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} does not agree with raw = {raw}")
     return raw, _texts(toml, (*key, "from"), table.get("from", []))
 
 
@@ -157,8 +150,8 @@ def load(path: Path | str) -> Compensation:
     """Reads a compensation file; a parameter that it leaves out is 0.
 
     Raises:
-        InputError: naming file, line and field: not TOML, an unknown key, a number outside its format, a value that
-            contradicts its raw number.
+        InputError: not TOML, an unknown key, a number outside its format, or a value that contradicts its raw number.
+            The message names file, line and field.
     """
     toml = TomlFile(Path(path))
     toml.known_keys((), toml.data, ("name", "left_out", "limited", "parameters"))

@@ -1,7 +1,7 @@
-"""Works out the compensation of a robot, in SI: what the firmware has to do otherwise than on the robot it is made for.
+"""Computes the compensation of a robot in SI, for the profile `coupled`.
 
-The firmware believes in one robot and flies another one; the profile is `coupled`. On each side it wants a voltage u,
-with which the believed robot would speed up as it should. The compensation turns u into
+The firmware is made for one robot, the believed one, and flies another. On each side it demands a voltage u, with which
+the believed robot would accelerate as demanded. The compensation turns u into
 
     V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
 
@@ -11,9 +11,9 @@ With 0 for the believed robot,
 
     a = (M / M_0) (push_0 / push)        gain = a / g - 1        emf = hold / a - hold_0        friction = T R / (K_t a)
 
-(eq. 12 to 14, solved for V). Yaw has an inertia of its own: the heading controller takes care of what is left there.
+(eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
 
-Which effect adds to which of these quantities is written in the effect's own C file: see `bp_undoable`.
+The C file of an effect says to which of these quantities it adds: see `bp_undoable`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LEFT, RIGHT = 0, 1
 
 @cache
 def _top_speed() -> float:
-    """m/s: the fastest speed for which voltage is kept back: the cruise speed of the packaged mission."""
+    """Returns the highest speed in m/s for which voltage is reserved: the cruise speed of the packaged mission."""
     return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
 
 
@@ -42,23 +42,23 @@ def _nominal(model: Model) -> dict[str, float]:
 
 
 def _push(values: Mapping[str, float]) -> float:
-    """Force at the ground per volt of a motor at rest, N/V."""
+    """Returns the force at the ground per volt of a motor at rest, N/V."""
     return values["torque_constant"] / (values["resistance"] * values["wheel_radius"])
 
 
 def _hold(values: Mapping[str, float], losses: float) -> float:
-    """Voltage per speed that holds it on level ground, V s/m."""
+    """Returns the voltage per speed that holds this speed on level ground, V s/m."""
     lost = losses * values["resistance"] / values["torque_constant"]
     return (values["emf_constant"] + lost) / values["wheel_radius"]
 
 
 def _inertia(values: Mapping[str, float]) -> float:
-    """Mass that each motor has to move, kg."""
+    """Returns the mass that each motor has to move, kg."""
     return mean_inertia(values) / values["wheel_radius"] ** 2
 
 
 def _own(robot: Mapping[str, float], found: Undoable, side: int) -> dict[str, float]:
-    """The nominal parameters as one side has them."""
+    """Returns the nominal parameters of one side."""
     flux, rim = found.flux[side], found.rim[side]
     factors = {"torque_constant": flux, "emf_constant": flux, "wheel_radius": rim}
     return {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
@@ -80,17 +80,17 @@ def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, fl
 
 
 def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> float:
-    """What of the battery's voltage cannot be wanted, so that this side can still be given what it needs."""
+    """Returns the voltage that has to be reserved from the battery's for the compensation of this side."""
     most = (battery - deadband) / (1 + side["gain_q15"])
     return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
 
 
 def values(model: Model, nominal: Model) -> dict[str, float]:
-    """Each parameter of the firmware's compensation, SI, by its name there.
+    """Returns each parameter of the compensation in SI, by its name in the firmware.
 
     Args:
-        model: a coupled diff_drive, as the data say it is.
-        nominal: what the firmware believes in; its effects do not count.
+        model: the real robot, a coupled diff_drive.
+        nominal: the believed robot; its effects are ignored.
     """
     robot, believed = _nominal(model), _nominal(nominal)
     found, battery = plant.undoable(model), believed["battery_voltage"]
@@ -114,7 +114,7 @@ def values(model: Model, nominal: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `values` undoes: those that change what can be undone of it."""
+    """Returns the parameters of an effect that `values` undoes: those that change the effect's `Undoable`."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 

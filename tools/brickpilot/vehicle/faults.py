@@ -1,4 +1,4 @@
-"""The [[faults]] of a scenario: what goes wrong between plant and controller, and when; `hil/faults.py` acts it out."""
+"""The [[faults]] of a scenario: what goes wrong between plant and controller, and when. `hil/faults.py` makes them."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ class Fault:
     sensor: str = ""
 
     def acts(self, step: int) -> bool:
-        """Whether control step `step` lies in its time."""
+        """Whether the fault acts at control step `step`."""
         return self.from_s - STEP_S / 2 <= step * STEP_S < self.to_s - STEP_S / 2
 
     def begins(self, step: int) -> bool:
-        """Whether `step` is its first."""
+        """Whether `step` is the fault's first."""
         return self.acts(step) and not self.acts(step - 1)
 
     def ends(self, step: int) -> bool:
-        """Whether `step` is the first after it."""
+        """Whether `step` is the first after the fault."""
         return self.acts(step - 1) and not self.acts(step)
 
 
 def parse(toml: TomlFile, value: object, duration: float) -> tuple[Fault, ...]:
-    """The [[faults]] of a scenario.
+    """Reads the [[faults]] of a scenario.
 
     Raises:
-        InputError: naming file, line and key.
+        InputError: the message names file, line and key.
     """
     if not isinstance(value, list):
         toml.refuse(("faults",), "needs to be a list of tables, [[faults]]")
@@ -73,7 +73,7 @@ def _fault(toml: TomlFile, key: tuple[str, int], entry: object, duration: float)
         toml.refuse((*key, "sensor"), f"is missing: {', '.join(SENSORS)}")
     for name, kinds in (("sensor", SENSOR_KINDS), ("rate", MESSAGE_KINDS), ("direction", MESSAGE_KINDS)):
         if name in table and kind not in kinds:
-            toml.refuse((*key, name), f"means nothing to {kind}")
+            toml.refuse((*key, name), f"cannot be used with {kind}")
     return Fault(
         kind,
         begin,

@@ -1,11 +1,9 @@
-"""Closed loops: the firmware flies the plant, in C. Here the request is made and the answer weighed."""
+"""Flies a scenario: the firmware controls the plant, both in C. The figures of a flight are in `flight_figures`."""
 
 from __future__ import annotations
 
-import hashlib
-import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +13,7 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.catalogue import PROFILE_CODES
-from brickpilot.constants import ACCEPTANCE_M, RCX, STEP_S
-from brickpilot.data.ils import signal_error
+from brickpilot.constants import RCX, STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
@@ -29,23 +26,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with every choice made."""
+    """A scenario with every choice made.
+
+    Attributes:
+        model: of the plant, with its profile and effects.
+        controller: the profile whose constants the firmware uses.
+        cruise: m/s.
+        compensation: what the firmware knows of this robot; None: nothing.
+    """
 
     scenario: Scenario
-    model: Model  # of the plant: its profile and effects included
-    controller: str  # profile whose constants the firmware uses
+    model: Model
+    controller: str
     sensors: str
     seed: int
     steps: int
     start_step: int
-    cruise: float  # m/s
+    cruise: float
     motor_step: float = 0.0
-    compensation: Compensation | None = None  # what the firmware is told of this robot
+    compensation: Compensation | None = None
 
 
 @dataclass(frozen=True)
 class Flight:
-    """What came of it. ``log``: column -> (steps,); ``motors``: (steps, 2) duty, 32767 = 1, left and right."""
+    """The result of a flight.
+
+    Attributes:
+        log: column -> (steps,).
+        motors: (steps, 2), duty of left and right, 32767 = 1.
+    """
 
     plan: Plan
     log: dict[str, Array]
@@ -62,17 +71,17 @@ def plan(
     seed: int | None = None,
     compensation: Compensation | None = None,
 ) -> Plan:
-    """Settles profile, sensors and seed: the argument, else the scenario's, else coupled, ideal, 0.
+    """Chooses profile, sensors and seed: the argument, else the scenario's, else coupled, ideal, 0.
 
     Raises:
-        InputError: the model is not of a differential drive, or there is no use for the compensation.
+        InputError: the model is not of a differential drive, or the compensation cannot be used here.
     """
     if model.vehicle != "diff_drive":
         raise InputError(f"a {model.vehicle} model cannot fly a mission; a diff_drive is needed", field=model.name)
     profile = profile or scenario.profile or model.profile
     sensors = sensors or scenario.sensors or "ideal"
     if compensation is not None and (profile != "coupled" or scenario.kind != "mission"):
-        raise InputError("is for a mission in the profile coupled", field="compensation")
+        raise InputError("needs a mission in the profile coupled", field="compensation")
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
     return Plan(
         scenario=scenario,
@@ -94,12 +103,12 @@ def plan(
 
 
 def preset_cruise(profile: str) -> float:
-    """The firmware's own cruise speed, m/s: [controller.PROFILE] of the packaged rcx.toml."""
+    """Returns the firmware's own cruise speed in m/s, from [controller.PROFILE] of the packaged rcx.toml."""
     return float(TomlFile(RCX).data["controller"][profile]["cruise"]["value"])
 
 
 def _drive(plan: Plan) -> Array:
-    """The manoeuvre's voltages, (steps, 2), NaN where a motor floats."""
+    """Returns the manoeuvre's voltages, (steps, 2); NaN where a motor floats."""
     drive = np.zeros((plan.steps, 2))
     when = np.arange(plan.steps) * STEP_S
     for segment in plan.scenario.segments:
@@ -109,7 +118,7 @@ def _drive(plan: Plan) -> Array:
 
 @contextmanager
 def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> Iterator[Any]:
-    """The plan as the C interface takes it, a ``bp_flight *``; what it points to lives as long as the context."""
+    """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only."""
     ffi: Any
     ffi, _ = compiled.interface()
     request = ffi.new("bp_flight *")
@@ -148,13 +157,13 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
 
 
 def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> None:
-    with request(plan, log, motors) as asked:
-        if status := compiled.interface()[1].bp_fly(asked):
-            raise SimulationError(f"{plan.scenario.name}: the flight broke off with status {status}")
+    with request(plan, log, motors) as flight:
+        if status := compiled.interface()[1].bp_fly(flight):
+            raise SimulationError(f"{plan.scenario.name}: the flight stopped with status {status}")
 
 
 def log_names() -> list[str]:
-    """Columns of a flight's log; the unit ends each name."""
+    """Returns the columns of a flight's log; each name ends with the unit."""
     ffi: Any
     ffi, library = compiled.interface()
     names: list[str] = []
@@ -167,7 +176,7 @@ def fly(plan: Plan) -> Flight:
     """Flies the plan and keeps every signal of every step.
 
     Raises:
-        SimulationError: the plant's state left every bound.
+        SimulationError: the plant diverges.
     """
     names = log_names()
     log = np.zeros((plan.steps, len(names)))
@@ -180,113 +189,6 @@ def fly(plan: Plan) -> Flight:
 
 
 def fly_unlogged(plan: Plan) -> float:
-    """Flies the plan for its own sake and returns the simulated time in s: what the benchmark times."""
+    """Flies the plan without a log, for benchmarks, and returns the simulated time in s."""
     _fly(plan, None, None)
     return plan.steps * STEP_S
-
-
-@dataclass(frozen=True)
-class Reached:
-    """Waypoints the true position passed within twice the acceptance radius, in order."""
-
-    at: list[float | None]  # s, per waypoint
-    closest: list[float]  # m, per waypoint, on its own leg: from the one before being reached to this one being left
-
-    @property
-    def count(self) -> int:
-        return sum(moment is not None for moment in self.at)
-
-
-def waypoints_reached(time_s: Array, x: Array, y: Array, waypoints: Sequence[tuple[float, float]]) -> Reached:
-    """Judges a track (n,) by its waypoints, independent of what the controller believed."""
-    at: list[float | None] = []
-    closest = []
-    begin = 0
-    for wx, wy in waypoints:
-        distance = np.hypot(x[begin:] - wx, y[begin:] - wy)
-        inside = np.flatnonzero(distance <= 2 * ACCEPTANCE_M) if None not in at else np.array([], dtype=int)
-        if len(inside) == 0:
-            at.append(None)
-            closest.append(float(distance.min()))
-            continue
-        first = int(inside[0])
-        outside = np.flatnonzero(distance[first:] > 2 * ACCEPTANCE_M)
-        left = first + (int(outside[0]) if len(outside) else len(distance) - first)
-        at.append(float(time_s[begin + first]))
-        closest.append(float(distance[:left].min()))
-        begin += first
-    return Reached(at, closest)
-
-
-def cross_track(
-    x: Array, y: Array, start: tuple[float, float], waypoints: Sequence[tuple[float, float]], leg: Array
-) -> Array:
-    """Distance (m, right positive) of the true position from the line of its leg; `leg`: (n,) waypoint index."""
-    corners = np.array([start, *waypoints])
-    index = np.clip(leg.astype(int), 0, len(waypoints) - 1)
-    from_, to = corners[index], corners[index + 1]
-    along = (to - from_) / np.linalg.norm(to - from_, axis=1, keepdims=True)
-    offset = np.stack([x, y], axis=1) - from_
-    return np.asarray(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0])
-
-
-def _rms(values: Array) -> float | None:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
-
-
-def summary(flight: Flight) -> dict[str, Any]:
-    """The figures of ``summary.json``: lengths in m, times in s, angles in rad.
-
-    ``speed`` and ``heading`` are ILS (eq. 20) of the demand against the truth; the heading's while driving, as a share
-    of what a constant error of half a turn would give.
-    """
-    log, plan = flight.log, flight.plan
-    common = {
-        "scenario": plan.scenario.name,
-        "profile": plan.model.profile,
-        "sensors": plan.sensors,
-        "seed": plan.seed,
-        "steps": plan.steps,
-        "model": plan.model.name,
-        "effects": {name: dict(values) for name, values in plan.model.effects.items()},
-        "compensation": None if plan.compensation is None else dict(plan.compensation.raw),
-        "times_real_time": flight.times_real_time,
-        "motor_stream_sha256": hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest(),
-    }
-    if plan.scenario.kind == "manoeuvre":
-        return common | {
-            "final_speed_m_s": float(log["true_speed_m_s"][-1]),
-            "final_yaw_rate_rad_s": float(log["true_yaw_rate_rad_s"][-1]),
-        }
-    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], plan.scenario.waypoints)
-    running = log["mode"] == 1
-    driving = running & (log["phase"] == 3)
-    off_track = cross_track(
-        log["true_x_m"], log["true_y_m"], plan.scenario.start[:2], plan.scenario.waypoints, log["waypoint"]
-    )
-    heading_error = np.angle(np.exp(1j * (log["demand_heading_rad"] - log["true_heading_rad"])))
-    position_error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
-    return common | {
-        "cruise_m_s": plan.cruise,
-        "waypoints_total": len(plan.scenario.waypoints),
-        "waypoints_reached": reached.count,
-        "closest_approach_m": reached.closest,
-        "reached_at_s": reached.at,
-        "position_estimate_error_m": _rms(position_error),
-        "cross_track_rms_m": _rms(off_track[driving]),
-        "cross_track_max_m": float(np.abs(off_track[driving]).max()) if driving.any() else None,
-        "heading_rms_rad": _rms(heading_error[driving]),
-        "speed": signal_error(
-            log["time_s"], log["true_speed_m_s"], np.where(running, log["demand_speed_m_s"], np.nan)
-        ).to_json(),
-        "heading": signal_error(log["time_s"], math.pi - heading_error, np.where(driving, math.pi, np.nan)).to_json(),
-        "saturated_steps": {
-            "surge": int(np.count_nonzero(log["surge_saturated"])),
-            "yaw": int(np.count_nonzero(log["yaw_saturated"])),
-        },
-        "overshoots": int(log["overshoots"][-1]),
-        "final_mode": ("idle", "run", "arrived", "fault")[int(log["mode"][-1])],
-        "fault": ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent")[
-            int(log["fault"][-1])
-        ],
-    }

@@ -1,8 +1,7 @@
-"""A vehicle model as a file: nominal values, each with unit and basis, and the effects that are switched on."""
+"""Vehicle models and their files: nominal values, each with unit and basis, and the effects that are switched on."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,7 +15,7 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import SimulationError
-from brickpilot.vehicle import plant
+from brickpilot.vehicle import plant, whole_file
 from brickpilot.vehicle.plant import OpenLoopRun
 
 _TOP_KEYS = (
@@ -42,12 +41,12 @@ class Model:
     """One vehicle.
 
     Attributes:
-        name: for people; stands in errors and reports.
+        name: for errors and reports.
         vehicle: ``diff_drive`` or ``motor``.
         profile: ``coupled`` or ``paper``.
         parameters: nominal parameter -> value, SI; what is absent keeps the plant's preset.
         effects: effect -> its parameters, SI; what is absent keeps the effect's preset.
-        basis: parameter, or ``effect.parameter``, -> where its value is from.
+        basis: parameter, or ``effect.parameter``, -> source of its value.
     """
 
     name: str
@@ -60,16 +59,18 @@ class Model:
 
 @cache
 def rcx() -> Model:
-    """The packaged robot of the paper."""
+    """Returns the packaged robot of the paper."""
     return load(RCX)
 
 
 def output_names(model: Model) -> frozenset[str]:
-    """The signals that the plant gives for this vehicle: a current loop hides the current, a force has no angle.
+    """Returns the signals that the plant gives for this vehicle.
+
+    With a current loop there is no current, and with a force no angle.
 
     Raises:
-        SimulationError: there is nothing to move, neither inertia nor mass.
-        InputError: a model the plant refuses.
+        SimulationError: the vehicle has neither inertia nor mass.
+        InputError: the plant refuses the model.
     """
     standing = OpenLoopRun(time=np.zeros(1), inputs=np.zeros((1, 1 if model.vehicle == "motor" else 2)))
     return frozenset(plant.simulate([(model, standing)])[0].outputs)
@@ -81,7 +82,7 @@ def unit_on(model: Model, info: ParameterInfo) -> str:
 
 
 def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, absent: bool = False) -> tuple[float, str]:
-    """Value and basis of one entry; `absent`: 0 means that this vehicle has no such thing."""
+    """Returns value and basis of one entry; `absent`: this vehicle may lack the parameter, and 0 says so."""
     table = entry if isinstance(entry, dict) else {"value": entry}
     toml.known_keys(key, table, _ENTRY_KEYS)
     if "value" not in table:
@@ -130,8 +131,8 @@ def load(path: Path | str) -> Model:
     """Reads a model file. Parameters it leaves out get the presets of `catalogue.presets`.
 
     Raises:
-        InputError: naming file, line and field: not TOML, an unknown key, unit or effect, a value outside its range, a
-            motor with nothing to move.
+        InputError: not TOML, an unknown key, unit or effect, a value outside its range, or a motor with nothing to
+            move. The message names file, line and field.
     """
     toml = TomlFile(Path(path))
     toml.known_keys((), toml.data, _TOP_KEYS)
@@ -153,7 +154,7 @@ def load(path: Path | str) -> Model:
 
 
 def _check_load(toml: TomlFile, model: Model) -> None:
-    """Refuses a motor with nothing to move. The plant decides; which line is to blame depends on what drives."""
+    """Refuses a motor with nothing to move, as the plant does, and names the line that causes it."""
     try:
         output_names(model)
     except SimulationError:
@@ -172,7 +173,7 @@ def _entry(value: float, unit: str, basis: str | None) -> tomlkit.items.InlineTa
 
 
 def render(model: Model) -> str:
-    """The model file's text: what `load` reads back to an equal model, value for value."""
+    """Returns the model file's text. `load` reads it back to an equal model."""
     document = tomlkit.document()
     document.update({"name": model.name, "vehicle": model.vehicle, "profile": model.profile})
     values = catalogue.presets(model.vehicle) | dict(model.parameters)
@@ -196,16 +197,10 @@ def render(model: Model) -> str:
 
 
 def save(model: Model, path: Path | str) -> None:
-    """Writes the model file in one piece: a reader never sees half of it.
+    """Writes the model file as a whole (`whole_file`).
 
     Raises:
         InputError: the plant does not know a parameter or an effect of the model, or refuses a value.
     """
     plant.build(model)
-    target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        beside.write_text(render(model), encoding="utf-8")
-        os.replace(beside, target)
-    finally:
-        beside.unlink(missing_ok=True)
+    whole_file.write(path, render(model))

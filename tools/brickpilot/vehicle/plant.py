@@ -1,4 +1,4 @@
-"""The host plant, called through its C interface `brickpilot_sim.h`; no second implementation of the model is here."""
+"""The host plant, called through its C interface `brickpilot_sim.h`. The model itself is in C only."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TROUBLE = {
     -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
     -3: "out of memory",
     -4: "the time of the samples does not increase",
-    -5: "the state grew beyond all bounds",
+    -5: "the state diverged",
 }
 
 

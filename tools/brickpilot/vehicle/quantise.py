@@ -1,4 +1,4 @@
-"""Real numbers as the firmware keeps them, refused where they would lose too much."""
+"""Converts real numbers to the firmware's fixed-point formats, and refuses those that would lose too much."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class Scale:
 
 
 def scale(value: float, name: str) -> Scale:
-    """The nearest `scale_t` for `scale_apply`: abs(value) below 1.
+    """Returns the nearest `scale_t` for `scale_apply`: abs(value) below 1.
 
     Raises:
-        QuantisationError: too large, or its relative error would pass 5e-5.
+        QuantisationError: the value is too large, or its relative error would exceed 5e-5.
     """
     if value == 0:
         return Scale(0, 0)
@@ -53,23 +53,23 @@ def scale(value: float, name: str) -> Scale:
 
 
 def scale16(value: float, name: str) -> Scale:
-    """The nearest `scale_t` for `scale_apply16`: abs(value) below 32767. Raises as `scale`."""
+    """Returns the nearest `scale_t` for `scale_apply16`: abs(value) below 32767. Raises as `scale`."""
     found = scale(value / 2**MANTISSA_BITS, name)
     _check(found.factor16, value, name)
     return found
 
 
 def integer(value: float, low: int, high: int, name: str) -> int:
-    """`value` rounded to an integer in low..high.
+    """Returns `value` rounded to an integer in low..high.
 
     Raises:
-        QuantisationError: outside, or a value other than zero that became zero.
+        QuantisationError: the value is outside, or is not zero but rounds to zero.
     """
     found = round(value)
     if not low <= found <= high:
         raise QuantisationError(f"{name}: {value:g} is outside {low}..{high}")
     if found == 0 and value != 0:
-        raise QuantisationError(f"{name}: {value:g} rounds to nothing")
+        raise QuantisationError(f"{name}: {value:g} rounds to 0")
     return found
 
 

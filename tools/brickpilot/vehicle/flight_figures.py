@@ -1,0 +1,146 @@
+"""The figures of a flight: waypoints reached, distances from the route, and errors of what the controller demanded."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.constants import ACCEPTANCE_M
+from brickpilot.data.ils import signal_error
+from brickpilot.vehicle.flight import Flight
+
+Array = NDArray[np.float64]
+
+_RUN, _DRIVING = 1, 3  # codes in the columns mode and phase
+_MODES = ("idle", "run", "arrived", "fault")
+_FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent")
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The waypoints that the true position has passed within twice the acceptance radius, in order.
+
+    Attributes:
+        at: s for each waypoint; None: not reached.
+        closest: m for each waypoint: the least distance between reaching the waypoint before and leaving this one.
+    """
+
+    at: list[float | None]
+    closest: list[float]
+
+    @property
+    def count(self) -> int:
+        return sum(moment is not None for moment in self.at)
+
+
+def waypoints_reached(time_s: Array, x: Array, y: Array, waypoints: Sequence[tuple[float, float]]) -> Reached:
+    """Finds the waypoints that a track (n,) reaches, whatever the controller's estimate was."""
+    at: list[float | None] = []
+    closest = []
+    begin = 0
+    for wx, wy in waypoints:
+        distance = np.hypot(x[begin:] - wx, y[begin:] - wy)
+        inside = np.flatnonzero(distance <= 2 * ACCEPTANCE_M) if None not in at else np.array([], dtype=int)
+        if len(inside) == 0:
+            at.append(None)
+            closest.append(float(distance.min()))
+            continue
+        first = int(inside[0])
+        outside = np.flatnonzero(distance[first:] > 2 * ACCEPTANCE_M)
+        left = first + (int(outside[0]) if len(outside) else len(distance) - first)
+        at.append(float(time_s[begin + first]))
+        closest.append(float(distance[:left].min()))
+        begin += first
+    return Reached(at, closest)
+
+
+def cross_track(
+    x: Array, y: Array, start: tuple[float, float], waypoints: Sequence[tuple[float, float]], leg: Array
+) -> Array:
+    """Returns the distance of the true position from the line of its leg in m, positive to the right.
+
+    `leg`: (n,), the index of the waypoint at the leg's end.
+    """
+    corners = np.array([start, *waypoints])
+    index = np.clip(leg.astype(int), 0, len(waypoints) - 1)
+    from_, to = corners[index], corners[index + 1]
+    along = (to - from_) / np.linalg.norm(to - from_, axis=1, keepdims=True)
+    offset = np.stack([x, y], axis=1) - from_
+    return np.asarray(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0])
+
+
+def _rms(values: Array) -> float | None:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+
+
+def summary(flight: Flight) -> dict[str, Any]:
+    """Returns the figures of ``summary.json``: lengths in m, times in s, angles in rad.
+
+    ``speed`` and ``heading`` are ILS (eq. 20) of the demand against the truth. That of the heading covers the time
+    while driving, relative to a constant error of half a turn.
+    """
+    log, plan = flight.log, flight.plan
+    common = {
+        "scenario": plan.scenario.name,
+        "profile": plan.model.profile,
+        "sensors": plan.sensors,
+        "seed": plan.seed,
+        "steps": plan.steps,
+        "model": plan.model.name,
+        "effects": {name: dict(values) for name, values in plan.model.effects.items()},
+        "compensation": None if plan.compensation is None else dict(plan.compensation.raw),
+        "times_real_time": flight.times_real_time,
+        "motor_stream_sha256": hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest(),
+    }
+    if plan.scenario.kind == "manoeuvre":
+        return common | {
+            "final_speed_m_s": float(log["true_speed_m_s"][-1]),
+            "final_yaw_rate_rad_s": float(log["true_yaw_rate_rad_s"][-1]),
+        }
+    return common | _mission_figures(flight) | _final_figures(flight)
+
+
+def _mission_figures(flight: Flight) -> dict[str, Any]:
+    log, plan = flight.log, flight.plan
+    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], plan.scenario.waypoints)
+    running = log["mode"] == _RUN
+    driving = running & (log["phase"] == _DRIVING)
+    off_track = cross_track(
+        log["true_x_m"], log["true_y_m"], plan.scenario.start[:2], plan.scenario.waypoints, log["waypoint"]
+    )
+    heading_error = np.angle(np.exp(1j * (log["demand_heading_rad"] - log["true_heading_rad"])))
+    position_error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
+    demand_speed = np.where(running, log["demand_speed_m_s"], np.nan)
+    half_turn = np.where(driving, math.pi, np.nan)
+    return {
+        "cruise_m_s": plan.cruise,
+        "waypoints_total": len(plan.scenario.waypoints),
+        "waypoints_reached": reached.count,
+        "closest_approach_m": reached.closest,
+        "reached_at_s": reached.at,
+        "position_estimate_error_m": _rms(position_error),
+        "cross_track_rms_m": _rms(off_track[driving]),
+        "cross_track_max_m": float(np.abs(off_track[driving]).max()) if driving.any() else None,
+        "heading_rms_rad": _rms(heading_error[driving]),
+        "speed": signal_error(log["time_s"], log["true_speed_m_s"], demand_speed).to_json(),
+        "heading": signal_error(log["time_s"], math.pi - heading_error, half_turn).to_json(),
+    }
+
+
+def _final_figures(flight: Flight) -> dict[str, Any]:
+    log = flight.log
+    return {
+        "saturated_steps": {
+            "surge": int(np.count_nonzero(log["surge_saturated"])),
+            "yaw": int(np.count_nonzero(log["yaw_saturated"])),
+        },
+        "overshoots": int(log["overshoots"][-1]),
+        "final_mode": _MODES[int(log["mode"][-1])],
+        "fault": _FAULTS[int(log["fault"][-1])],
+    }
