@@ -1,4 +1,4 @@
-"""The blind test's own rules, its campaign that can be taken up again, its peer, and one small run of the whole."""
+"""The blind test: its rules, its rerun after an interruption, its peer, and one small complete run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ENCODERS, IMU = "imu+encoders", "imu"
 
 
 def effect(name, *others, **parameters):
-    """One effect of a verdict; a parameter is its value, or (value, low, high)."""
+    """Returns one effect of a verdict. A parameter is its value, or (value, low, high)."""
     values = {
         key: {"value": one[0], "ci95": list(one[1:])} if isinstance(one, tuple) else {"value": one, "ci95": None}
         for key, one in parameters.items()
@@ -46,7 +46,7 @@ def effect(name, *others, **parameters):
 
 
 def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
-    """A record as the benchmark keeps it; `hidden`: names, or effect -> parameters."""
+    """Returns a result of the benchmark. `hidden`: names, or effect -> parameters."""
     truth = hidden if isinstance(hidden, dict) else {name: {} for name in hidden}
     return {
         "name": "a-x1-enc",
@@ -176,7 +176,7 @@ def test_intervals_are_checked_where_the_name_is_right() -> None:
     assert (held.hits, held.of) == (2, 3)
 
 
-def test_the_suggested_experiment_decides_where_the_truth_alone_is_named_after_it() -> None:
+def test_the_next_experiment_decides_if_the_truth_alone_is_named_after_it() -> None:
     def after(verdict, *effects):
         return {"verdict": verdict, "effects": list(effects), "term": None}
 
@@ -225,11 +225,11 @@ def peer(name, gain, method="FROLS"):
 
 def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> None:
     high = 1e6
-    seen = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("coulomb_friction", high))
+    named = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("coulomb_friction", high))
     misnamed = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("yaw_scrub", high))
     beyond = result(["gear_backlash"], "named", effect("gear_backlash"), peer=peer("yaw_scrub", high))
     clean = result([], "none", peer=peer("yaw_scrub", 1e-6))
-    rows = {row["what"]: row for row in table.side_by_side([seen, misnamed, beyond, clean])}
+    rows = {row["what"]: row for row in table.side_by_side([named, misnamed, beyond, clean])}
     single = rows["single, clearly visible, wheel speeds measured: right name"]
     assert single["of"] == 2
     assert (single["by"]["brickpilot"]["value"], single["by"]["PySINDy FROLS"]["value"]) == (1.0, 0.5)
@@ -258,7 +258,7 @@ def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:
         sindy_tune.tune(single)
 
 
-def test_results_are_appended_whole_and_a_torn_line_is_dropped(tmp_path) -> None:
+def test_results_are_appended_completely_and_a_cut_off_line_is_dropped(tmp_path) -> None:
     path = tmp_path / "out" / RESULTS
     append(path, result(["a"], "none", name="one"))
     with path.open("a") as file:
@@ -273,7 +273,7 @@ def test_results_are_appended_whole_and_a_torn_line_is_dropped(tmp_path) -> None
 
 
 class Recorded(sets.Maker):
-    """Makes empty folders and remembers which."""
+    """Makes empty folders and keeps their names."""
 
     def __init__(self, broken=()) -> None:
         self.made, self.broken = [], broken
@@ -286,7 +286,7 @@ class Recorded(sets.Maker):
         self.made.append([task.name for task in tasks])
 
 
-def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkeypatch) -> None:
+def test_a_rerun_continues_where_the_last_one_stopped_and_repeats_errors(tmp_path, monkeypatch) -> None:
     tasks = [sets.Task(f"s{i}", "mujoco", i, "single", 0) for i in range(10)]
     tasks += [sets.Task("s0", "planar", 0, "single", 0)]
     done = []
@@ -320,7 +320,7 @@ def test_a_campaign_goes_on_where_it_stopped_and_repeats_errors(tmp_path, monkey
     )
 
 
-def test_a_batch_of_which_nothing_is_made_ends_the_campaign_and_a_single_set_does_not(tmp_path) -> None:
+def test_a_batch_without_any_set_ends_the_benchmark_and_a_single_missing_set_does_not(tmp_path) -> None:
     tasks = [sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
     options = {"jobs": 1, "peer": None, "progress": lambda *_: None}
     with pytest.raises(SimulationError, match="diverged"):
@@ -337,7 +337,7 @@ def refused(*arguments, cwd) -> str:
     return done.stderr
 
 
-def test_bad_use_is_told_in_one_line(tmp_path) -> None:
+def test_bad_use_gives_one_line(tmp_path) -> None:
     assert "run it inside a checkout" in refused("discover", "--suite", "ci", cwd=tmp_path)
     assert "no results here" in refused("discover", "--table", cwd=tmp_path)
     assert "holds no data set" in refused("discover", "--data", ".", cwd=tmp_path)
@@ -347,7 +347,7 @@ def test_bad_use_is_told_in_one_line(tmp_path) -> None:
     assert "no results here" in refused("tune-peer", "none.jsonl", cwd=tmp_path)
 
 
-def test_what_is_not_installed_is_told(tmp_path, monkeypatch) -> None:
+def test_a_missing_package_gives_one_line(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(sets, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="needs the package mujoco"):
         sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
@@ -357,7 +357,7 @@ def test_what_is_not_installed_is_told(tmp_path, monkeypatch) -> None:
 
 
 def hidden_robot(folder, effects):
-    """Eight runs of the packaged robot with `effects` in it; the nominal values are the true ones, less the effects."""
+    """Writes eight runs of the packaged robot with `effects`. The nominal values are the true ones."""
     truth = dataclasses.replace(robot(), effects=effects)
     noise = {"accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05,
              "wheel_speed_right": 0.05}  # fmt: skip
@@ -402,7 +402,7 @@ def test_the_peer_finds_nothing_where_nothing_is_hidden(tmp_path) -> None:
     assert found_["FROLS"]["gains"][0] < 5
 
 
-def test_the_library_names_effects_that_there_are() -> None:
+def test_the_peers_library_names_effects_of_the_catalogue() -> None:
     known = {one.name for one in catalogue.effects()}
     assert known >= sindy.NOT_IN_LIBRARY
     assert not sindy.nameable(["coulomb_friction", "cogging"])
@@ -411,7 +411,7 @@ def test_the_library_names_effects_that_there_are() -> None:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory) -> Path:
-    """One set of suite ci, made by the checkout's maker."""
+    """One set of suite ci, made by the maker of the checkout."""
     pytest.importorskip("mujoco")
     parent = tmp_path_factory.mktemp("small")
     maker = sets.Maker.find(CHECKOUT)
@@ -420,7 +420,7 @@ def small(tmp_path_factory) -> Path:
     return parent
 
 
-def test_the_suggested_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
+def test_the_next_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
     maker = sets.Maker.find(CHECKOUT)
     steps = [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [2.0, 3.0]]
     asked = {"name": "a turn, then on", "duration_s": 3.0, "voltage_left": steps, "voltage_right": [[0.0, 0.0]]}
@@ -437,7 +437,7 @@ def test_the_suggested_experiment_is_added_to_the_same_set(small, tmp_path) -> N
     assert abs(added.outputs["wheel_speed_left"][added.time < 0.5].mean()) < 0.1
 
 
-def test_wheel_speeds_are_measured_where_the_verdict_asks_for_them(small, tmp_path) -> None:
+def test_wheel_speeds_are_measured_if_the_verdict_asks_for_them(small, tmp_path) -> None:
     maker = sets.Maker.find(CHECKOUT)
     asked = {"name": None, "signal": "wheel_speed_left"}
     made = maker.follow(small / "ci-gyro_bias-imu", asked, tmp_path)
@@ -450,7 +450,7 @@ def test_wheel_speeds_are_measured_where_the_verdict_asks_for_them(small, tmp_pa
     assert maker.follow(small / "ci-gyro_bias-imu", asked | {"signal": "current_left"}, tmp_path) is None
 
 
-def test_a_small_run_of_the_whole(small, tmp_path) -> None:
+def test_a_small_complete_run(small, tmp_path) -> None:
     arguments = ["benchmark", "discover", "--data", str(small), "--only", "*coulomb*", "--out", str(tmp_path / "out")]
     done = brickpilot(*arguments, "--json", cwd=tmp_path, fresh=True)
     assert done.returncode == 0, done.stderr
@@ -469,7 +469,7 @@ def test_a_small_run_of_the_whole(small, tmp_path) -> None:
     assert shown.stdout == again.stdout
 
 
-def test_sets_are_made_and_thrown_away(tmp_path) -> None:
+def test_sets_are_made_and_deleted(tmp_path) -> None:
     pytest.importorskip("mujoco")
     folder = tmp_path / "out"
     options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]

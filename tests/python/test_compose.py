@@ -1,4 +1,4 @@
-"""Composed terms: found in data that other equations made, written as equations, as model files and as C."""
+"""Composed terms: found in data of other equations, and written as equations, model files and C."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def binned(values: np.ndarray) -> np.ndarray:
 
 
 class Data:
-    """Noisy runs as a `terms.problem.Problem`, with some nominal parameters calibrated to them."""
+    """Noisy runs as a `terms.problem.Problem`, with some nominal parameters fitted to them."""
 
     def __init__(self, measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> None:
         noise = np.random.default_rng(5)
@@ -128,7 +128,7 @@ class Data:
 
 
 def by_plant(truth: Model | None = None, nominal: Model | None = None, **effects: Mapping[str, float]) -> Data:
-    """Data of the plant with effects switched on, at its finest; the mass and the resistance are believed wrongly."""
+    """Returns data of the plant with effects, at its finest steps. The nominal mass and resistance are wrong."""
     truth = dataclasses.replace(truth or robot(mass=0.92, resistance=22.5), effects=effects)
 
     def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -138,7 +138,7 @@ def by_plant(truth: Model | None = None, nominal: Model | None = None, **effects
 
 
 def by_reference(mass: float = 0.92) -> Data:
-    """Data of the text-book equations, whose air drag the caller chooses."""
+    """Returns data of the text-book equations. The caller chooses their air drag."""
     values = {**robot(mass=mass, inductance=1e-3).parameters, "drag_area": 0.0}
 
     def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -167,7 +167,7 @@ def test_a_cubic_drag_of_other_equations_is_found_and_measured(monkeypatch: pyte
     assert data.residual([found.model])[0].std() == pytest.approx(found.rms_after, rel=1e-2)
 
 
-def test_a_square_drag_is_told_from_a_cubic_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_square_drag_is_not_taken_for_a_cubic_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_ode, "_air", lambda _, speed: 0.9 * speed * abs(speed))
     assert coefficient(find_terms(by_reference()), "surge_loss_abs_u") == pytest.approx(0.9, rel=0.05)
 
@@ -183,7 +183,7 @@ def test_a_harmonic_of_the_wheel_is_found_with_its_order() -> None:
     assert "θ" in found.equation.text
 
 
-def test_a_linear_axis_is_composed_for_too() -> None:
+def test_a_term_is_found_for_a_linear_axis_too() -> None:
     axis = {"force_per_volt": 35.0, "wheel_inertia": 0.0, "viscous_friction": 150.0}
     data = by_plant(motor(**axis, mass=96.0), motor(**axis, mass=94.0), quadratic_drag={"drag": 90.0})
     assert coefficient(find_terms(data), "surge_loss_abs_u") == pytest.approx(90.0, rel=0.05)
@@ -193,7 +193,7 @@ def test_wrong_nominal_values_alone_are_no_term() -> None:
     assert find_terms(by_plant()) is None
 
 
-def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
+def test_equivalent_terms_are_named_as_rivals() -> None:
     found = find_terms(by_plant(composed_term={"drive_add_sin_time": 0.15, "frequency": 1.3}))
     assert found is not None
     rivals = [{term.basis.name for term in rival.terms} for rival in found.rivals]
@@ -202,7 +202,7 @@ def test_what_cannot_be_told_apart_is_named_beside_it() -> None:
     assert {"surge_push_sin_time", "surge_push_cos_time"} in names
 
 
-def test_a_fit_starts_anywhere_near_and_ends_at_the_truth() -> None:
+def test_a_fit_ends_at_the_truth_from_several_starts() -> None:
     from brickpilot.discover.terms.atoms import Atom
 
     data = by_plant(composed_term={"surge_push_sprung": 0.08, "frequency": 2.0, "damping": 0.1})

@@ -45,7 +45,7 @@ KEYS: dict[str, type | tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Done:
-    """A finished `discover`: the data set, the folder it wrote, and what it printed."""
+    """A finished `discover`: the data set, the folder that it wrote, and its output."""
 
     data: Path
     out: Path
@@ -182,8 +182,8 @@ def test_a_second_run_from_the_written_model_finds_nothing_more(done: Done, tmp_
 
 
 def test_the_compensation_flies_the_robot_that_was_found_as_the_firmware_s_own(done: Done, tmp_path: Path) -> None:
-    told = done.out / "compensation.toml"
-    assert "coulomb_friction" in compensation.load(told).undone
+    written = done.out / "compensation.toml"
+    assert "coulomb_friction" in compensation.load(written).undone
 
     def flown(*options: str) -> dict[str, Any]:
         robot = ("--model", str(done.out / "model.toml"), "--sensors", "imu", "--seed", "1")
@@ -192,7 +192,7 @@ def test_the_compensation_flies_the_robot_that_was_found_as_the_firmware_s_own(d
         figures: dict[str, Any] = json.loads(ended.stdout)
         return figures
 
-    without, compensated = flown(), flown("--compensation", str(told))
+    without, compensated = flown(), flown("--compensation", str(written))
     assert compensated["waypoints_reached"] == 8
     for measure in ("position_estimate_error_m", "cross_track_rms_m"):
         assert compensated[measure] < 0.5 * without[measure], measure
@@ -213,7 +213,7 @@ def test_progress_goes_to_stderr_and_the_verdict_to_stdout(data: Path, tmp_path:
 
 
 def refused(*arguments: str, cwd: Path) -> str:
-    """The one line with which `brickpilot discover ARGUMENTS` is refused; nothing else is printed or written."""
+    """Returns the one line that refuses `brickpilot discover ARGUMENTS`. Nothing else is printed or written."""
     before = sorted(cwd.rglob("*"))
     ended = brickpilot("discover", *arguments, cwd=cwd, timeout=60)
     assert (ended.returncode, ended.stdout) == (2, "")
@@ -254,7 +254,7 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(data: Path, tmp_path: P
 
 
 def test_its_own_folder_is_replaced(done: Done, tmp_path: Path) -> None:
-    """By a verdict without an effect, so that what the first one wrote beside must go."""
+    """The second verdict has no effect, so files of the first one have to go."""
     shutil.copytree(done.out, tmp_path / "out")
     driven = {"go": (4.0, 0.0), "on": (7.0, 0.0)}
     still = write(tmp_path / "still", motor(), {"speed": 0.05}, "battery_voltage = 9.0", manoeuvres=driven)

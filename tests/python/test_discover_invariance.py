@@ -1,4 +1,4 @@
-"""The verdict is of the vehicle, not of how its data are written: mirrored, in other units, thinned, in another order.
+"""The verdict depends on the vehicle, not on how its data are written: mirrored, in other units, thinned, reordered.
 
 One small data set of the planar engine, a right motor weaker than the left one, is written again in each way.
 """
@@ -35,7 +35,7 @@ Table = dict[str, NDArray[np.float64]]
 
 HIDDEN = {"motor_asymmetry": {"difference": 0.07}}
 SAME, NEAR = 0.02, 0.05
-"""Of a parameter: how far it may move where the data say the same, and where a part of them is gone."""
+"""How far a parameter may move: for the same data written differently, and for a part of the data."""
 
 _SECONDS = 4.2
 # Steps stand at even samples of 3 ms, so that half of the samples tells when they were made.
@@ -54,7 +54,7 @@ _RUNS = tuple(
 
 @dataclass
 class Log:
-    """A data set as it stands in its files. `said`: dataset.toml; `tables`: run -> column -> (n,)."""
+    """The files of a data set. `said`: dataset.toml; `tables`: run -> column -> (n,)."""
 
     said: dict[str, Any]
     tables: dict[str, Table]
@@ -110,7 +110,7 @@ def test_what_was_hidden_is_named(found: Finding) -> None:
 
 
 def mirrored(log: Log) -> Log:
-    """As seen in a mirror: left is right, and what turns or points sideways the other way."""
+    """Mirrors the data: left and right change places, turns and sideways signals change sign."""
     said, tables = copy.deepcopy(log.said), copy.deepcopy(log.tables)
     for table in tables.values():
         for left in [name for name in said["signals"] if name.endswith("_left")]:
@@ -122,7 +122,7 @@ def mirrored(log: Log) -> Log:
 
 
 def in_other_units(log: Log) -> Log:
-    """deg/s, rpm, mV, g and ms; what a signal's entry says of its noise and range is in them too."""
+    """Writes deg/s, rpm, mV, g and ms. Noise and range of a signal are in the same units."""
     units = {
         "time": ("ms", 1e3),
         "voltage_left": ("mV", 1e3),
@@ -146,7 +146,7 @@ def in_other_units(log: Log) -> Log:
 
 
 def in_the_other_frame(log: Log) -> Log:
-    """y to the left, yaw counter-clockwise: the same motion, written with other signs."""
+    """Writes the same motion with other signs: y to the left, yaw counter-clockwise."""
     said, tables = copy.deepcopy(log.said), copy.deepcopy(log.tables)
     assert said["frame"] == "FRD"
     said["frame"] = "FLU"
@@ -168,7 +168,7 @@ def without_noise_sd(log: Log) -> Log:
 
 
 def with_rows_lost(log: Log) -> Log:
-    """One row in five is gone, at random; but those that tell of a new command stay, as a logger of changes would."""
+    """Removes one row in five at random. Rows with a new command stay, as a logger of changes keeps them."""
     random = np.random.default_rng(5)
 
     def keep(table: Table) -> NDArray[np.bool_]:
@@ -180,7 +180,7 @@ def with_rows_lost(log: Log) -> Log:
 
 
 def with_jittered_samples(log: Log) -> Log:
-    """Samples taken up to 1.2 ms early or late; what was measured between two of the old ones lies between them."""
+    """Moves samples by up to 1.2 ms. Values between two old samples are interpolated."""
     random = np.random.default_rng(6)
     tables = {}
     for name, table in log.tables.items():
@@ -214,7 +214,7 @@ def at_half_the_rate(log: Log) -> Log:
     ],
     ids=lambda one: one.__name__ if callable(one) else f"{one:.0%}",
 )
-def test_the_same_data_written_otherwise_say_the_same(
+def test_the_same_data_written_differently_give_the_same_verdict(
     change: Callable[[Log], Log], tolerance: float, log: Log, found: Finding, tmp_path: Path
 ) -> None:
     again = found_in(change(log), tmp_path / "data")
@@ -232,7 +232,7 @@ def test_mirrored_data_give_the_mirrored_effect(log: Log, found: Finding, tmp_pa
 
 
 def test_another_seed_gives_the_same_verdict(log: Log, tmp_path: Path) -> None:
-    """Where nominal values are not given the fit starts at random: then the seed has a say, in the way alone."""
+    """Without nominal values the fit starts at random. The seed changes the way, not the result."""
     said = copy.deepcopy(log.said)
     for name in ("wheel_inertia", "yaw_inertia", "viscous_friction"):
         del said["nominal"][name]

@@ -1,4 +1,4 @@
-"""What discovery says of real machines: nobody knows their truth, but some of their physics is known and asserted."""
+"""What discovery finds for real machines. Nobody knows their truth, but some of their physics is known."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from brickpilot.vehicle.plant import OpenLoopRun
 from test_dataset import measured
 
 DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "caster_drag"}
-"""What a vehicle that only drives one way at a time feels alike: a voltage below which nothing moves."""
+"""Effects that are equivalent while a vehicle drives one way only: below some voltage nothing moves."""
 
 Found = tuple[Dataset, Finding, Model]
 
 
 @cache
 def discovered(folder: Path, scratch: Path) -> Found:
-    """The data set, the finding, and the model as its written file says."""
+    """Returns the data set, the finding, and the model as its file says."""
     data = dataset.read(folder)
     found = pipeline.discover(data)
     path = scratch / f"{data.name}.toml"
@@ -41,8 +41,8 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("models")
 
 
-def told(found: Finding) -> set[str]:
-    """Every effect that is named, as the best explanation or as one that the data cannot tell from it."""
+def open_names(found: Finding) -> set[str]:
+    """Returns every effect of the best explanation and of its rivals."""
     others = {name for effect in found.effects for other in effect.equivalents for name in other.name.split(" + ")}
     return {effect.name for effect in found.effects} | others
 
@@ -53,9 +53,9 @@ def sizes(effects: tuple[Effect, ...]) -> dict[str, float]:
 
 
 def intervals(found: Finding) -> list[tuple[float, float]]:
-    """Of every named size. None of them may hold zero.
+    """Returns the interval of every named size, after a check that none holds zero.
 
-    Where nobody stated the mass, a torque is known in proportion to it alone, and has no interval in newton metres.
+    If nobody stated the mass, a torque is known only in proportion to it, and has no interval in newton metres.
     """
     given = [one.ci95 for effect in found.effects for one in effect.parameters.values() if one.ci95 is not None]
     assert all(low > 0 or high < 0 for low, high in given)
@@ -127,11 +127,11 @@ def test_lego_motor_loses_a_part_of_its_voltage(lego: Found) -> None:
     """Dead band and dry friction are one equation while a motor only starts and turns one way, as in every run here."""
     _, found, _ = lego
     assert found.verdict == "ambiguous"
-    assert {"actuator_deadband", "coulomb_friction"} <= told(found) <= DRY - {"caster_drag"}
+    assert {"actuator_deadband", "coulomb_friction"} <= open_names(found) <= DRY - {"caster_drag"}
     assert found.next_experiment is not None
     assert found.next_experiment.manoeuvre is not None
     volts = [volts for _, volts in found.next_experiment.manoeuvre.voltage_left]
-    assert min(volts) < 0 < max(volts)  # what turns round or coasts tells them apart
+    assert min(volts) < 0 < max(volts)  # reversing or coasting separates them
     assert intervals(found)
 
 
@@ -151,9 +151,9 @@ def test_lego_motor_s_frozen_angle_is_a_fault_not_an_effect(lego: Found) -> None
 
 
 def starting_voltage(model: Model) -> float:
-    """V at which a slowly rising voltage moves a motor off.
+    """Returns the V at which a slowly rising voltage starts a motor: its speed is a thousandth of that at the end.
 
-    Whatever name the dry friction has, this is how large it is. It moves at a thousandth of its speed at the end.
+    This is the size of the dry friction, whatever its name.
     """
     time = np.linspace(0.0, 60.0, 6001)
     volts = 4.0 * time / time[-1]
@@ -196,7 +196,7 @@ def mouse(scratch: Path) -> Found:
     return discovered(measured("micromouse"), scratch)
 
 
-def test_micromouse_s_faults_are_reported_and_its_gyro_reads_what_it_reads(mouse: Found) -> None:
+def test_micromouse_s_faults_are_reported_and_no_gyro_limit_lies_below_its_readings(mouse: Found) -> None:
     """The gyro ends at 34.6 rad/s in two runs, where readings are left out: no smaller limit can be the truth."""
     data, found, _ = mouse
     kinds = {(fault.run, fault.signal, fault.kind) for fault in found.faults}
@@ -210,8 +210,8 @@ def test_micromouse_s_faults_are_reported_and_its_gyro_reads_what_it_reads(mouse
     assert sizes(found.effects).get("gyro_saturation.limit", largest) >= largest
 
 
-def test_micromouse_is_not_explained_at_the_cost_of_runs_it_has_not_seen(mouse: Found) -> None:
-    """Collisions and wheels that slide on the spot: whatever is named, runs that were not fitted must not get worse."""
+def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Found) -> None:
+    """It collides, and its wheels slide on the spot. Whatever is named, held-out runs must not get worse."""
     _, found, _ = mouse
     for gap in found.gap.values():
         assert gap.before is not None

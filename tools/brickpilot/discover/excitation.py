@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from brickpilot.discover.gates import LEAST_PERIODS_PER_TURN
+
 
 @dataclass(frozen=True)
 class Excitation:
@@ -20,6 +22,6 @@ class Excitation:
 
     largest: Mapping[str, float]
     orders: tuple[float, ...] = ()
-    least_order: float = 0.9
+    least_order: float = LEAST_PERIODS_PER_TURN
     wheels_measured: bool = False
     windowed: bool = False
