@@ -229,7 +229,7 @@ def test_nan_in_a_mat_file_becomes_a_blank(tmp_path: Path) -> None:
     [
         ("position=x", "a.mat: position: no variable 'x' among"),
         ("position=log.z", "a.mat: position: no variable 'log.z'"),
-        ("position=log.q", "is a matrix; say which column"),
+        ("position=log.q", "is a matrix; name a column"),
         ("position=log.q[2]", "has no column 2"),
         ("position=log", "not a vector or matrix of real"),
         ("position=word", "not a vector or matrix of real"),

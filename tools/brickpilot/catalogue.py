@@ -87,7 +87,7 @@ def _text(value: Any) -> str:
 
 @cache
 def _roles() -> dict[int, Role]:
-    """The names of BP_ROLE_SIZE and its like, by their numbers in C."""
+    """Returns number -> name of the constants BP_ROLE_SIZE and so on in C."""
     library = interface()[1]
     return {getattr(library, f"BP_ROLE_{role.upper()}"): role for role in get_args(Role)}
 
@@ -116,7 +116,7 @@ def _parameter(info: Any) -> ParameterInfo:
 
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
-    """The nominal parameters; the presets are the packaged robot's."""
+    """Returns the nominal parameters; the presets are those of the packaged robot."""
     library = interface()[1]
     found: list[ParameterInfo] = []
     while info := library.bp_parameter(len(found)):
@@ -131,7 +131,7 @@ def parameter(name: str) -> ParameterInfo:
 
 @cache
 def effects() -> tuple[EffectInfo, ...]:
-    """The effect library; the presets are clearly visible sizes."""
+    """Returns the effect library; the presets are clearly visible sizes."""
     library = interface()[1]
     found: list[EffectInfo] = []
     while info := library.bp_effect(len(found)):
@@ -182,12 +182,12 @@ def output_table() -> tuple[tuple[str, str], ...]:
 
 
 def outputs() -> dict[str, str]:
-    """Name -> unit of every output signal of either vehicle."""
+    """Returns name -> unit of every output signal of both vehicles."""
     return dict(output_table())
 
 
 def presets(vehicle: str) -> dict[str, float]:
-    """Every nominal parameter of a vehicle nobody said anything about; a bare motor has no mass and no wheel: 0."""
+    """Returns every nominal parameter of a vehicle of which nothing is stated; mass and wheel of a bare motor are 0."""
     ffi, library = interface()
     built = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free)
     value = ffi.new("double *")

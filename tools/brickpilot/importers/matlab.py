@@ -71,7 +71,7 @@ def _column(file: Path, signal: str, source: Source, variables: Mapping[str, Any
             raise InputError(f"{source.name!r} has no column {source.index}, counted from 0", file=file, field=signal)
         matrix = matrix[:, source.index]
     elif matrix.ndim == 2 and min(matrix.shape) != 1:
-        raise InputError(f"{source.name!r} is a matrix; say which column: {source.name}[0]", file=file, field=signal)
+        raise InputError(f"{source.name!r} is a matrix; name a column: {source.name}[0]", file=file, field=signal)
     column = matrix.astype(np.float64).ravel()
     if np.isinf(column).any():
         raise InputError(f"{source.name!r} holds an infinite value", file=file, field=signal)

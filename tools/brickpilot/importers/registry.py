@@ -1,4 +1,4 @@
-"""What a row of the table of importers says: a kind of log, the function that reads it, and its options."""
+"""The rows of the table of importers: a kind of log, the function that reads it, and its options."""
 
 from __future__ import annotations
 

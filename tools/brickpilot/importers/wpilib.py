@@ -207,7 +207,7 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
 def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
     """Returns the voltage with the sign of its wheel's motion, where the log has no sign.
 
-    Autospeed does not say which side a turning test reverses, and a converted log lists magnitudes. A column that has
+    Autospeed does not show which side a turning test reverses, and a converted log lists magnitudes. A column that has
     negative values is not changed.
     """
     unsigned = width == 10 or not (voltage < 0.0).any()

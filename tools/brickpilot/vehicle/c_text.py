@@ -12,7 +12,7 @@ INDENT = "    "
 
 
 def initialiser(value: Any, depth: int) -> str:
-    """`value` as a C initialiser: a Scale, bool, int, name (str), list of these, or mapping from field to these."""
+    """Returns the C initialiser of a Scale, bool, int, name (str), list of these, or mapping from field to these."""
     if isinstance(value, Scale):
         return f"{{{value.mantissa}, {value.shift}}}"
     if isinstance(value, bool):
@@ -30,5 +30,5 @@ def initialiser(value: Any, depth: int) -> str:
 
 
 def body_initialiser(profile: str, coefficients: Coefficients, depth: int) -> str:
-    """A `body_coefficients_t`."""
+    """Returns the initialiser of a `body_coefficients_t`."""
     return initialiser({"profile": f"BODY_{profile.upper()}", **coefficients}, depth)

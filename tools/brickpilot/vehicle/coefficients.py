@@ -1,4 +1,7 @@
-"""The model's coefficients, from SI values: exact discretisation, the firmware's units, proof against overflow."""
+"""The coefficients of the firmware's model from SI values.
+
+The discretisation is exact. Coefficients are in the firmware's units, and it is proved that no sum overflows.
+"""
 
 from __future__ import annotations
 
@@ -44,13 +47,13 @@ class MotorStep:
 
 
 def loss(values: Values) -> float:
-    """Viscous and rolling friction of a wheel, N m s/rad: eq. 13 and 14, rolling friction with the whole weight."""
+    """Returns viscous and rolling friction of a wheel in N m s/rad (eq. 13 and 14), for the whole weight."""
     rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
     return values["viscous_friction"] + rolling
 
 
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
-    """Eq. 12 and 14 over `step` s with voltage and torque held: matrix exponential of the augmented system."""
+    """Returns eq. 12 and 14 over `step` s with constant voltage and torque, by the matrix exponential."""
     resistance, inductance = values["resistance"], values["inductance"]
     system = np.zeros((4, 4))
     system[0] = [-resistance / inductance, -values["emf_constant"] / inductance, 1 / inductance, 0]
@@ -60,17 +63,17 @@ def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
 
 
 def mean_inertia(values: Values) -> float:
-    """What the mean of both coupled wheels has to turn, per wheel."""
+    """Returns the inertia per wheel for the mean of both coupled wheels, kg m^2."""
     return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / 2
 
 
 def difference_inertia(values: Values) -> float:
-    """What half the difference of both coupled wheels has to turn, per wheel."""
+    """Returns the inertia per wheel for half the difference of both coupled wheels, kg m^2."""
     return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
-    """`share`: part of the input voltage that counts; one half where the input is a sum or difference of two."""
+    """Returns a motor's coefficients. `share`: of the input voltage; one half if it is the sum or difference of two."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
         "current": {
@@ -92,7 +95,7 @@ def _fits(bound: float, name: str) -> None:
 
 
 def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
-    """Sums of absolute terms at all limits stay within 32 bits; `wheels`: how many such currents are added."""
+    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many such currents are added."""
     transition, voltage = np.abs(exact.transition), np.abs(exact.voltage)
     steady = (transition[0, 1] * WHEEL_SPEED_LIMIT + voltage[0] * VOLTAGE_LIMIT) / (1 - transition[0, 0])
     _fits(wheels * steady * CURRENT, f"{name} current")
@@ -102,7 +105,7 @@ def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
 
 
 def pose(step: float) -> dict[str, Scale]:
-    """What `body_step()` needs beside `body_predict()`.
+    """Returns the coefficients that `body_step()` needs beside those of `body_predict()`.
 
     Raises:
         QuantisationError: 6 ms or more, for which the formats have no room.
@@ -117,7 +120,7 @@ Coefficients = dict[str, Scale | list[dict[str, dict[str, Scale]]]]
 
 
 def coupled(values: Values, step: float) -> Coefficients:
-    """`body_coefficients_t` of the coupled profile, without the profile itself and the pose.
+    """Returns the `body_coefficients_t` of the coupled profile, without the profile itself and the pose.
 
     Args:
         values: nominal parameters, SI, by the names of the vehicle file.
@@ -146,7 +149,7 @@ def coupled(values: Values, step: float) -> Coefficients:
 
 
 def paper(values: Values, step: float) -> Coefficients:
-    """`body_coefficients_t` of the paper's profile: eq. 15 to 17 on the body, eq. 14 on each wheel. See `coupled`."""
+    """Returns the `body_coefficients_t` of the paper's profile: eq. 15 to 17 for the body, eq. 14 for each wheel."""
     wheel = motor_step(values, values["wheel_inertia"], step)
     push = step * values["stall_torque"] / (values["wheel_radius"] * values["mass"])
     from_voltage, from_wheel = push / values["battery_voltage"], push / values["no_load_speed"]

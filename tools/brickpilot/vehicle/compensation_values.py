@@ -13,7 +13,7 @@ With 0 for the believed robot,
 
 (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
 
-The C file of an effect says to which of these quantities it adds: see `bp_undoable`.
+An effect's own C file adds to these quantities: see `bp_undoable`.
 """
 
 from __future__ import annotations

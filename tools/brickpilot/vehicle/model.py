@@ -82,7 +82,7 @@ def unit_on(model: Model, info: ParameterInfo) -> str:
 
 
 def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, absent: bool = False) -> tuple[float, str]:
-    """Returns value and basis of one entry; `absent`: this vehicle may lack the parameter, and 0 says so."""
+    """Returns value and basis of one entry; `absent`: 0 is allowed, for a vehicle that lacks this part."""
     table = entry if isinstance(entry, dict) else {"value": entry}
     toml.known_keys(key, table, _ENTRY_KEYS)
     if "value" not in table:

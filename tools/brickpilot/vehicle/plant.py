@@ -30,11 +30,15 @@ _TROUBLE = {
 
 @dataclass(frozen=True)
 class State:
-    """State of a vehicle in SI, frame of the paper; pairs are left and right, a motor uses the first alone.
+    """State of a vehicle in SI and in the paper's frame. Pairs are left and right; a motor uses only the first.
 
-    A coupled vehicle with both wheel speeds 0 gets them from surge and yaw_rate; otherwise the wheel speeds decide.
-    ``age``: s since power-on; ``charge``: C drawn from the battery since then; ``heat``: K of the windings above their
-    surroundings; ``rest``: s at rest before the run, in which they cool.
+    In a coupled vehicle the wheel speeds set surge and yaw_rate, unless both wheel speeds are 0.
+
+    Attributes:
+        age: s since power-on.
+        charge: C drawn from the battery since power-on.
+        heat: K of the windings above their surroundings.
+        rest: s at rest before the run, in which the windings cool.
     """
 
     x: float = 0.0
@@ -72,7 +76,12 @@ class OpenLoopRun:
 
 @dataclass(frozen=True)
 class Simulated:
-    """``outputs``: signal -> (n,), SI, noise-free, those that this vehicle has. ``final``: state at the last sample."""
+    """The result of a simulation.
+
+    Attributes:
+        outputs: signal -> (n,), SI, without noise, for the signals that this vehicle has.
+        final: state at the last sample.
+    """
 
     outputs: dict[str, Array]
     final: State
@@ -84,7 +93,7 @@ def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
 
 
 def build(model: Model) -> Any:
-    """The C model, freed with the returned object. Parameters that `model` leaves out keep their presets.
+    """Returns the C model, which is freed with the returned object. Absent parameters keep their presets.
 
     Raises:
         InputError: a parameter or effect the plant does not know, or a value outside its range.
@@ -115,7 +124,7 @@ def build(model: Model) -> Any:
 
 @dataclass(frozen=True)
 class Undoable:
-    """What of a model's effects the firmware can undo; the fields are explained at `bp_undoable` in the C interface.
+    """The part of a model's effects that the firmware can undo. `bp_undoable` in the C interface explains the fields.
 
     Pairs are left and right.
     """
@@ -134,7 +143,7 @@ class Undoable:
 
 
 def undoable(model: Model) -> Undoable:
-    """Returns what of the model's effects the firmware can undo, added up over them.
+    """Returns the sum over the model's effects of what the firmware can undo.
 
     Raises:
         InputError: as of `build`.
@@ -151,7 +160,7 @@ def _number_or_pair(value: Any) -> Any:
 
 @cache
 def _effect_presets() -> dict[str, dict[str, float]]:
-    """effect -> parameter -> preset, in the table's order."""
+    """Returns effect -> parameter -> preset, in the table's order."""
     return {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
 
 

@@ -1,4 +1,4 @@
-"""Scenario files: what `brickpilot run` flies.
+"""Scenario files, which describe the flights of `brickpilot run`.
 
 A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out.
 """
@@ -32,7 +32,7 @@ _ONLY = {"mission": {"waypoints_m", "cruise_m_s", "start_at_s", "faults"}, "mano
 
 @dataclass(frozen=True)
 class Segment:
-    """From ``from_s`` on the motors get these voltages (V, -20..20; NaN: the motor floats)."""
+    """The motors' voltages from ``from_s`` on (V, -20..20; NaN: the motor floats)."""
 
     from_s: float
     left: float
@@ -41,39 +41,47 @@ class Segment:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One flight. Lengths in m, angles in rad, the paper's frame (x forward, y right, clockwise positive)."""
+    """One flight. Lengths in m, angles in rad, the paper's frame (x forward, y right, clockwise positive).
+
+    Attributes:
+        kind: "mission" or "manoeuvre".
+        duration: s.
+        start: x, y and heading.
+        start_at: s at rest before a mission begins; None: 1 s where the firmware has to learn a gyro bias, else 0.
+        cruise: profile -> m/s.
+        stop_at: m of path after which a manoeuvre shorts both motors.
+        parameters, effects: of the plant, where it differs from the controller's model.
+        faults: between plant and controller, where a link is between them.
+        packaged: whether the scenario comes with the package.
+    """
 
     name: str
     title: str
-    kind: str  # "mission" or "manoeuvre"
-    duration: float  # s
-    start: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y, heading
-    start_at: float | None = (
-        None  # s at rest before a mission begins; None: 1 s where a gyro bias is to be learnt, else 0
-    )
+    kind: str
+    duration: float
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    start_at: float | None = None
     waypoints: tuple[tuple[float, float], ...] = ()
-    cruise: Mapping[str, float] = field(default_factory=dict)  # profile -> m/s
+    cruise: Mapping[str, float] = field(default_factory=dict)
     segments: tuple[Segment, ...] = ()
-    stop_at: float | None = None  # m of path after which a manoeuvre shorts both motors
+    stop_at: float | None = None
     profile: str | None = None
     sensors: str | None = None
     seed: int | None = None
-    parameters: Mapping[str, float] = field(
-        default_factory=dict
-    )  # the plant's, where it differs from the controller's belief
+    parameters: Mapping[str, float] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    faults: tuple[Fault, ...] = ()  # between plant and controller, where a link is between them
-    packaged: bool = False  # comes with the package
+    faults: tuple[Fault, ...] = ()
+    packaged: bool = False
 
 
 def packaged() -> dict[str, Path]:
-    """Name -> file of the scenarios that come with the package."""
+    """Returns name -> file of the scenarios that come with the package."""
     folder = Path(str(resources.files("brickpilot"))) / "scenarios"
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def find(name_or_file: str) -> Path:
-    """The file of a packaged scenario, or a file of the user's own.
+    """Returns the file of a packaged scenario, or the user's own file.
 
     Raises:
         InputError: neither exists.

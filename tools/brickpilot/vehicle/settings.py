@@ -61,7 +61,7 @@ class Setting:
         return round(value * self.format.per_unit)
 
     def value(self, raw: int) -> float:
-        """Returns what the firmware takes `raw` for, SI."""
+        """Returns the value of `raw` in the firmware, SI."""
         return raw / self.format.per_unit
 
 

@@ -148,7 +148,7 @@ def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
 def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) -> float:
     """Returns how odd the runs in `mended` are after the trial's correction.
 
-    They are compared with what their channels say of each other, with the other runs, and with a typical small machine.
+    Their channels are compared with each other, with the other runs, and with a typical small machine.
     `in_all`: the other runs may have the same fault, and are corrected too.
     """
     factors = trial.factors()
