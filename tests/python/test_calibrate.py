@@ -293,7 +293,7 @@ def diverges_where(monkeypatch, condition):
         found = [model for model in models if condition(model)]
         asked.extend(found)
         if found:
-            raise SimulationError("the state grew beyond all bounds", 0, -5)
+            raise SimulationError("the state diverged", 0, -5)
         return simulate(self, models, **options)
 
     monkeypatch.setattr(Replay, "simulate", some)
