@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ def plant(
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:
             names = file.read_text(encoding="utf-8").splitlines()[0].split(",")
-            table = np.genfromtxt(file, delimiter=",", skip_header=1)
+            table = _table(source / file.name).copy()
             for name in columns:
                 at = names.index(name)
                 table[:, at] = change(table[:, at])
@@ -40,6 +41,15 @@ def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str
             file.chmod(0o644)
             file.write_text("\n".join([header, *change(rows)]) + "\n", encoding="utf-8")
     return read(folder)
+
+
+@functools.cache
+def _table(file: Path) -> Column:
+    return np.genfromtxt(file, delimiter=",", skip_header=1)
+
+
+undamaged = functools.cache(read)
+"""Returns the data set of a folder that no test changes; reads it once."""
 
 
 def new_faults(dataset: Dataset, sound: Dataset) -> set[tuple[str, str, str]]:

@@ -278,7 +278,9 @@ def test_a_row_of_a_measured_set_with_two_cells_swapped_is_found(
     name: str, run: str, row: int, cells: tuple[int, int], signals: list[str], measured: Path, tmp_path: Path
 ) -> None:
     dataset = planted.rewritten(measured / name, tmp_path / "s", exchange_cells(row, *cells), run)
-    assert planted.new_faults(dataset, read(measured / name)) == {(run, signal, "swapped") for signal in signals}
+    assert planted.new_faults(dataset, planted.undamaged(measured / name)) == {
+        (run, signal, "swapped") for signal in signals
+    }
 
 
 @needs_data
@@ -313,7 +315,7 @@ def test_a_range_clipped_in_a_measured_set_is_found(
         return np.clip(values, *ends)
 
     dataset = planted.plant(measured / name, tmp_path / "s", [column], clip, run)
-    (found,) = planted.new_faults(dataset, read(measured / name))
+    (found,) = planted.new_faults(dataset, planted.undamaged(measured / name))
     assert found[:2] == (run, signal)
     assert found[2] in {"clipped", "frozen"}  # half of what a motor runs at in all of a run: it never leaves it
     outputs = next(one for one in dataset.runs if one.name == run)
@@ -340,7 +342,7 @@ def test_a_channel_of_a_measured_set_that_freezes_is_found_for_as_long_as_it_doe
         return np.concatenate([values[:start], np.full(stop - start, values[start]), values[stop:]])
 
     dataset = planted.plant(measured / name, tmp_path / "s", [column], freeze, run)
-    assert planted.new_faults(dataset, read(measured / name)) == {(run, signal, "frozen")}
+    assert planted.new_faults(dataset, planted.undamaged(measured / name)) == {(run, signal, "frozen")}
     time = next(one.time for one in dataset.runs if one.name == run)
     (found,) = (fault for fault in dataset.faults if (fault.run, fault.signal, fault.kind) == (run, signal, "frozen"))
     length = part[1] - part[0]

@@ -315,9 +315,7 @@ def test_a_rerun_continues_where_the_last_one_stopped_and_repeats_errors(tmp_pat
     assert maker.made == [["s1", *(f"s{i}" for i in range(3, 10))], ["s0"]]
     assert len(results) == 11
     assert shown[-1] == (10, 11, "s0")
-    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == load(
-        tmp_path / RESULTS
-    )
+    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == load(tmp_path / RESULTS)
 
 
 def test_a_batch_without_any_set_ends_the_benchmark_and_a_single_missing_set_does_not(tmp_path) -> None:
