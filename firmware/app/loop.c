@@ -16,29 +16,29 @@ static void read_sensors(loop_state_t *state)
 
     if (imu_status == HAL_OK || imu_status == HAL_PARTLY) {
         have |= SENSOR_GYRO;
-        state->output.state.sensors.yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
+        state->sensors.yaw_rate_mrad_s = imu.yaw_rate_mrad_s;
     }
     if (SENSOR_POSSIBLE(SENSOR_ACCELEROMETER) && imu_status == HAL_OK) {
         have |= SENSOR_ACCELEROMETER;
-        state->output.state.sensors.accel_surge_mm_s2 = imu.accel_surge_mm_s2;
-        state->output.state.sensors.accel_sway_mm_s2 = imu.accel_sway_mm_s2;
+        state->sensors.accel_surge_mm_s2 = imu.accel_surge_mm_s2;
+        state->sensors.accel_sway_mm_s2 = imu.accel_sway_mm_s2;
     }
     if (SENSOR_POSSIBLE(SENSOR_ROTATION) && hal_rotation_read(&rotation) == HAL_OK) {
         have |= SENSOR_ROTATION;
-        state->output.state.sensors.rotation_left = rotation.left;
-        state->output.state.sensors.rotation_right = rotation.right;
+        state->sensors.rotation_left = rotation.left;
+        state->sensors.rotation_right = rotation.right;
     }
     if (SENSOR_POSSIBLE(SENSOR_REFERENCE) && hal_reference_read(&reference) == HAL_OK) {
         have |= SENSOR_REFERENCE;
-        state->output.state.sensors.reference_x_um = reference.x_um;
-        state->output.state.sensors.reference_y_um = reference.y_um;
-        state->output.state.sensors.reference_heading_bam16 = reference.heading_bam16;
-        state->output.state.sensors.reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
-        state->output.state.sensors.reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
+        state->sensors.reference_x_um = reference.x_um;
+        state->sensors.reference_y_um = reference.y_um;
+        state->sensors.reference_heading_bam16 = reference.heading_bam16;
+        state->sensors.reference_speed_mm_s_q4 = reference.speed_mm_s_q4;
+        state->sensors.reference_yaw_rate_mrad_s = reference.yaw_rate_mrad_s;
     }
-    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&state->output.state.sensors.battery_mv) == HAL_OK)
+    if (SENSOR_POSSIBLE(SENSOR_BATTERY) && hal_battery_read(&state->sensors.battery_mv) == HAL_OK)
         have |= SENSOR_BATTERY;
-    state->output.state.sensors.have = have;
+    state->sensors.have = have;
 }
 
 static void send_telemetry(const loop_config_t *config, loop_state_t *state)
@@ -54,7 +54,7 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         state->until_telemetry = (uint8_t)(every - 1);
         state->next_part = 0;
     }
-    /* As many at once as it takes for a report to be out before the next begins. */
+    /* Several parts in this tick where `every` is short: a report ends before the next one begins. */
     for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
@@ -72,7 +72,7 @@ static void send_heartbeat(loop_state_t *state)
         return;
     }
     state->until_heartbeat = HEARTBEAT_TICKS - 1;
-    telemetry_part(TELEMETRY_HEARTBEAT, state, &message);
+    telemetry_heartbeat(state, &message);
     (void)hal_link_write(&message);
 }
 
@@ -82,12 +82,19 @@ static void take_time(loop_state_t *state)
     state->started = true;
 }
 
-/* Since the tick before; at most 65535. */
+/* Returns the time since the tick before, at most 65535 ms. */
 static uint16_t elapse(loop_state_t *state)
 {
     const uint32_t now_ms = hal_clock_ms(), elapsed_ms = now_ms - state->clock_ms;
     state->clock_ms = now_ms;
     return elapsed_ms > 65535U ? (uint16_t)65535U : (uint16_t)elapsed_ms;
+}
+
+static uint8_t period_ms(uint16_t elapsed_ms)
+{
+    if (elapsed_ms < 1)
+        return 1;
+    return elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS : (uint8_t)elapsed_ms;
 }
 
 void loop_start(loop_state_t *state)
@@ -101,11 +108,11 @@ void loop_heard(loop_state_t *state)
     state->silent_ms = 0;
 }
 
-/* What the clock and the silence of all sensors make of the command. */
+/* The command, or the end of the run where a tick is too late or nothing has been heard for too long. */
 static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint16_t elapsed_ms,
                             mode_command_t command)
 {
-    state->silent_ms = state->output.state.sensors.have != 0 ? 0 : fix_add_u16(state->silent_ms, elapsed_ms);
+    state->silent_ms = state->sensors.have != 0 ? 0 : fix_add_u16(state->silent_ms, elapsed_ms);
     if (state->step.mode.mode != MODE_RUN)
         return command;
     if (state->silent_ms > config->silent_ms) {
@@ -128,13 +135,11 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     elapsed_ms = elapse(state);
     if (elapsed_ms >= 2 * STEP_MS)
         state->late_ticks = fix_count_u16(state->late_ticks);
-    state->output.state.sensors.period_ms = elapsed_ms < 1            ? 1
-                                            : elapsed_ms > LONGEST_MS ? (uint8_t)LONGEST_MS
-                                                                      : (uint8_t)elapsed_ms;
+    state->sensors.period_ms = period_ms(elapsed_ms);
     read_sensors(state);
     command = guard(config, state, elapsed_ms, command);
-    step_run(&config->step, route, &state->step, command, &state->output);
-    hal_motors_write(state->step.mixer.drive.left_q15, state->step.mixer.drive.right_q15);
+    step_run(&config->step, route, &state->step, &state->sensors, command, &state->output);
+    hal_motors_write(state->output.drive.left_q15, state->output.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);
     state->tick++;

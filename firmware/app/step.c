@@ -1,61 +1,76 @@
 #include "app/step.h"
 
+#include "core/bytes.h"
 #include "core/fix.h"
 
-static void take_battery(const step_config_t *config, step_state_t *state, const signals_state_t *signals)
+static void take_battery(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors)
 {
-    if (SIGNALS_HAVE(signals, SENSOR_BATTERY)) {
+    if (SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
         if (config->battery_sags)
-            mixer_correct(&config->mixer, &state->mixer, signals->sensors.battery_mv);
-        state->mixer.battery_mv = signals->sensors.battery_mv;
+            mixer_correct(&config->mixer, &state->mixer, sensors->battery_mv);
+        state->mixer.battery_mv = sensors->battery_mv;
     } else if (state->mixer.battery_mv == 0) {
         state->mixer.battery_mv = config->battery_nominal_mv;
     }
 }
 
-static void estimate(const step_config_t *config, step_state_t *state, signals_state_t *signals)
+/* Moves the model on to now, with the voltages of the step before. */
+static void predict(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
+                    step_output_t *output)
 {
-    state->ahead_ms = (uint8_t)(state->ahead_ms + signals->sensors.period_ms);
+    const signals_drive_t *const drive = &state->mixer.drive;
+
+    state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
     for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
-        body_predict(config->model, &state->model, state->mixer.drive.left_mv, state->mixer.drive.right_mv);
-    signals->predicted = &state->model.motion;
-    signals->driven = state->mixer.drive.left_mv != 0 || state->mixer.drive.right_mv != 0;
-
-    heading_step(&config->heading, &state->heading, signals);
-    body_correct_surge(config->model, &state->model, speed_step(&config->speed, &state->speed, signals));
-    pose_step(&state->pose, signals);
+        body_predict(config->model, &state->model, drive->left_mv, drive->right_mv);
+    bytes_copy(&output->predicted.motion, &state->model.motion, sizeof output->predicted.motion);
+    output->predicted.driven = drive->left_mv != 0 || drive->right_mv != 0;
 }
 
-static void control(const step_config_t *config, step_state_t *state, step_output_t *out)
+static void estimate(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
+                     step_output_t *output)
 {
-    if (!state->mode.los.demand.drive) {
-        pid_stop(&state->speed_pid, &out->speed);
-        pid_stop(&state->heading_pid, &out->heading);
-        return;
+    int32_t correction_mm_s_q17;
+
+    output->estimate.period_ms = sensors->period_ms;
+    heading_step(&config->heading, &state->heading, sensors, &output->predicted, &output->estimate);
+    correction_mm_s_q17 = speed_step(&config->speed, &state->speed, sensors, &output->predicted, &output->estimate);
+    body_correct_surge(config->model, &state->model, correction_mm_s_q17);
+    pose_step(&state->pose, sensors, &output->estimate);
+}
+
+static void control(const step_config_t *config, step_state_t *state, step_output_t *output)
+{
+    pid_input_t input;
+
+    if (!output->demand.drive) {
+        pid_stop(&state->speed_pid, &output->speed_pid);
+        pid_stop(&state->heading_pid, &output->heading_pid);
+    } else {
+        input.period_ms = output->estimate.period_ms;
+        input.error = fix_sub16(output->demand.speed_mm_s_q4, output->estimate.speed_mm_s_q4);
+        input.rate = output->estimate.accel_mm_s2;
+        input.feedforward_mv = fix_gain16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
+        input.saturated = state->mixer.drive.surge_saturated;
+        pid_step(&config->speed_pid, &state->speed_pid, &input, &output->speed_pid);
+
+        input.error = fix_angle_diff_bam16(output->demand.heading_bam16, output->estimate.heading_bam16);
+        input.rate = output->estimate.yaw_rate_mrad_s;
+        input.feedforward_mv = 0;
+        input.saturated = state->mixer.drive.yaw_saturated;
+        pid_step(&config->heading_pid, &state->heading_pid, &input, &output->heading_pid);
     }
-    out->speed.error = fix_sub16(state->mode.los.demand.speed_mm_s_q4, out->state.speed_mm_s_q4);
-    out->speed.rate = out->state.accel_mm_s2;
-    out->speed.feedforward_mv = fix_gain16_q10(config->feedforward_mv_q10, state->mode.los.demand.speed_mm_s_q4);
-    out->speed.saturated = state->mixer.drive.surge_saturated;
-    out->speed.period_ms = out->state.sensors.period_ms;
-    pid_step(&config->speed_pid, &state->speed_pid, &out->speed);
-
-    out->heading.error = fix_angle_diff_bam16(state->mode.los.demand.heading_bam16, out->state.heading_bam16);
-    out->heading.rate = out->state.yaw_rate_mrad_s;
-    out->heading.feedforward_mv = 0;
-    out->heading.saturated = state->mixer.drive.yaw_saturated;
-    out->heading.period_ms = out->state.sensors.period_ms;
-    pid_step(&config->heading_pid, &state->heading_pid, &out->heading);
+    output->effort.surge_mv = output->speed_pid.output_mv;
+    output->effort.yaw_mv = output->heading_pid.output_mv;
 }
 
-void step_run(const step_config_t *config, const route_t *route, step_state_t *state, mode_command_t command,
-              step_output_t *output)
+void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
+              mode_command_t command, step_output_t *output)
 {
-    take_battery(config, state, &output->state);
-    estimate(config, state, &output->state);
-    mode_step(&config->mode, route, &state->mode, &output->state, command);
+    take_battery(config, state, sensors);
+    predict(config, state, sensors, output);
+    estimate(config, state, sensors, output);
+    mode_step(&config->mode, route, &state->mode, &output->estimate, command, &output->demand);
     control(config, state, output);
-    output->effort.surge_mv = output->speed.output_mv;
-    output->effort.yaw_mv = output->heading.output_mv;
-    mixer_step(&config->mixer, &state->mixer, &output->effort, &output->state);
+    mixer_step(&config->mixer, &state->mixer, &output->effort, &output->estimate, &output->drive);
 }

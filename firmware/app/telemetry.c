@@ -1,83 +1,114 @@
 #include "app/telemetry.h"
 
-#include <stddef.h>
-
 #include "core/fix.h"
 #include "wire/codecs_gen.h"
 
-/* Where in the state a byte of a message comes from: from its mode_state_t on, behind which lies all that telemetry tells. A field's bytes
- * go from the lowest on. NONE is 0. */
-#define PLACE(field, n)                                                                                                \
-    (offsetof(loop_state_t, field) - offsetof(loop_state_t, step.mode) + (n)*MESSAGE_UP +                              \
-     MESSAGE_LOWEST(sizeof(((const loop_state_t *)0)->field)))
-#define ONE(field) PLACE(field, 0)
-#define TWO(field) ONE(field), PLACE(field, 1)
-#define FOUR(field) TWO(field), PLACE(field, 2), PLACE(field, 3)
-#define TICK ONE(clock_ms)
-enum { NONE = 255 };
+enum { TICK_AT = WIRE_TELEMETRY_X_TICK_MS_AT, LAST = MESSAGE_DATA_MAX - 1 }; /* the same in each part */
 
-enum { Y = 1, TRACK = 2, DEMAND = 3 };
+/* Puts a number into the message, low byte first, and returns the place behind it. */
+static uint8_t *put16(uint8_t *at, uint16_t value)
+{
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+    return at + 2;
+}
 
-/* Of the parts, and of the heartbeat. */
-static const uint8_t PLACES[TELEMETRY_PARTS + 1][MESSAGE_DATA_MAX] = {
-    {FOUR(output.state.x_um), TWO(output.state.heading_bam16), TICK, ONE(step.mode.los.waypoint)},
-    {FOUR(output.state.y_um), TWO(output.state.speed_mm_s_q4), TICK, NONE},
-    {TWO(output.state.yaw_rate_mrad_s), TWO(step.mode.los.cross_track_mm), TWO(step.mode.los.heading_error_bam16), TICK,
-     ONE(step.mode.mode)},
-    {TWO(step.mode.los.demand.speed_mm_s_q4), TWO(step.mode.los.demand.heading_bam16), TWO(step.mixer.battery_mv), TICK,
-     ONE(step.mode.fault)},
-    {TWO(output.speed.proportional_mv), TWO(output.speed.integral_mv), TWO(output.speed.derivative_mv), TICK, NONE},
-    {TWO(output.heading.proportional_mv), TWO(output.heading.integral_mv), TWO(output.heading.derivative_mv), TICK,
-     NONE},
-    {TWO(output.effort.surge_mv), TWO(output.effort.yaw_mv), NONE, NONE, TICK, NONE},
-    {FOUR(tick), TWO(late_ticks), ONE(step.mode.mode), NONE},
-};
+/* The same of the numbers of a part: bytes 0 to 5. */
+static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t third)
+{
+    put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
+}
+
+static uint8_t *put32(uint8_t *at, int32_t value)
+{
+    return put16(put16(at, (uint16_t)value), (uint16_t)((uint32_t)value >> 16));
+}
+
+static void put_pid(uint8_t *data, const pid_output_t *output)
+{
+    put_three(data, output->proportional_mv, output->integral_mv, output->derivative_mv);
+}
 
 static uint8_t sat_u8(uint16_t value)
 {
     return value > 255U ? (uint8_t)255 : (uint8_t)value;
 }
 
-/* What of the last byte is not in the table. */
-static uint8_t last_of(uint8_t part, const loop_state_t *state)
+static uint8_t track_flags(const mode_state_t *mode, const signals_estimate_t *estimate)
 {
-    const mode_state_t *const mode = &state->step.mode;
-    const signals_drive_t *const drive = &state->step.mixer.drive;
+    uint8_t flags = (uint8_t)(mode->los.phase << WIRE_TELEMETRY_TRACK_PHASE_SHIFT);
 
-    if (part == TELEMETRY_HEARTBEAT)
-        return sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));
-    if (part == Y)
-        return sat_u8(mode->los.overshoots);
-    if (part == TRACK)
-        return (uint8_t)(mode->los.phase << WIRE_TELEMETRY_TRACK_PHASE_SHIFT |
-                         state->output.state.at_rest << WIRE_TELEMETRY_TRACK_AT_REST_SHIFT |
-                         state->output.state.valid << WIRE_TELEMETRY_TRACK_VALID_SHIFT);
-    if (part == DEMAND)
-        return (uint8_t)(((uint8_t)drive->surge_saturated & WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_MASK)
-                             << WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT |
-                         (unsigned)(uint8_t)drive->yaw_saturated << WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT);
-    return 0;
+    flags |= mode->mode;
+    if (estimate->at_rest)
+        flags |= 1U << WIRE_TELEMETRY_TRACK_AT_REST_SHIFT;
+    if (estimate->valid)
+        flags |= 1U << WIRE_TELEMETRY_TRACK_VALID_SHIFT;
+    return flags;
 }
 
-void telemetry_part(uint8_t part, const loop_state_t *state, message_t *message)
+/* Two bits each for -1, 0 and 1. */
+static uint8_t demand_flags(mode_fault_t fault, const signals_drive_t *drive)
+{
+    uint8_t flags = (uint8_t)drive->yaw_saturated;
+
+    flags =
+        (uint8_t)(flags << (WIRE_TELEMETRY_DEMAND_YAW_SATURATED_SHIFT - WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT));
+    flags |= (uint8_t)drive->surge_saturated & WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_MASK;
+    flags = (uint8_t)(flags << WIRE_TELEMETRY_DEMAND_SURGE_SATURATED_SHIFT);
+    return flags | fault;
+}
+
+/* Returns the place of the message's data. */
+static uint8_t *begin(message_t *message, uint16_t id)
+{
+    message->id = id;
+    message->size = MESSAGE_DATA_MAX;
+    return message->data;
+}
+
+void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t *message)
+{
+    uint8_t *const data = begin(message, (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + part)); /* their ids are in order */
+
+    data[TICK_AT] = (uint8_t)state->clock_ms;
+    data[LAST] = 0;
+    switch (part) {
+    case TELEMETRY_X:
+        put16(put32(data, state->output.estimate.x_um), state->output.estimate.heading_bam16);
+        data[LAST] = state->step.mode.los.waypoint;
+        break;
+    case TELEMETRY_Y:
+        put16(put32(data, state->output.estimate.y_um), (uint16_t)state->output.estimate.speed_mm_s_q4);
+        data[LAST] = sat_u8(state->step.mode.los.overshoots);
+        break;
+    case TELEMETRY_TRACK:
+        put_three(data, state->output.estimate.yaw_rate_mrad_s, state->step.mode.los.cross_track_mm,
+                  state->step.mode.los.heading_error_bam16);
+        data[LAST] = track_flags(&state->step.mode, &state->output.estimate);
+        break;
+    case TELEMETRY_DEMAND:
+        put_three(data, state->output.demand.speed_mm_s_q4, (int16_t)state->output.demand.heading_bam16,
+                  (int16_t)state->step.mixer.battery_mv);
+        data[LAST] = demand_flags(state->step.mode.fault, &state->output.drive);
+        break;
+    case TELEMETRY_SPEED:
+        put_pid(data, &state->output.speed_pid);
+        break;
+    case TELEMETRY_HEADING:
+        put_pid(data, &state->output.heading_pid);
+        break;
+    default:
+        put_three(data, state->output.effort.surge_mv, state->output.effort.yaw_mv, 0);
+        break;
+    }
+}
+
+void telemetry_heartbeat(const loop_state_t *state, message_t *message)
 {
     const mode_state_t *const mode = &state->step.mode;
-    const uint8_t *place = PLACES[part];
-    uint8_t *to = message->data;
-    uint8_t left = MESSAGE_DATA_MAX;
+    uint8_t *const data = begin(message, WIRE_HEARTBEAT_FRAME_ID);
 
-    message->id = (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + part);
-    message->size = MESSAGE_DATA_MAX;
-    do {
-        const uint8_t at = *place++;
-        *to = 0;
-        if (at != NONE)
-            *to = ((const uint8_t *)mode)[at];
-        to++;
-    } while (--left > 0);
-    to[-1] |= last_of(part, state);
-    if (part == TELEMETRY_HEARTBEAT) {
-        message->id = WIRE_HEARTBEAT_FRAME_ID;
-        to[-2] |= (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT);
-    }
+    put16(put32(data, (int32_t)state->tick), state->late_ticks);
+    data[WIRE_HEARTBEAT_MODE_AT] = (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT) | mode->mode;
+    data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));
 }

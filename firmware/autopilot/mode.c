@@ -1,15 +1,16 @@
 #include "autopilot/mode.h"
 
+#include "core/bytes.h"
 #include "core/fix.h"
 
-/* With the motors off until guidance demands otherwise. */
+/* Enters a mode with the motors off. In RUN the same step may switch them on. */
 static void enter(mode_state_t *state, mode_name_t mode, mode_fault_t fault)
 {
     state->mode = mode;
     state->fault = fault;
     state->lost_ms = 0;
-    state->los.demand.drive = false;
-    state->los.demand.speed_mm_s_q4 = 0;
+    state->demand.drive = false;
+    state->demand.speed_mm_s_q4 = 0;
 }
 
 static void obey(const route_t *route, mode_state_t *state, mode_command_t command)
@@ -30,23 +31,31 @@ static void obey(const route_t *route, mode_state_t *state, mode_command_t comma
     }
 }
 
-void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
-               mode_command_t command)
+static void steer(const mode_config_t *config, const route_t *route, mode_state_t *state,
+                  const signals_estimate_t *estimate)
 {
-    obey(route, state, command);
-    if (state->mode != MODE_RUN)
-        return;
-    if (!signals->valid) {
-        state->lost_ms = fix_add_u16(state->lost_ms, signals->sensors.period_ms);
+    if (!estimate->valid) {
+        state->lost_ms = fix_add_u16(state->lost_ms, estimate->period_ms);
         if (state->lost_ms > config->lost_ms)
             enter(state, MODE_FAULT, MODE_STATE_LOST);
         return;
     }
     state->lost_ms = 0;
-    state->los.demand.drive = true;
-    los_step(&config->los, route, &state->los, signals);
+    state->demand.drive = true;
+    los_step(&config->los, route, &state->los, estimate, &state->demand);
     if (state->los.status == LOS_ARRIVED)
         enter(state, MODE_ARRIVED, MODE_NO_FAULT);
-    else if (state->los.status != LOS_UNDERWAY) /* the faults of a leg follow each other as guidance's do */
-        enter(state, MODE_FAULT, (mode_fault_t)(state->los.status - LOS_TIMED_OUT + MODE_LEG_TIMED_OUT));
+    else if (state->los.status == LOS_TIMED_OUT)
+        enter(state, MODE_FAULT, MODE_LEG_TIMED_OUT);
+    else if (state->los.status == LOS_OVERSHOT)
+        enter(state, MODE_FAULT, MODE_LEG_OVERSHOT);
+}
+
+void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state,
+               const signals_estimate_t *estimate, mode_command_t command, signals_demand_t *demand)
+{
+    obey(route, state, command);
+    if (state->mode == MODE_RUN)
+        steer(config, route, state, estimate);
+    bytes_copy(demand, &state->demand, sizeof *demand);
 }

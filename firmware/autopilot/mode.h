@@ -1,4 +1,4 @@
-/* mode.h: when the robot drives at all.
+/* mode.h: decides when the robot drives.
  *
  *   IDLE --start--> RUN --last waypoint--> ARRIVED
  *                    '----any reason-----> FAULT
@@ -13,7 +13,7 @@
 
 typedef struct {
     los_config_t los;
-    uint16_t lost_ms; /* the state may be invalid for so long in RUN; the last demand is kept meanwhile */
+    uint16_t lost_ms; /* in RUN the estimate may be invalid for so long; meanwhile the last demand is kept */
 } mode_config_t;
 
 enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 };
@@ -29,21 +29,22 @@ enum {
     MODE_STATE_LOST = 3,
     MODE_COMMANDED = 4,
     MODE_NO_ROUTE = 5, /* started with an empty route */
-    MODE_SILENT = 6    /* cut: neither a sensor nor a command was heard */
+    MODE_SILENT = 6    /* cut: neither a sensor nor a message has come for too long */
 };
 typedef uint8_t mode_fault_t;
 
 /* All zero is IDLE. */
 typedef struct {
+    signals_demand_t demand; /* of the newest step */
     mode_name_t mode;
     mode_fault_t fault; /* why FAULT was entered; cleared by a reset */
-    uint16_t lost_ms;   /* for how long the state has been invalid */
-    los_state_t los;    /* of the last step in RUN; its demand is of every step */
+    uint16_t lost_ms;   /* for so long has the estimate been invalid */
+    los_state_t los;    /* of the newest step in RUN */
 } mode_state_t;
 
-/* One step, of signals->sensors.period_ms, 1..255. `command` acts where the diagram has an arrow for it (abort and cut: in RUN) and
- * is ignored elsewhere. What the robot shall do and how far it is stands in state->mode, ->fault and ->los. */
-void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state, const signals_state_t *signals,
-               mode_command_t command);
+/* One step of estimate->period_ms. `command` acts where the diagram has an arrow for it (abort and cut: in RUN); elsewhere it is
+ * ignored. Sets `demand`: motors off, or speed and heading. */
+void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state,
+               const signals_estimate_t *estimate, mode_command_t command, signals_demand_t *demand);
 
 #endif

@@ -1,22 +1,13 @@
-/* bytes.h: what memcpy and memset are for, without calling the library. */
+/* bytes.h: memcpy() and memset() of the firmware, which calls no library. The compiler would call it to copy a struct. */
 #ifndef BRICKPILOT_CORE_BYTES_H
 #define BRICKPILOT_CORE_BYTES_H
 
 #include <stdint.h>
 
-static inline void bytes_copy(void *to, const void *from, uint16_t size)
-{
-    uint8_t *at = (uint8_t *)to;
-    const uint8_t *read = (const uint8_t *)from;
-    while (size-- > 0)
-        *at++ = *read++;
-}
+/* Copies `size` bytes, 1 or more. `to` and `from` do not overlap. */
+void bytes_copy(void *to, const void *from, uint16_t size);
 
-static inline void bytes_clear(void *what, uint16_t size)
-{
-    uint8_t *at = (uint8_t *)what;
-    while (size-- > 0)
-        *at++ = 0;
-}
+/* Sets `size` bytes, 1 or more, to 0. */
+void bytes_clear(void *what, uint16_t size);
 
 #endif

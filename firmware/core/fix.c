@@ -3,26 +3,23 @@
 #ifndef FIX_IN_ASSEMBLY
 #define BIT31 0x80000000UL
 
-int32_t fix_add_to(int32_t value, int32_t *sum)
+int32_t fix_add32(int32_t a, int32_t b)
 {
-    const int32_t before = *sum;
-    const uint32_t after = (uint32_t)before + (uint32_t)value;
-    const bool overflow = (before < 0) == (value < 0) && (after >= BIT31) != (value < 0);
+    const uint32_t sum = (uint32_t)a + (uint32_t)b;
+    const bool overflow = (a < 0) == (b < 0) && (sum >= BIT31) != (b < 0);
 
     if (overflow)
-        *sum = value < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
-    else
-        *sum = after == BIT31 ? -FIX_INT32_MAX : (int32_t)after;
-    return *sum;
+        return b < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
+    return sum == BIT31 ? -FIX_INT32_MAX : (int32_t)sum;
 }
 
-int32_t fix_less(int32_t value, const int32_t *other)
+int32_t fix_sub32(int32_t a, int32_t b)
 {
-    const uint32_t difference = (uint32_t)value - (uint32_t)*other;
-    const bool overflow = (value < 0) != (*other < 0) && (difference >= BIT31) != (value < 0);
+    const uint32_t difference = (uint32_t)a - (uint32_t)b;
+    const bool overflow = (a < 0) != (b < 0) && (difference >= BIT31) != (a < 0);
 
     if (overflow)
-        return value < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
+        return a < 0 ? -FIX_INT32_MAX : FIX_INT32_MAX;
     return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
 }
 
@@ -31,14 +28,9 @@ int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with)
     return fix_mul(of->x, with->x) + fix_mul(of->y, with->y);
 }
 
-int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15)
+int16_t fix_compare_square(int32_t value, uint16_t root)
 {
-    return fix_round16(fix_dot(of, direction_q15), 15);
-}
-
-int16_t fix_against_square(const int32_t *value, uint16_t root)
-{
-    const int32_t difference = *value - (int32_t)fix_mul_u16(root, root);
+    const int32_t difference = value - (int32_t)fix_mul_u16(root, root);
     return difference < 0 ? -1 : difference > 0;
 }
 
@@ -135,11 +127,6 @@ int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
-int16_t fix_thousandth(int32_t value)
-{
-    return fix_round16(fix_share_q16(value, 16777), 8);
-}
-
 int32_t fix_fraction(int32_t value, uint8_t bits)
 {
     const uint32_t magnitude = fix_abs_u32(value) >> bits;
@@ -151,3 +138,13 @@ uint16_t fix_round_bam16(uint32_t angle_bam32)
     return (uint16_t)((angle_bam32 + (angle_bam32 < BIT31 ? 0x8000UL : 0x7FFFUL)) >> 16);
 }
 #endif
+
+int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15)
+{
+    return fix_round16(fix_dot(of, direction_q15), 15);
+}
+
+int16_t fix_thousandth(int32_t value)
+{
+    return fix_round16(fix_share_q16(value, 16777), 8);
+}

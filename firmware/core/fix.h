@@ -14,8 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: on the RCX all of it, and more, stands in fix_h8.S and the like; the C forms are its definition. FIX_INLINE: what
- * stands before the small functions; there, where each would take 20 to 100 bytes wherever it is used, they are called. */
+/* FIX_IN_ASSEMBLY: on the RCX most functions are in core/h8; their C forms define them. FIX_INLINE: before the small functions,
+ * which are inline but for the RCX, where each would take 20 to 100 bytes wherever it is used. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
 #define FIX_INLINE
@@ -38,21 +38,22 @@ FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
 FIX_INLINE uint16_t fix_abs_u16(int16_t value);
 FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 
-/* Exact signed product. Any operands: at most 2^30 in magnitude. */
+/* Exact signed product and sum. Any operands: the product is at most 2^30 in magnitude. */
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
+FIX_INLINE int32_t fix_sum(int16_t a, int16_t b);
 
 /* Exact scalar product; without -32768. How far `of` goes in a direction: the same / 2^15, to the nearest, halves away from zero,
  * saturated. */
 int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with);
 int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15);
 
-/* *value, 0..2^31-1, as compared with the square of `root`, 0..32768: less than 0, 0, or more. */
-int16_t fix_against_square(const int32_t *value, uint16_t root);
+/* Compares `value`, 0..2^31-1, with the square of `root`, 0..32768: less than 0, 0, or more. */
+int16_t fix_compare_square(int32_t value, uint16_t root);
 
 /* Saturating conversions and sums; any operands. */
 FIX_INLINE int16_t fix_sat16(int32_t value);
-int32_t fix_add_to(int32_t value, int32_t *sum);       /* *sum += value, at most +-(2^31 - 1), which it returns */
-int32_t fix_less(int32_t value, const int32_t *other); /* value - *other, the same */
+int32_t fix_add32(int32_t a, int32_t b);
+int32_t fix_sub32(int32_t a, int32_t b);
 FIX_INLINE int16_t fix_add16(int16_t a, int16_t b);
 FIX_INLINE int16_t fix_sub16(int16_t a, int16_t b);
 

@@ -1,5 +1,5 @@
 /* fix_small.h: the bodies of fix.h's small functions, inline. fix.h includes it at its end, and nothing else does. The RCX does without it:
- * it has these functions in fix_h8.S. */
+ * it has these functions in core/h8. */
 #ifndef BRICKPILOT_CORE_FIX_SMALL_H
 #define BRICKPILOT_CORE_FIX_SMALL_H
 
@@ -16,6 +16,11 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value)
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
 {
     return (int32_t)a * b;
+}
+
+FIX_INLINE int32_t fix_sum(int16_t a, int16_t b)
+{
+    return (int32_t)a + b;
 }
 
 FIX_INLINE int16_t fix_sat16(int32_t value)

@@ -1,15 +1,10 @@
 #include "core/trig.h"
 
+#include "core/curve.h"
 #include "core/fix.h"
+#include "core/turns.h"
 
-/* A curve at 0, 1 .. 256, that never falls. Between every eighth value and the next lies a chord, its slope rounded down; the bends say
- * how far above it the values 1 to 8 after the eighth lie, the first of two in the high half: 194 bytes instead of 514. */
-typedef struct {
-    uint16_t every_8th[33];
-    uint8_t bends[128];
-} curve_t;
-
-/* Not static, and laid out for it: trig_h8.S reads them. */
+/* Not static: h8/trig.S reads them. */
 extern const curve_t trig_sine_q15, trig_arctan_bam16_q2;
 
 /* 32767 sin(i / 256 of a quarter turn): neighbours differ by at most 201, so that a step times a rest is 8 x 8 bits. */
@@ -55,9 +50,6 @@ const curve_t trig_arctan_bam16_q2 = {
 };
 
 #ifndef FIX_IN_ASSEMBLY
-#define QUARTER_TURN 16384U
-#define HALF_TURN 32768U
-
 static uint8_t bend(const curve_t *curve, uint8_t index)
 {
     const uint8_t both = curve->bends[index >> 1];
@@ -79,19 +71,19 @@ static uint16_t value(const curve_t *curve, uint16_t place_q8)
 
 int16_t trig_sin_q15(uint16_t angle_bam16)
 {
-    uint16_t half_bam16 = angle_bam16 & (HALF_TURN - 1U);
+    uint16_t half_bam16 = angle_bam16 & (TURN_HALF - 1);
     int16_t sine_q15 = FIX_INT16_MAX;
 
-    if (half_bam16 > QUARTER_TURN)
-        half_bam16 = (uint16_t)(HALF_TURN - half_bam16);
-    if (half_bam16 != QUARTER_TURN)
+    if (half_bam16 > TURN_QUARTER)
+        half_bam16 = (uint16_t)(TURN_HALF - half_bam16);
+    if (half_bam16 != TURN_QUARTER)
         sine_q15 = (int16_t)value(&trig_sine_q15, (uint16_t)(half_bam16 << 2));
-    return angle_bam16 >= HALF_TURN ? (int16_t)-sine_q15 : sine_q15;
+    return angle_bam16 >= TURN_HALF ? (int16_t)-sine_q15 : sine_q15;
 }
 
 int16_t trig_cos_q15(uint16_t angle_bam16)
 {
-    return trig_sin_q15((uint16_t)(angle_bam16 + QUARTER_TURN));
+    return trig_sin_q15((uint16_t)(angle_bam16 + TURN_QUARTER));
 }
 
 /* Angle of a vector of the first octant, 0..1/8 turn; 0 <= minor <= major. */
@@ -100,13 +92,13 @@ static uint16_t octant_bam16(uint16_t minor, uint16_t major)
     if (minor == 0)
         return 0;
     if (minor == major)
-        return QUARTER_TURN / 2;
+        return TURN_EIGHTH;
     return (uint16_t)(value(&trig_arctan_bam16_q2, (uint16_t)fix_div_u32((uint32_t)minor << 16, major)) + 2U) >> 2;
 }
 
-uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x)
+uint16_t trig_atan2_bam16(int32_t y, int32_t x)
 {
-    uint32_t across = fix_abs_u32(*y), along = fix_abs_u32(*x);
+    uint32_t across = fix_abs_u32(y), along = fix_abs_u32(x);
     uint16_t angle_bam16;
 
     while ((across | along) >> 16 != 0) {
@@ -116,9 +108,9 @@ uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x)
     if (across <= along)
         angle_bam16 = octant_bam16((uint16_t)across, (uint16_t)along);
     else
-        angle_bam16 = (uint16_t)(QUARTER_TURN - octant_bam16((uint16_t)along, (uint16_t)across));
-    if (*x < 0)
-        angle_bam16 = (uint16_t)(HALF_TURN - angle_bam16);
-    return *y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
+        angle_bam16 = (uint16_t)(TURN_QUARTER - octant_bam16((uint16_t)along, (uint16_t)across));
+    if (x < 0)
+        angle_bam16 = (uint16_t)(TURN_HALF - angle_bam16);
+    return y < 0 ? (uint16_t)(0U - angle_bam16) : angle_bam16;
 }
 #endif

@@ -8,8 +8,8 @@
 int16_t trig_sin_q15(uint16_t angle_bam16);
 int16_t trig_cos_q15(uint16_t angle_bam16);
 
-/* Angle of the vector (*x, *y) from x towards y, all four quadrants; exact on the axes and
+/* Angle of the vector (x, y) from x towards y, all four quadrants; exact on the axes and
  * diagonals; any operands. Error at most 0.02 degree. (0, 0) gives 0. atan2(-y, x) = -atan2(y, x) exactly. */
-uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x);
+uint16_t trig_atan2_bam16(int32_t y, int32_t x);
 
 #endif

@@ -2,12 +2,9 @@
 
 #include "core/fix.h"
 
-#ifndef FIX_IN_ASSEMBLY
 void bias_learn(bias_t *bias, int32_t sample, uint8_t slowest_weight_bits, int32_t limit)
 {
     const uint8_t bits = fix_bits(bias->learnt, slowest_weight_bits);
-    fix_add_to(fix_fraction(fix_less(sample, &bias->value), bits), &bias->value);
-    bias->value = fix_clamp32(bias->value, limit);
+    bias->value = fix_clamp32(bias->value + fix_fraction(fix_sub32(sample, bias->value), bits), limit);
     bias->learnt = fix_count_u16(bias->learnt);
 }
-#endif

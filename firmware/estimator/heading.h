@@ -1,12 +1,13 @@
-/* heading.h: heading and yaw rate from the gyro, less the bias found at rest.
+/* heading.h: heading and yaw rate from the gyro, without the bias that is learnt at rest.
  *
  * The bias is learnt from blocks of HEADING_BLOCK_STEPS samples in which nothing moves: both motors get 0 V, the model
- * has come to rest, the rotation sensors (if there are any) do not count, and the gyro's spread is small. The first
- * block sets the bias, the next ones are averaged in, the later the slower. A reference overrides the gyro.
- * The rotation sensors' own heading is not fused: a count is 2 degrees of heading, and an error of 1 % in half-track or
- * wheel radius turns more heading than the gyro's bias does after a rest.
- * What is known of the gyro beforehand, its bias and then its scale, is taken out first, to the nearest mrad/s; learnt
- * is what is left.
+ * has come to rest, the rotation sensors (if there are any) do not count, and the gyro's samples differ little. The
+ * first block sets the bias. Later blocks are averaged in, each with less weight than the one before. A reference
+ * overrides the gyro.
+ * The rotation sensors' own heading is not used: one count is 2 degrees of heading, and an error of 1 % in half-track
+ * or wheel radius turns the heading further than the gyro's bias does after a rest.
+ * The configuration may hold a known bias and a known scale error. They are taken out first, to the nearest mrad/s;
+ * then the bias that remains is learnt.
  * Negate all rates, the known bias and the initial heading, and the output is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_HEADING_H
@@ -19,31 +20,33 @@
 #define HEADING_BIAS_LIMIT_MRAD_S 127
 
 typedef struct {
-    uint16_t quiet_mrad_s;       /* largest difference of two samples in a block taken at rest, 1..32767 */
-    uint16_t rest_speed_mm_s_q4; /* the model rests at or below this, 0..32767 */
-    uint8_t slowest_weight_bits; /* a block counts at least 2^-this, 0..7 */
-    uint16_t blind_ms;           /* so long may the model's yaw rate stand in for the gyro, 0..65000 */
-    int16_t gyro_bias_mrad_s;    /* known: what the gyro says at rest, any */
-    int16_t gyro_scale_q15;      /* known: what its rates lack beside, -32767..32767 = -1..1 of themselves */
+    uint16_t quiet_mrad_s;       /* largest difference of two samples in a block at rest, 1..32767 */
+    uint16_t rest_speed_mm_s_q4; /* at or below this speed the model is at rest, 0..32767 */
+    uint8_t slowest_weight_bits; /* a block has at least the weight 2^-this, 0..7 */
+    uint16_t blind_ms;           /* the model's yaw rate may replace the gyro for so long, 0..65000 */
+    int16_t gyro_bias_mrad_s;    /* known bias: the gyro's reading at rest, any */
+    int16_t gyro_scale_q15;      /* known scale error: true rate = rate * (1 + this), -32767..32767 = -1..1 */
 } heading_config_t;
 
-/* All zero to begin with, or with heading_bam32 set to where the robot points. */
+/* All zero at the start, or heading_bam32 set to the robot's heading. */
 typedef struct {
-    bias_t bias; /* mrad/s q8, of blocks: beside the known one, +-127 mrad/s */
+    bias_t bias; /* mrad/s q8, learnt, in addition to the known one: +-127 mrad/s */
     uint32_t heading_bam32;
     int32_t block_sum_mrad_s;
-    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is left */
+    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is learnt */
     int16_t block_least_mrad_s;
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
     uint16_t blind_ms; /* since the last gyro sample or reference */
     uint8_t block_steps;
+    bool at_rest; /* true from the end of the first quiet block until something moves */
 } heading_state_t;
 
-/* One step of sensors.period_ms (1..20). Takes the sensors, `driven` and the model's surge; its yaw rate where there is no gyro.
- * Sets heading, yaw rate, at_rest, and valid: not blind for longer than blind_ms. The heading is the integral of the mean of two
- * samples: error below 2e-5 of the angle turned, and 2^-8 mrad/s of bias. */
-void heading_step(const heading_config_t *config, heading_state_t *state, signals_state_t *signals);
+/* One step of sensors->period_ms. Sets heading_bam16, yaw_rate_mrad_s, at_rest and valid of `estimate`; valid: not without gyro and
+ * reference for longer than blind_ms. The heading is the integral of the mean of two samples: error below 2e-5 of the
+ * angle turned, and 2^-8 mrad/s of bias. */
+void heading_step(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,
+                  const signals_predicted_t *predicted, signals_estimate_t *estimate);
 
 #endif

@@ -2,9 +2,6 @@
 
 #include "core/fix.h"
 
-#ifdef FIX_IN_ASSEMBLY
-#include "estimator/speed_h8.h"
-#else
 enum {
     Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: (um/s q8) to (mm/s q17) */
     PER_1000_Q24 = 16777,            /* applied as q15, then 9 bits */
@@ -22,43 +19,48 @@ static inline int16_t to_q4(int32_t speed_mm_s_q17)
     return fix_round16(speed_mm_s_q17, 13);
 }
 
-/* The model's; mostly 0. */
-static inline int16_t sway_mm_s_q4(const signals_state_t *signals)
+static inline int16_t sway_mm_s_q4(const signals_predicted_t *predicted)
 {
-    return signals->predicted->sway_mm_s_q17 == 0 ? 0 : to_q4(signals->predicted->sway_mm_s_q17);
+    return predicted->motion.sway_mm_s_q17 == 0 ? 0 : to_q4(predicted->motion.sway_mm_s_q17);
 }
 
-/* Acceleration by eq. 2's Coriolis term: sway that turns. */
-static int16_t turning_mm_s2(const signals_state_t *signals)
+/* Acceleration by eq. 2's Coriolis term, sway times yaw rate. */
+static int16_t turning_mm_s2(const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
-    const int32_t product_q4 = fix_mul(sway_mm_s_q4(signals), signals->yaw_rate_mrad_s);
+    const int32_t product_q4 = fix_mul(sway_mm_s_q4(predicted), yaw_rate_mrad_s);
     return product_q4 == 0 ? 0 : fix_round16(fix_share_q15(product_q4, PER_1000_Q24), 13);
 }
 
-/* The accelerometer, less its bias and what is no change of surge. */
-static int16_t forward_mm_s2(const speed_state_t *state, const signals_state_t *signals)
+/* The accelerometer's reading without its bias, plus the Coriolis term. */
+static int16_t forward_mm_s2(const speed_state_t *state, const signals_sensors_t *sensors,
+                             const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
-    const int16_t felt_mm_s2 = signals->sensors.accel_surge_mm_s2;
+    const int16_t felt_mm_s2 = sensors->accel_surge_mm_s2;
     const int16_t bias_mm_s2 = fix_round16(state->bias.value, 12);
     if (!SIGNALS_SWAY)
         return fix_sub16(felt_mm_s2, bias_mm_s2);
-    return fix_sat16((int32_t)felt_mm_s2 - bias_mm_s2 + turning_mm_s2(signals));
+    return fix_sat16((int32_t)felt_mm_s2 - bias_mm_s2 + turning_mm_s2(predicted, yaw_rate_mrad_s));
 }
 
-/* Change of surge by the accelerometer, mm/s q17: eq. 2, with the specific force for X - D_u. */
-static int32_t felt_change(const speed_state_t *state, const signals_state_t *signals)
+/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force for X - D_u. */
+static int32_t accel_correction(const speed_config_t *config, const speed_state_t *state,
+                                const signals_sensors_t *sensors, const signals_predicted_t *predicted,
+                                int16_t yaw_rate_mrad_s)
 {
-    const int32_t accel_mm_s2_q8 = fix_q8(forward_mm_s2(state, signals));
-    return fix_share_q15(fix_times(accel_mm_s2_q8, signals->sensors.period_ms), Q17_PER_UM_S_Q8_Q15);
+    const int32_t accel_mm_s2_q8 = fix_q8(forward_mm_s2(state, sensors, predicted, yaw_rate_mrad_s));
+    const int32_t felt_change = fix_share_q15(fix_times(accel_mm_s2_q8, sensors->period_ms), Q17_PER_UM_S_Q8_Q15);
+    const int32_t predicted_change = fix_sub32(predicted->motion.surge_mm_s_q17, state->speed_mm_s_q17);
+    return fix_share_q15(fix_sub32(felt_change, predicted_change), config->accel_gain_q15);
 }
 
-static inline int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
+static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
 {
-    const int32_t travel = (int32_t)fix_mul_u16((uint16_t)(fix_abs_u16(counts) << 2), config->count_travel_um_q2);
-    return counts < 0 ? -travel : travel;
+    const int16_t limited = fix_clamp16(counts, MOST_COUNTS);
+    const int32_t travel = (int32_t)fix_mul_u16((uint16_t)(fix_abs_u16(limited) << 2), config->count_travel_um_q2);
+    return limited < 0 ? -travel : travel;
 }
 
-/* Travel of the vehicle's middle by the rotation sensors since the step before. */
+/* Travel of the vehicle's middle since the step before, by the rotation sensors. */
 static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t *state,
                                     const signals_sensors_t *sensors)
 {
@@ -70,84 +72,84 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
     state->rotation_known = true;
     if (!known)
         return 0;
-    const int32_t mean = travel_of_counts_um_q5(config, fix_clamp16(fix_add16(left, right), MOST_COUNTS));
-    const int32_t turned = travel_of_counts_um_q5(config, fix_clamp16(fix_sub16(left, right), MOST_COUNTS));
+    const int32_t mean = travel_of_counts_um_q5(config, fix_add16(left, right));
+    const int32_t turned = travel_of_counts_um_q5(config, fix_sub16(left, right));
     return fix_clamp_q16(mean + fix_share_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
-/* What the accelerometer says on the speed predicted. */
-static void observe_accel(const speed_config_t *config, const speed_state_t *state, const signals_state_t *signals,
-                          int32_t *speed_mm_s_q17)
+/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. */
+static int32_t rotation_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
+                                   signals_estimate_t *estimate)
 {
-    const int32_t predicted_change = fix_less(*speed_mm_s_q17, &state->speed_mm_s_q17);
-    const int32_t surprise = fix_less(felt_change(state, signals), &predicted_change);
-    fix_add_to(fix_share_q15(surprise, config->accel_gain_q15), speed_mm_s_q17);
-}
-
-/* What the rotation sensors say on the speed predicted, and on the travel. */
-static void observe_rotation(const speed_config_t *config, speed_state_t *state, signals_state_t *signals,
-                             int32_t *speed_mm_s_q17)
-{
-    const int32_t counted = counted_travel_um_q5(config, state, &signals->sensors);
-    const int32_t behind = state->behind_um_q5 + counted - signals->travel_um_q5;
+    const int32_t counted = counted_travel_um_q5(config, state, sensors);
+    const int32_t behind = state->behind_um_q5 + counted - estimate->travel_um_q5;
     const int32_t made_up = fix_share_q15(behind, config->behind_to_travel_q15);
-    signals->travel_um_q5 += made_up;
+    estimate->travel_um_q5 += made_up;
     state->behind_um_q5 = fix_clamp32(behind - made_up, SPEED_BEHIND_LIMIT_UM_Q5);
-    fix_add_to(fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15), speed_mm_s_q17);
+    return fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15);
 }
 
-/* Its rate of change, from a step's change. */
+/* The filtered rate of change of speed, after a change of `jump_mm_s_q17` in this step. */
 static int16_t filter_accel(const speed_config_t *config, speed_state_t *state, int32_t jump_mm_s_q17,
                             uint8_t period_ms)
 {
     const int32_t jump = fix_clamp_q16(jump_mm_s_q17, JUMP_LIMIT_MM_S_Q1);
     const int32_t accel_mm_s2_q9 =
         fix_share_q15(fix_share_q15(jump, fix_inverse_q15(period_ms)), MM_S2_Q8_PER_Q17_MS_Q14);
-    const int32_t change = fix_less(2 * accel_mm_s2_q9, &state->accel_mm_s2_q8);
-    return fix_round16(fix_add_to(fix_share_q15(change, config->accel_filter_q15), &state->accel_mm_s2_q8), 8);
+    const int32_t change = 2 * accel_mm_s2_q9 - state->accel_mm_s2_q8;
+    state->accel_mm_s2_q8 += fix_share_q15(change, config->accel_filter_q15);
+    return fix_round16(state->accel_mm_s2_q8, 8);
 }
 
 /* Travel at the mean of two speeds. */
 static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4, uint8_t period_ms)
 {
-    return fix_times((int32_t)before_mm_s_q4 + after_mm_s_q4, period_ms);
+    return fix_times(fix_sum(before_mm_s_q4, after_mm_s_q4), period_ms);
 }
 
-int32_t speed_step(const speed_config_t *config, speed_state_t *state, signals_state_t *signals)
+/* The speed by prediction and sensors, mm/s q17. Sets the forward travel. */
+static int32_t observe(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
+                       const signals_predicted_t *predicted, signals_estimate_t *estimate)
 {
-    int32_t observed = signals->predicted->surge_mm_s_q17;
-    const int16_t predicted_mm_s_q4 = to_q4(observed);
-    const int16_t before_mm_s_q4 = signals->speed_mm_s_q4;
+    int32_t observed = predicted->motion.surge_mm_s_q17;
 
-    signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, predicted_mm_s_q4, signals->sensors.period_ms);
-    if (SIGNALS_HAVE(signals, SENSOR_ACCELEROMETER)) {
-        if (signals->at_rest)
-            bias_learn(&state->bias, fix_mul(signals->sensors.accel_surge_mm_s2, 4096), config->slowest_weight_bits,
+    estimate->travel_um_q5 = travel_um_q5(state->speed_mm_s_q4, to_q4(observed), sensors->period_ms);
+    if (SIGNALS_HAVE(sensors, SENSOR_ACCELEROMETER)) {
+        if (estimate->at_rest)
+            bias_learn(&state->bias, fix_mul(sensors->accel_surge_mm_s2, 4096), config->slowest_weight_bits,
                        BIAS_LIMIT_MM_S2_Q12);
         else
-            observe_accel(config, state, signals, &observed);
+            observed =
+                fix_add32(observed, accel_correction(config, state, sensors, predicted, estimate->yaw_rate_mrad_s));
     }
-    if (SIGNALS_HAVE(signals, SENSOR_ROTATION))
-        observe_rotation(config, state, signals, &observed);
-    if (signals->at_rest) {
+    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION))
+        observed = fix_add32(observed, rotation_correction(config, state, sensors, estimate));
+    if (estimate->at_rest) {
         observed = 0;
-        signals->travel_um_q5 = 0;
+        estimate->travel_um_q5 = 0;
         if (SENSOR_POSSIBLE(SENSOR_ROTATION))
             state->behind_um_q5 = 0;
     }
-    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
-        observed = fix_mul(signals->sensors.reference_speed_mm_s_q4, 8192);
+    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))
+        observed = fix_mul(sensors->reference_speed_mm_s_q4, 8192);
+    return fix_clamp_q16(observed, SPEED_LIMIT_MM_S_Q1);
+}
 
-    const int32_t jump = fix_less(fix_clamp_q16(observed, SPEED_LIMIT_MM_S_Q1), &state->speed_mm_s_q17);
-    signals->speed_mm_s_q4 = to_q4(fix_add_to(jump, &state->speed_mm_s_q17));
-    signals->accel_mm_s2 = filter_accel(config, state, jump, signals->sensors.period_ms);
-    if (SIGNALS_HAVE(signals, SENSOR_REFERENCE))
-        signals->travel_um_q5 = travel_um_q5(before_mm_s_q4, signals->speed_mm_s_q4, signals->sensors.period_ms);
+int32_t speed_step(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
+                   const signals_predicted_t *predicted, signals_estimate_t *estimate)
+{
+    const int32_t observed = observe(config, state, sensors, predicted, estimate);
+
+    estimate->accel_mm_s2 = filter_accel(config, state, observed - state->speed_mm_s_q17, sensors->period_ms);
+    state->speed_mm_s_q17 = observed;
+    estimate->speed_mm_s_q4 = to_q4(observed);
+    if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))
+        estimate->travel_um_q5 = travel_um_q5(state->speed_mm_s_q4, estimate->speed_mm_s_q4, sensors->period_ms);
+    state->speed_mm_s_q4 = estimate->speed_mm_s_q4;
     if (SIGNALS_SWAY) {
-        const int16_t now_mm_s_q4 = sway_mm_s_q4(signals);
-        signals->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, now_mm_s_q4, signals->sensors.period_ms);
+        const int16_t now_mm_s_q4 = sway_mm_s_q4(predicted);
+        estimate->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, now_mm_s_q4, sensors->period_ms);
         state->sway_mm_s_q4 = now_mm_s_q4;
     }
-    return fix_less(state->speed_mm_s_q17, &signals->predicted->surge_mm_s_q17);
+    return fix_sub32(state->speed_mm_s_q17, predicted->motion.surge_mm_s_q17);
 }
-#endif

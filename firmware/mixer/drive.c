@@ -2,13 +2,10 @@
 
 #include "core/fix.h"
 
-#ifndef FIX_IN_ASSEMBLY
 enum { FULL_FROM_MV = 2047 }; /* of which 16 times are more than any size */
 
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s)
 {
-    if (config->half_track_m_q14 == 0)
-        return 0;
     return fix_sat16(fix_fraction(fix_mul(yaw_rate_mrad_s, config->half_track_m_q14), 10));
 }
 
@@ -29,4 +26,3 @@ int16_t drive_voltage_mv(const drive_config_t *config, const drive_side_t *side,
     mv = fix_add16(mv, fix_share16_q15(mv, side->gain_q15));
     return fix_add16(mv, along(mv, config->deadband_mv));
 }
-#endif

@@ -17,7 +17,7 @@
 
 #define DRIVE_STILL_MM_S_Q4 160 /* 10 mm/s */
 
-/* One side; drive_h8.S walks along it: the order counts. */
+/* What is known of one side. */
 typedef struct {
     int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
     int16_t offset_mv;   /* -20000..20000 */

@@ -1,11 +1,11 @@
 #include "mixer/mixer.h"
 
+#include "core/bytes.h"
 #include "core/fix.h"
 
-#ifndef FIX_IN_ASSEMBLY
 enum { VOLTAGE_MAX_MV = 20000 };
 
-/* What a step reckons with: the battery's voltage, and what the motors may have of it. */
+/* The battery's voltage, and the largest voltage that a motor may get. */
 typedef struct {
     uint16_t battery_mv;
     int16_t most_mv;
@@ -36,12 +36,12 @@ static int16_t duty_q15(const supply_t *supply, int16_t needed_mv)
     return motor_mv < 0 ? (int16_t)-magnitude : magnitude;
 }
 
-static void drive_motors(const drive_config_t *config, const supply_t *supply, const signals_state_t *motion,
+static void drive_motors(const drive_config_t *config, const supply_t *supply, const signals_estimate_t *estimate,
                          signals_drive_t *drive)
 {
-    const int16_t turning = drive_turning_mm_s_q4(config, motion->yaw_rate_mrad_s);
-    const int16_t left_mm_s_q4 = fix_add16(motion->speed_mm_s_q4, turning);
-    const int16_t right_mm_s_q4 = fix_sub16(motion->speed_mm_s_q4, turning);
+    const int16_t turning = drive_turning_mm_s_q4(config, estimate->yaw_rate_mrad_s);
+    const int16_t left_mm_s_q4 = fix_add16(estimate->speed_mm_s_q4, turning);
+    const int16_t right_mm_s_q4 = fix_sub16(estimate->speed_mm_s_q4, turning);
 
     drive->left_q15 = duty_q15(supply, drive_voltage_mv(config, &config->left, drive->left_mv, left_mm_s_q4));
     drive->right_q15 = duty_q15(supply, drive_voltage_mv(config, &config->right, drive->right_mv, right_mm_s_q4));
@@ -59,22 +59,21 @@ void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t 
 }
 
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
-                const signals_state_t *motion)
+                const signals_estimate_t *estimate, signals_drive_t *drive)
 {
     const supply_t supply = take_supply(config, state);
     const int16_t unreserved_mv = (int16_t)(supply.most_mv - config->drive.reserve_mv);
     const int16_t available_mv = unreserved_mv < 0 ? 0 : unreserved_mv;
     const int16_t yaw_mv = fix_clamp16(effort->yaw_mv, available_mv);
     const int16_t surge_mv = fix_clamp16(effort->surge_mv, (int16_t)(available_mv - (int16_t)fix_abs_u16(yaw_mv)));
-    signals_drive_t *const drive = &state->drive;
 
-    drive->left_mv = (int16_t)(surge_mv + yaw_mv);
-    drive->right_mv = (int16_t)(surge_mv - yaw_mv);
-    drive->left_q15 = 0;
-    drive->right_q15 = 0;
-    drive->surge_saturated = fix_excess(effort->surge_mv, surge_mv, &state->surge_saturated_steps);
-    drive->yaw_saturated = fix_excess(effort->yaw_mv, yaw_mv, &state->yaw_saturated_steps);
+    state->drive.left_mv = (int16_t)(surge_mv + yaw_mv);
+    state->drive.right_mv = (int16_t)(surge_mv - yaw_mv);
+    state->drive.left_q15 = 0;
+    state->drive.right_q15 = 0;
+    state->drive.surge_saturated = fix_excess(effort->surge_mv, surge_mv, &state->surge_saturated_steps);
+    state->drive.yaw_saturated = fix_excess(effort->yaw_mv, yaw_mv, &state->yaw_saturated_steps);
     if (surge_mv != 0 || yaw_mv != 0)
-        drive_motors(&config->drive, &supply, motion, drive);
+        drive_motors(&config->drive, &supply, estimate, &state->drive);
+    bytes_copy(drive, &state->drive, sizeof *drive);
 }
-#endif

@@ -1,9 +1,9 @@
-/* mixer.h: the two efforts to two motor voltages, those to what this robot's motors need for them, and that to duty.
+/* mixer.h: from the two efforts to two motor voltages, and from these to the duty that this robot's motors need.
  *
- * left = surge + yaw, right = surge - yaw. Heading has priority: yaw gets what voltage there is, surge what is left.
- * Exactly symmetric with a drive whose sides are alike and have no offset: negate yaw and the motors change places;
- * negate both efforts and both outputs are negated (and the motion with them).
- * Never fails: saturates, reports it to the controllers, and counts.
+ * left = surge + yaw, right = surge - yaw. Heading has priority: yaw gets the voltage that there is, surge gets the rest.
+ * Exactly symmetric if the drive's sides are alike and have no offset: negate yaw, and the motors change places; negate
+ * both efforts and the motion, and both outputs are negated.
+ * Never fails: it saturates, reports that to the controllers, and counts.
  */
 #ifndef BRICKPILOT_MIXER_MIXER_H
 #define BRICKPILOT_MIXER_MIXER_H
@@ -11,28 +11,30 @@
 #include "mixer/drive.h"
 
 typedef struct {
-    uint16_t battery_floor_mv; /* a lower reading counts as this; 1000..20000 */
+    uint16_t battery_floor_mv; /* a lower reading counts as this, 1000..20000 */
     int16_t max_duty_q15;      /* 1..32767 = all of the battery voltage */
-    drive_config_t drive;      /* all zero: the motors are the model's */
+    drive_config_t drive;      /* all zero: the motors are those of the model */
 } mixer_config_t;
 
-/* All zero to begin with. Counts are of steps and stay at 65535. */
+/* All zero at the start. Counts are of steps and stay at 65535. */
 typedef struct {
-    signals_drive_t drive; /* what the motors get from the newest step on */
-    uint16_t battery_mv;   /* the newest reading: what the duty is made for */
+    signals_drive_t drive; /* of the newest step, as mixer_correct() has corrected it */
+    uint16_t battery_mv;   /* the newest reading: the duty is computed for it */
     uint16_t surge_saturated_steps;
     uint16_t yaw_saturated_steps;
     uint16_t battery_low_steps; /* the reading was below the floor */
 } mixer_state_t;
 
-/* The duty was made for state->battery_mv; the next reading says what the motors had: the voltages told become those. */
+/* Corrects the voltages of state->drive. Their duty was computed for state->battery_mv; the new reading `battery_mv` says what the
+ * motors really had. */
 void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv);
 
-/* Sets state->drive. state->battery_mv any; above 20000 counts as 20000. Efforts any.
- * Voltages are within battery * max_duty less the drive's reserve, and are those that the model's motors would get;
- * duty is what drive_voltage_mv() makes of them, at most max_duty, over battery, rounded to the nearest 1/32767: the
- * battery's own voltage gives 32767. No effort gives duty 0, whatever the drive. `motion`: speed and yaw rate count. */
+/* Sets `drive`, and keeps a copy in state->drive. state->battery_mv any; above 20000 counts as 20000. Efforts any. Reads
+ * speed and yaw rate of `estimate`.
+ * Voltages are within battery * max_duty minus the drive's reserve; they are what the model's motors would get. Duty is
+ * drive_voltage_mv() of them, at most max_duty, over battery, rounded to the nearest 1/32767: the battery's own voltage
+ * gives 32767. No effort gives duty 0, whatever the drive. */
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
-                const signals_state_t *motion);
+                const signals_estimate_t *estimate, signals_drive_t *drive);
 
 #endif

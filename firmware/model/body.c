@@ -1,8 +1,8 @@
-#include "model/body_parts.h"
+#include "core/fix.h"
+#include "model/body.h"
 
-/* On the RCX body_h8.S has what the profile `coupled` does, and in a build without the other all of this file. */
+/* On the RCX h8/body.S holds the profile `coupled`. In a build without `paper` it replaces all of this file. */
 #ifdef FIX_IN_ASSEMBLY
-#include "model/body_h8.h"
 void body_h8_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 void body_h8_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
 #define predict_coupled body_h8_predict
@@ -11,7 +11,10 @@ void body_h8_correct_surge(const body_coefficients_t *coefficients, body_state_t
 
 #if !defined(FIX_IN_ASSEMBLY) || !defined(BODY_WITHOUT_PAPER)
 
-enum { QUARTER_TURN_BAM16 = 16384, THRUST_TO_SPEED_BITS = 7 };
+#include "core/turns.h"
+#include "model/body_parts.h"
+
+enum { THRUST_TO_SPEED_BITS = 7 };
 
 static inline int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
@@ -50,8 +53,8 @@ static void correct_coupled(const body_coefficients_t *coefficients, body_state_
     motor_state_t *const mean = &state->motor[0];
     const int32_t quarter = scale_apply(&coefficients->quarter_wheel_from_surge, change_mm_s_q17);
     for (uint8_t i = 0; i < 4; i++)
-        fix_add_to(quarter, &mean->speed_mrad_s_q13);
-    mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536);
+        mean->speed_mrad_s_q13 = fix_add32(mean->speed_mrad_s_q13, quarter);
+    mean->speed_mrad_s_q13 = fix_clamp_q16(mean->speed_mrad_s_q13, MOTOR_SPEED_LIMIT_MRAD_S_Q13_HIGH);
     state->motion.surge_mm_s_q17 = scale_apply(&coefficients->surge_from_wheel, mean->speed_mrad_s_q13);
 }
 #endif
@@ -81,10 +84,10 @@ static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
 {
     if (!moves(state->motion.surge_mm_s_q17, state->motion.sway_mm_s_q17))
         return heading_bam16;
-    const uint16_t course_bam16 = trig_atan2_bam16(&state->velocity_y_mm_s_q17, &state->velocity_x_mm_s_q17);
+    const uint16_t course_bam16 = trig_atan2_bam16(state->velocity_y_mm_s_q17, state->velocity_x_mm_s_q17);
     const int16_t astray_bam16 = fix_angle_diff_bam16(course_bam16, heading_bam16);
-    return fix_abs_u16(astray_bam16) <= QUARTER_TURN_BAM16 ? course_bam16
-                                                           : (uint16_t)(2U * heading_bam16 + 32768U - course_bam16);
+    return fix_abs_u16(astray_bam16) <= TURN_QUARTER ? course_bam16
+                                                     : (uint16_t)(2U * heading_bam16 + 32768U - course_bam16);
 }
 
 static void push(body_state_t *state, direction_t along, direction_t ahead, int32_t thrust_mm_s_q24, int32_t drag_surge,
@@ -108,7 +111,7 @@ static void predict_paper(const body_coefficients_t *coefficients, body_state_t 
 
     const direction_t before = direction_of(rounded_heading_bam16(state));
     state->motion.yaw_rate_mrad_s_q12 =
-        fix_clamp_q16(fix_add_to(gain, &state->motion.yaw_rate_mrad_s_q12), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
+        fix_clamp_q16(fix_add32(yaw_rate_before, gain), BODY_YAW_RATE_LIMIT_MRAD_S_Q12 / 65536);
     const uint16_t middle_bam16 = turn(coefficients, state, yaw_rate_before);
     push(state, direction_of(thrust_bam16(state, middle_bam16)), before, left + right,
          drag(coefficients, state->motion.surge_mm_s_q17), drag(coefficients, state->motion.sway_mm_s_q17));

@@ -25,8 +25,9 @@
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 
-/* An image for a brick with little room holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Coefficients of the
- * other must not come to it. */
+/* An image for a small brick holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. It must not be given coefficients of
+ * the other. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and body_correct_surge() alone,
+ * which are all that app/step.c calls. */
 #if defined(BODY_WITHOUT_PAPER)
 #define BODY_ONLY BODY_COUPLED
 #define BODY_IS_PAPER(coefficients) false
@@ -37,34 +38,37 @@ typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 #define BODY_IS_PAPER(coefficients) ((coefficients)->profile == BODY_PAPER)
 #endif
 
-/* Made by the generator from SI values, which also proves that nothing overflows. Units of value and result in
- * brackets. */
+/* The generator makes them from SI values, and proves that nothing overflows. Units of value and result in brackets. */
 typedef struct {
     body_profile_t profile;
-    motor_coefficients_t
-        motor[2]; /* coupled: mean, half difference, with the sum or difference of mV as input; paper: left, right */
-    scale_t drag; /* [(mm/s)^2 q2 to: coupled mrad/s q13 of the mean wheel, paper mm/s q17], per step */
-    scale_t travel_from_speed;        /* [mm/s q17 to um q12], per step */
-    scale_t heading_from_yaw_rate;    /* [mrad/s q12 to bam32], per step */
-    scale_t surge_from_wheel;         /* coupled [mrad/s q13 to mm/s q17] */
-    scale_t quarter_wheel_from_surge; /* coupled, [mm/s q17 to mrad/s q13] and quartered */
+    /* Coupled: mean and half difference, with the sum or difference of mV as input. Paper: left and right. */
+    motor_coefficients_t motor[2];
+    scale_t drag;             /* [(mm/s)^2 q2 to: coupled mrad/s q13 of the mean wheel, paper mm/s q17], per step */
+    scale_t surge_from_wheel; /* coupled [mrad/s q13 to mm/s q17] */
+    scale_t quarter_wheel_from_surge; /* coupled, [mm/s q17 to mrad/s q13] and divided by 4 */
     scale_t yaw_rate_from_wheel;      /* coupled [mrad/s q13 to mrad/s q12] */
-    scale_t thrust_from_voltage;      /* paper [mV to mm/s q24], per step and wheel, for scale_apply16 */
-    scale_t thrust_from_wheel;        /* paper [mrad/s q13 to mm/s q24], per step and wheel */
-    scale_t yaw_rate_from_thrust;     /* paper [mm/s q24 to mrad/s q12] */
+#ifndef BODY_VELOCITY_ONLY
+    scale_t travel_from_speed;     /* [mm/s q17 to um q12], per step */
+    scale_t heading_from_yaw_rate; /* [mrad/s q12 to bam32], per step */
+    scale_t thrust_from_voltage;   /* paper [mV to mm/s q24], per step and wheel, for scale_apply16 */
+    scale_t thrust_from_wheel;     /* paper [mrad/s q13 to mm/s q24], per step and wheel */
+    scale_t yaw_rate_from_thrust;  /* paper [mm/s q24 to mrad/s q12] */
+#endif
 } body_coefficients_t;
 
 /* All zero is a vehicle at rest at the origin. */
 typedef struct {
-    motor_state_t motor[2];      /* as coefficients.motor */
-    int32_t velocity_x_mm_s_q17; /* paper: in the room */
-    int32_t velocity_y_mm_s_q17;
+    motor_state_t motor[2];  /* as coefficients.motor */
     signals_motion_t motion; /* saturates */
-    uint32_t heading_bam32;  /* 2^32 = one turn */
-    int32_t x_um;            /* +-2147 m, saturates */
+#ifndef BODY_VELOCITY_ONLY
+    int32_t velocity_x_mm_s_q17; /* paper: in the room's frame */
+    int32_t velocity_y_mm_s_q17;
+    uint32_t heading_bam32; /* 2^32 = one turn */
+    int32_t x_um;           /* +-2147 m, saturates */
     int32_t y_um;
-    int16_t x_rest_um_q12; /* what x_um leaves out, below 1 um */
+    int16_t x_rest_um_q12; /* the part of x below 1 um */
     int16_t y_rest_um_q12;
+#endif
 } body_state_t;
 
 /* What the two wheels do, whatever the profile. */

@@ -6,7 +6,7 @@ static void move_axis(int32_t *whole_um, int16_t *rest_um_q12, int32_t travel_um
     const uint32_t magnitude = fix_abs_u32(sum);
     const int32_t whole = (int32_t)(magnitude >> 12);
     const int16_t rest = (int16_t)(magnitude & 0xfffU);
-    fix_add_to(sum < 0 ? -whole : whole, whole_um);
+    *whole_um = fix_add32(*whole_um, sum < 0 ? -whole : whole);
     *rest_um_q12 = sum < 0 ? (int16_t)-rest : rest;
 }
 

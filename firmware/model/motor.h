@@ -12,10 +12,10 @@
 #ifndef BRICKPILOT_MODEL_MOTOR_H
 #define BRICKPILOT_MODEL_MOTOR_H
 
+#include "model/limits.h"
 #include "model/scale.h"
 
-#define MOTOR_VOLTAGE_LIMIT_MV 16383
-#define MOTOR_SPEED_LIMIT_MRAD_S_Q13 786432000L /* 96 rad/s: two of them still fit in 31 bits */
+#define MOTOR_SPEED_LIMIT_MRAD_S_Q13 (MOTOR_SPEED_LIMIT_MRAD_S_Q13_HIGH * 65536L)
 
 /* A state's new value or change: the sum of these shares of what there was. The generator refuses parameters with which a sum could pass
  * 2^31 anywhere within the limits above. */

@@ -1,12 +1,13 @@
 #include "wire/crc.h"
 
-/* Does eight steps of the division by the polynomial at once. What they subtract depends only on the upper byte: it is that
- * byte, with its upper half added to its lower half, shifted to each bit of the polynomial. */
+#define POLYNOMIAL 0x1021U
+
 static uint16_t byte_more(uint16_t crc, uint8_t byte)
 {
-    byte ^= (uint8_t)(crc >> 8);
-    byte ^= byte >> 4;
-    return (uint16_t)((crc << 8) ^ byte ^ ((uint16_t)byte << 5) ^ ((uint16_t)byte << 12));
+    crc ^= (uint16_t)(byte << 8);
+    for (uint8_t bits = 8; bits > 0; bits--)
+        crc = (uint16_t)(crc << 1) ^ (crc & 0x8000U ? POLYNOMIAL : 0U);
+    return crc;
 }
 
 uint16_t crc_of_bytes(uint16_t crc, const uint8_t *bytes, uint8_t size)

@@ -57,7 +57,7 @@ def test_the_rcx_port_needs_nothing_but_the_kernel(tmp_path: Path, sensors: str)
     autopilot = [*FIRMWARE, *sorted((ROOT / "hal/rcx").glob("*.c")), TARGET / "main.c", TARGET / "panel.c"]
     autopilot += [ROOT / "hal/wire/crc.c", ROOT / "hal/wire/message.c"]
     recorder = [TARGET / "recorder.c", ROOT / "hal/rcx/motors.c", ROOT / "hal/rcx/sensors.c"]
-    recorder.append(ROOT / "firmware/core/ends_h8.S")
+    recorder.append(ROOT / "firmware/core/h8/frames.S")
     for sources in (autopilot, recorder):
         missing = undefined_after_linking(sources, tmp_path, *PORT, *defines)
         assert "lnp_addressing_write" in missing

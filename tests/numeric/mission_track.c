@@ -155,7 +155,8 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
     route_waypoint_t waypoints[MISSION_WAYPOINTS];
     route_t route;
     step_state_t state = {0};
-    step_output_t output = {.effort = {0}};
+    signals_sensors_t sensors;
+    step_output_t output;
 
     own.mode.los.cruise_mm_s_q4 = (int16_t)lround(mission->cruise * 16e3);
     set_route(mission, waypoints, &route);
@@ -164,10 +165,10 @@ static void fly(const mission_t *mission, const loop_config_t *config, flown_t *
         const bool model = flown->coefficients != NULL;
         const double position[] = {model ? flown->model.x_um * 1e-6 : flown->paper.state.x,
                                    model ? flown->model.y_um * 1e-6 : flown->paper.state.y};
-        sense(flown, &output.state.sensors);
-        step_run(&own, &route, &state, step == 0 ? MODE_START : MODE_NONE, &output);
+        sense(flown, &sensors);
+        step_run(&own, &route, &state, &sensors, step == 0 ? MODE_START : MODE_NONE, &output);
         record(track, mission, step, position, state.mode.los.waypoint, state.mode.mode == MODE_ARRIVED);
-        advance(flown, &state.mixer.drive);
+        advance(flown, &output.drive);
     }
 }
 

@@ -22,30 +22,32 @@ void draw_sensors(signals_sensors_t *sensors)
     sensors->reference_yaw_rate_mrad_s = draw_between(-32767, 32767);
 }
 
-void draw_motion(signals_state_t *motion)
+void draw_estimate(signals_estimate_t *estimate)
 {
-    motion->x_um = draw_s32();
-    motion->y_um = draw_s32();
-    motion->heading_bam16 = (uint16_t)draw_s16();
-    motion->speed_mm_s_q4 = draw_between(-32767, 32767);
-    motion->yaw_rate_mrad_s = draw_between(-32767, 32767);
-    motion->accel_mm_s2 = draw_between(-32767, 32767);
-    motion->at_rest = draw_rarely(1);
-    motion->valid = !draw_rarely(4);
+    estimate->x_um = draw_s32();
+    estimate->y_um = draw_s32();
+    estimate->heading_bam16 = (uint16_t)draw_s16();
+    estimate->speed_mm_s_q4 = draw_between(-32767, 32767);
+    estimate->yaw_rate_mrad_s = draw_between(-32767, 32767);
+    estimate->accel_mm_s2 = draw_between(-32767, 32767);
+    estimate->at_rest = draw_rarely(1);
+    estimate->valid = !draw_rarely(4);
 }
 
-void draw_motion_about(signals_state_t *motion, const route_waypoint_t *waypoint, uint16_t bearing_bam16)
+void draw_estimate_about(signals_estimate_t *estimate, const route_waypoint_t *waypoint, uint16_t bearing_bam16)
 {
     if (draw_rarely(3)) {
         /* 1000 times, without the library: 1024 - 16 - 8 */
         const int32_t x = waypoint->x_mm, y = waypoint->y_mm;
-        motion->x_um = (int32_t)(((uint32_t)x << 10) - ((uint32_t)x << 4) - ((uint32_t)x << 3)) + draw_within(NEAR_UM);
-        motion->y_um = (int32_t)(((uint32_t)y << 10) - ((uint32_t)y << 4) - ((uint32_t)y << 3)) + draw_within(NEAR_UM);
+        estimate->x_um =
+            (int32_t)(((uint32_t)x << 10) - ((uint32_t)x << 4) - ((uint32_t)x << 3)) + draw_within(NEAR_UM);
+        estimate->y_um =
+            (int32_t)(((uint32_t)y << 10) - ((uint32_t)y << 4) - ((uint32_t)y << 3)) + draw_within(NEAR_UM);
     }
-    motion->heading_bam16 = (uint16_t)(bearing_bam16 + (draw_rarely(2) ? (uint16_t)draw_s16() : (draw_u16() & 63U)));
-    motion->speed_mm_s_q4 = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 3U);
-    motion->yaw_rate_mrad_s = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 15U);
-    motion->valid = !draw_rarely(4);
+    estimate->heading_bam16 = (uint16_t)(bearing_bam16 + (draw_rarely(2) ? (uint16_t)draw_s16() : (draw_u16() & 63U)));
+    estimate->speed_mm_s_q4 = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 3U);
+    estimate->yaw_rate_mrad_s = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 15U);
+    estimate->valid = !draw_rarely(4);
 }
 
 void draw_route(route_t *route, route_waypoint_t waypoints[DRAWN_WAYPOINTS])
@@ -126,7 +128,6 @@ void hash_demand(const signals_demand_t *demand)
 
 void hash_los_state(const los_state_t *state)
 {
-    hash_demand(&state->demand);
     hash_s32(state->to_x_um);
     hash_s32(state->to_y_um);
     hash_s16(state->to_mm.x);
@@ -153,21 +154,22 @@ void hash_los_state(const los_state_t *state)
     hash_u32(state->leg_ms);
 }
 
-void hash_mode_state(const mode_state_t *state)
+void hash_mode_state(const mode_state_t *state, const signals_demand_t *demand)
 {
     hash_u8((uint8_t)state->mode);
     hash_u8((uint8_t)state->fault);
     hash_u16(state->lost_ms);
+    hash_demand(demand);
     hash_los_state(&state->los);
 }
 
-void hash_pid_answer(const pid_terms_t *terms)
+void hash_pid_output(const pid_output_t *output)
 {
-    hash_s16(terms->output_mv);
-    hash_s16(terms->proportional_mv);
-    hash_s16(terms->integral_mv);
-    hash_s16(terms->derivative_mv);
-    hash_u8((uint8_t)terms->limited);
+    hash_s16(output->output_mv);
+    hash_s16(output->proportional_mv);
+    hash_s16(output->integral_mv);
+    hash_s16(output->derivative_mv);
+    hash_u8((uint8_t)output->limited);
 }
 
 void hash_drive(const signals_drive_t *drive)

@@ -18,10 +18,10 @@
 #endif
 
 void draw_sensors(signals_sensors_t *sensors);
-void draw_motion(signals_state_t *motion);
+void draw_estimate(signals_estimate_t *estimate);
 
-/* Moves on what draw_motion() drew: a robot about `waypoint`, that looks more or less along `bearing_bam16`. */
-void draw_motion_about(signals_state_t *motion, const route_waypoint_t *waypoint, uint16_t bearing_bam16);
+/* Moves on what draw_estimate() drew: a robot about `waypoint`, that looks more or less along `bearing_bam16`. */
+void draw_estimate_about(signals_estimate_t *estimate, const route_waypoint_t *waypoint, uint16_t bearing_bam16);
 
 enum { DRAWN_WAYPOINTS = 8 };
 
@@ -32,8 +32,8 @@ void draw_drive_config(drive_config_t *config);
 
 void hash_body_state(const body_state_t *state);
 void hash_los_state(const los_state_t *state);
-void hash_mode_state(const mode_state_t *state);
-void hash_pid_answer(const pid_terms_t *terms);
+void hash_mode_state(const mode_state_t *state, const signals_demand_t *demand);
+void hash_pid_output(const pid_output_t *output);
 void hash_drive(const signals_drive_t *drive);
 void hash_demand(const signals_demand_t *demand);
 

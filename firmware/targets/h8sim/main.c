@@ -44,8 +44,7 @@ static void take(const message_t *message)
         if (is_due())
             loop_tick(&commands.parameters.config, &commands.route, &loop, commands_next(&commands));
         else
-            hal_motors_write(loop.step.mixer.drive.left_q15,
-                             loop.step.mixer.drive.right_q15); /* the motors keep their duty */
+            hal_motors_write(loop.output.drive.left_q15, loop.output.drive.right_q15); /* the motors keep their duty */
         link_stepped(&port);
     }
     while (link_give(&port, &answer)) {

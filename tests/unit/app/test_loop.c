@@ -78,8 +78,8 @@ static void test_loop_believes_the_same_way_at_any_period(void)
         run(200, 3, MODE_NONE);
         run((int)(1440 / period_ms), period_ms, MODE_START);
         if (period_ms == 3)
-            on_time_um = state.output.state.x_um;
-        TEST_ASSERT_INT32_WITHIN(20000, on_time_um, state.output.state.x_um);
+            on_time_um = state.output.estimate.x_um;
+        TEST_ASSERT_INT32_WITHIN(20000, on_time_um, state.output.estimate.x_um);
     }
     TEST_ASSERT_GREATER_THAN_INT32(100000, on_time_um);
 }
@@ -119,7 +119,7 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
     port.imu_status = port.rotation_status = HAL_OK;
     port.reference_status = port.battery_status = HAL_ABSENT;
     run(300, 3, MODE_NONE);
-    TEST_ASSERT_TRUE(state.output.state.at_rest);
+    TEST_ASSERT_TRUE(state.output.estimate.at_rest);
     TEST_ASSERT_EQUAL_UINT16(config.step.battery_nominal_mv, state.step.mixer.battery_mv);
     for (int i = 0; i < 167; i++) { /* a hand that turns the robot is not steady */
         port.imu.yaw_rate_mrad_s = 800;
@@ -127,7 +127,7 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
         port.imu.yaw_rate_mrad_s = 1200;
         run(1, 3, MODE_NONE);
     }
-    TEST_ASSERT_INT16_WITHIN(40, 10451, (int16_t)state.output.state.heading_bam16); /* 1.002 rad */
+    TEST_ASSERT_INT16_WITHIN(40, 10451, (int16_t)state.output.estimate.heading_bam16); /* 1.002 rad */
 }
 
 static void test_loop_takes_a_gyro_without_an_accelerometer(void)
@@ -139,7 +139,7 @@ static void test_loop_takes_a_gyro_without_an_accelerometer(void)
     port.imu.yaw_rate_mrad_s = 700;
     run(100, 3, MODE_NONE);
     TEST_ASSERT_INT16_WITHIN(128, 700,
-                             state.output.state.yaw_rate_mrad_s); /* what is steady counts as bias, up to 127 */
+                             state.output.estimate.yaw_rate_mrad_s); /* what is steady counts as bias, up to 127 */
     TEST_ASSERT_EQUAL_INT32(0, state.step.speed.speed_mm_s_q17);
 }
 

@@ -36,12 +36,12 @@ static void test_telemetry_carries_the_estimate(void)
     state->mode.los.overshoots = 300;
     state->mode.los.cross_track_mm = -321;
     state->mode.los.heading_error_bam16 = -3000;
-    output->state = (signals_state_t){.x_um = -1234567,
-                                      .y_um = 7654321,
-                                      .heading_bam16 = 50000,
-                                      .speed_mm_s_q4 = -4321,
-                                      .yaw_rate_mrad_s = -99,
-                                      .at_rest = true};
+    output->estimate = (signals_estimate_t){.x_um = -1234567,
+                                            .y_um = 7654321,
+                                            .heading_bam16 = 50000,
+                                            .speed_mm_s_q4 = -4321,
+                                            .yaw_rate_mrad_s = -99,
+                                            .at_rest = true};
     pack();
     wire_telemetry_x_unpack(&x, parts[0].data, 8);
     wire_telemetry_y_unpack(&y, parts[1].data, 8);
@@ -68,11 +68,11 @@ static void test_telemetry_carries_demands_and_efforts(void)
     struct wire_telemetry_heading_t heading;
     struct wire_telemetry_effort_t effort;
     state->mode.fault = MODE_SILENT;
-    state->mode.los.demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
-    state->mixer.drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
+    output->demand = (signals_demand_t){.speed_mm_s_q4 = 4800, .heading_bam16 = 40000};
+    output->drive = (signals_drive_t){.surge_saturated = -1, .yaw_saturated = 1};
     state->mixer.battery_mv = 8765;
-    output->speed = (pid_terms_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
-    output->heading = (pid_terms_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
+    output->speed_pid = (pid_output_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
+    output->heading_pid = (pid_output_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
     output->effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
     pack();
     wire_telemetry_demand_unpack(&demand, parts[3].data, 8);
@@ -113,7 +113,7 @@ static void test_heartbeat_tells_mode_and_counts(void)
     loop.late_ticks = 500;
     loop.aborted_late = 65000;
     loop.aborted_silent = 1000;
-    telemetry_part(TELEMETRY_HEARTBEAT, &loop, &message);
+    telemetry_heartbeat(&loop, &message);
     TEST_ASSERT_EQUAL_UINT16(WIRE_HEARTBEAT_FRAME_ID, message.id);
     wire_heartbeat_unpack(&heartbeat, message.data, 8);
     TEST_ASSERT_EQUAL_HEX32(0x01020304, heartbeat.tick);

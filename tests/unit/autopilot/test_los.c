@@ -36,8 +36,8 @@ static void test_los_steers_to_the_bearing_of_eq_22(void)
         set_route(&there, 1);
         step_at(123.0, -45.0, 0.0);
         const double bearing = atan2(there.y_mm + 45.0, there.x_mm - 123.0);
-        TEST_ASSERT_INT16_WITHIN(2, 0, fix_angle_diff_bam16(bam16(bearing), state.demand.heading_bam16));
-        TEST_ASSERT_EQUAL_INT16((int16_t)state.demand.heading_bam16, state.heading_error_bam16);
+        TEST_ASSERT_INT16_WITHIN(2, 0, fix_angle_diff_bam16(bam16(bearing), demand.heading_bam16));
+        TEST_ASSERT_EQUAL_INT16((int16_t)demand.heading_bam16, state.heading_error_bam16);
     }
 }
 
@@ -58,7 +58,7 @@ static void test_los_speed_follows_the_root_of_the_distance_between_creep_and_cr
     for (int distance = 29000; distance > 1; distance -= 1 + distance / 200) {
         step_at(30000.0 - distance, 0.0, 0.0);
         const double wanted = fmin(fmax(sqrt(2.0 * 800.0 * distance), 60.0), 600.0);
-        TEST_ASSERT_DOUBLE_WITHIN(0.07, wanted, state.demand.speed_mm_s_q4 / 16.0);
+        TEST_ASSERT_DOUBLE_WITHIN(0.07, wanted, demand.speed_mm_s_q4 / 16.0);
     }
 }
 
@@ -69,7 +69,7 @@ static void test_los_farthest_waypoint_is_approached_at_cruise_speed(void)
     config.cruise_mm_s_q4 = INT16_MAX;
     config.decel_mm_s2 = 32767;
     step_at(-2000.0, -2000.0, 45.0);
-    TEST_ASSERT_EQUAL_INT16(INT16_MAX, state.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(INT16_MAX, demand.speed_mm_s_q4);
 }
 
 static void test_los_cross_track_is_positive_right_of_the_leg(void)
@@ -94,13 +94,13 @@ static void test_los_bearing_does_not_swing_near_the_waypoint(void)
     set_route(AHEAD, 1);
     step_at(0.0, 0.0, 0.0);
     step_at(855.0, 40.0, 0.0);
-    const uint16_t outside = state.demand.heading_bam16;
+    const uint16_t outside = demand.heading_bam16;
     step_at(890.0, 60.0, 0.0);
     TEST_ASSERT_UINT16_WITHIN(1, 0, outside);
-    TEST_ASSERT_EQUAL_UINT16(outside, state.demand.heading_bam16);
+    TEST_ASSERT_EQUAL_UINT16(outside, demand.heading_bam16);
     config.bearing_hold_mm = 0;
     step_at(890.0, 60.0, 0.0);
-    TEST_ASSERT_NOT_EQUAL(outside, state.demand.heading_bam16);
+    TEST_ASSERT_NOT_EQUAL(outside, demand.heading_bam16);
 }
 
 static void test_los_accepts_at_the_radius_and_not_beyond(void)
@@ -118,7 +118,7 @@ static void test_los_turns_off_a_large_heading_error_at_rest(void)
     TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
     step_at(10.0, 10.0, 80.0);
     TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
-    TEST_ASSERT_EQUAL_UINT16(bam16(80.0 * TURN / 360.0), state.demand.heading_bam16);
+    TEST_ASSERT_EQUAL_UINT16(bam16(80.0 * TURN / 360.0), demand.heading_bam16);
 }
 
 static void test_los_takes_the_ends_of_every_range(void)
@@ -131,16 +131,16 @@ static void test_los_takes_the_ends_of_every_range(void)
     set_route(CORNERS, 2);
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++) {
-            const signals_state_t far = {.x_um = PLACES_UM[i],
-                                         .y_um = PLACES_UM[j],
-                                         .speed_mm_s_q4 = INT16_MIN,
-                                         .yaw_rate_mrad_s = INT16_MIN,
-                                         .heading_bam16 = 32768,
-                                         .valid = true,
-                                         .sensors.period_ms = 255};
+            const signals_estimate_t far = {.x_um = PLACES_UM[i],
+                                            .y_um = PLACES_UM[j],
+                                            .speed_mm_s_q4 = INT16_MIN,
+                                            .yaw_rate_mrad_s = INT16_MIN,
+                                            .heading_bam16 = 32768,
+                                            .valid = true,
+                                            .period_ms = 255};
             los_reset(&state);
-            los_step(&config, &route, &state, &far);
-            TEST_ASSERT_GREATER_OR_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+            los_step(&config, &route, &state, &far, &demand);
+            TEST_ASSERT_GREATER_OR_EQUAL_INT16(0, demand.speed_mm_s_q4);
         }
 }
 

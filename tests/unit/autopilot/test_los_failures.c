@@ -10,7 +10,7 @@ static void test_los_leg_that_takes_too_long_ends_the_route(void)
     step();
     TEST_ASSERT_EQUAL(LOS_TIMED_OUT, state.status);
     TEST_ASSERT_EQUAL(LOS_END, state.phase);
-    TEST_ASSERT_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
 }
 
 static void test_los_ended_route_stays_ended_until_reset(void)

@@ -50,13 +50,13 @@ static void test_los_stops_before_it_turns_and_turns_before_it_drives(void)
         if (state.phase != last)
             phases[state.phase]++;
         if (state.phase == LOS_BRAKE) {
-            TEST_ASSERT_EQUAL_UINT16(state.hold_heading_bam16, state.demand.heading_bam16);
-            TEST_ASSERT_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+            TEST_ASSERT_EQUAL_UINT16(state.hold_heading_bam16, demand.heading_bam16);
+            TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
         }
         if (state.phase == LOS_TURN) {
             TEST_ASSERT_TRUE(last == LOS_BRAKE || last == LOS_TURN);
             TEST_ASSERT_TRUE(fabs(robot.speed_mm_s) <= 10.0);
-            TEST_ASSERT_EQUAL_INT16(0, state.demand.speed_mm_s_q4);
+            TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
         }
         if (state.phase == LOS_DRIVE && last == LOS_TURN)
             TEST_ASSERT_INT16_WITHIN(364, 0, state.heading_error_bam16);

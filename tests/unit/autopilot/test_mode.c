@@ -7,7 +7,8 @@ static const route_waypoint_t WAYPOINTS[] = {{1000, 0}, {2000, 0}};
 static mode_config_t config;
 static route_t route;
 static mode_state_t state;
-static signals_state_t signals;
+static signals_estimate_t estimate;
+static signals_demand_t demand;
 
 void setUp(void)
 {
@@ -20,21 +21,21 @@ void setUp(void)
                                      .leg_timeout_ms = 10000},
                              .lost_ms = 30};
     state = (mode_state_t){0};
-    signals = (signals_state_t){.valid = true};
+    estimate = (signals_estimate_t){.period_ms = PERIOD_MS, .valid = true};
+    demand = (signals_demand_t){0};
     TEST_ASSERT_EQUAL(ROUTE_OK, route_set(&route, WAYPOINTS, 2));
 }
 void tearDown(void) {}
 
 static void step(mode_command_t command)
 {
-    signals.sensors.period_ms = PERIOD_MS;
-    mode_step(&config, &route, &state, &signals, command);
+    mode_step(&config, &route, &state, &estimate, command, &demand);
 }
 
 static void step_at_mm(int32_t x_mm, int32_t y_mm)
 {
-    signals.x_um = x_mm * 1000;
-    signals.y_um = y_mm * 1000;
+    estimate.x_um = x_mm * 1000;
+    estimate.y_um = y_mm * 1000;
     step(MODE_NONE);
 }
 
@@ -42,8 +43,8 @@ static void assert_stopped(mode_name_t mode, mode_fault_t fault)
 {
     TEST_ASSERT_EQUAL(mode, state.mode);
     TEST_ASSERT_EQUAL(fault, state.fault);
-    TEST_ASSERT_FALSE(state.los.demand.drive);
-    TEST_ASSERT_EQUAL_INT16(0, state.los.demand.speed_mm_s_q4);
+    TEST_ASSERT_FALSE(demand.drive);
+    TEST_ASSERT_EQUAL_INT16(0, demand.speed_mm_s_q4);
 }
 
 static void test_mode_idles_with_motors_off_until_started(void)
@@ -60,17 +61,17 @@ static void test_mode_start_drives_in_the_same_step(void)
 {
     step(MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-    TEST_ASSERT_TRUE(state.los.demand.drive);
-    TEST_ASSERT_EQUAL_INT16(4000, state.los.demand.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_UINT16(0, state.los.demand.heading_bam16);
+    TEST_ASSERT_TRUE(demand.drive);
+    TEST_ASSERT_EQUAL_INT16(4000, demand.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_UINT16(0, demand.heading_bam16);
 }
 
 static void test_mode_passes_the_heading_on(void)
 {
-    signals.heading_bam16 = 1000;
-    signals.y_um = -100000;
+    estimate.heading_bam16 = 1000;
+    estimate.y_um = -100000;
     step(MODE_START);
-    TEST_ASSERT_UINT16_WITHIN(2, 1040, state.los.demand.heading_bam16);
+    TEST_ASSERT_UINT16_WITHIN(2, 1040, demand.heading_bam16);
 }
 
 static void test_mode_arrives_at_the_last_waypoint_and_stays(void)
@@ -128,11 +129,11 @@ static void test_mode_empty_route_is_a_fault(void)
 static void test_mode_keeps_the_last_demand_while_the_state_is_briefly_lost(void)
 {
     step(MODE_START);
-    signals.valid = false;
+    estimate.valid = false;
     for (int i = 0; i < 10; i++) {
         step(MODE_NONE);
         TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-        TEST_ASSERT_EQUAL_INT16(4000, state.los.demand.speed_mm_s_q4);
+        TEST_ASSERT_EQUAL_INT16(4000, demand.speed_mm_s_q4);
     }
     step(MODE_NONE);
     assert_stopped(MODE_FAULT, MODE_STATE_LOST);
@@ -142,7 +143,7 @@ static void test_mode_lost_time_begins_anew_with_each_valid_state(void)
 {
     step(MODE_START);
     for (int i = 0; i < 100; i++) {
-        signals.valid = i % 10 == 0;
+        estimate.valid = i % 10 == 0;
         step(MODE_NONE);
     }
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
@@ -150,10 +151,10 @@ static void test_mode_lost_time_begins_anew_with_each_valid_state(void)
 
 static void test_mode_without_a_state_starts_with_motors_off_and_gives_up(void)
 {
-    signals.valid = false;
+    estimate.valid = false;
     step(MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
-    TEST_ASSERT_FALSE(state.los.demand.drive);
+    TEST_ASSERT_FALSE(demand.drive);
     for (int i = 0; i < 10; i++)
         step(MODE_NONE);
     assert_stopped(MODE_FAULT, MODE_STATE_LOST);
@@ -162,7 +163,7 @@ static void test_mode_without_a_state_starts_with_motors_off_and_gives_up(void)
 static void test_mode_lost_time_begins_anew_with_each_start(void)
 {
     step(MODE_START);
-    signals.valid = false;
+    estimate.valid = false;
     for (int i = 0; i < 9; i++)
         step(MODE_NONE);
     step(MODE_ABORT);

@@ -41,6 +41,7 @@ typedef struct {
 static los_config_t config;
 static route_t route;
 static los_state_t state;
+static signals_demand_t demand;
 static unicycle_t robot;
 
 /* The robot at the origin, at rest, pointing along x, with the paper's route before it. */
@@ -49,6 +50,7 @@ void setUp(void)
     config = CONFIG;
     robot = (unicycle_t){.brake_mm_s2 = 1500.0};
     state = (los_state_t){0};
+    demand = (signals_demand_t){0};
     los_reset(&state);
     TEST_ASSERT_EQUAL(ROUTE_OK, route_set(&route, PAPER, 8));
 }
@@ -59,23 +61,24 @@ static inline uint16_t bam16(double radians)
     return (uint16_t)(int32_t)lround(remainder(radians, TURN) * 65536.0 / TURN);
 }
 
-static inline signals_state_t sensed(void)
+static inline signals_estimate_t estimated(void)
 {
-    return (signals_state_t){.x_um = (int32_t)lround(robot.x_mm * 1000.0),
-                             .y_um = (int32_t)lround(robot.y_mm * 1000.0),
-                             .heading_bam16 = bam16(robot.heading),
-                             .speed_mm_s_q4 = (int16_t)lround(robot.speed_mm_s * 16.0),
-                             .yaw_rate_mrad_s = (int16_t)lround(robot.yaw_rate * 1000.0),
-                             .valid = true};
+    return (signals_estimate_t){.x_um = (int32_t)lround(robot.x_mm * 1000.0),
+                                .y_um = (int32_t)lround(robot.y_mm * 1000.0),
+                                .heading_bam16 = bam16(robot.heading),
+                                .speed_mm_s_q4 = (int16_t)lround(robot.speed_mm_s * 16.0),
+                                .yaw_rate_mrad_s = (int16_t)lround(robot.yaw_rate * 1000.0),
+                                .period_ms = PERIOD_MS,
+                                .valid = true};
 }
 
 static inline void drive(double period_s)
 {
-    const double wanted = state.phase != LOS_END ? state.demand.speed_mm_s_q4 / 16.0 : 0.0;
+    const double wanted = state.phase != LOS_END ? demand.speed_mm_s_q4 / 16.0 : 0.0;
     const double change = wanted - robot.speed_mm_s;
     const double most = robot.brake_mm_s2 * period_s;
     robot.speed_mm_s += fmin(fmax(change, -most), most);
-    const double error = fix_angle_diff_bam16(state.demand.heading_bam16, bam16(robot.heading)) * TURN / 65536.0;
+    const double error = fix_angle_diff_bam16(demand.heading_bam16, bam16(robot.heading)) * TURN / 65536.0;
     robot.yaw_rate = state.phase != LOS_END ? fmin(fmax(8.0 * error, -3.0), 3.0) : 0.0;
     robot.heading += robot.yaw_rate * period_s;
     robot.x_mm += robot.speed_mm_s * cos(robot.heading) * period_s;
@@ -84,9 +87,8 @@ static inline void drive(double period_s)
 
 static inline void step(void)
 {
-    signals_state_t signals = sensed();
-    signals.sensors.period_ms = PERIOD_MS;
-    los_step(&config, &route, &state, &signals);
+    const signals_estimate_t estimate = estimated();
+    los_step(&config, &route, &state, &estimate, &demand);
 }
 
 /* Moves on until `status` is other than underway or the time is over. */

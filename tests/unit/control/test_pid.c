@@ -13,10 +13,11 @@ void setUp(void)
 }
 void tearDown(void) {}
 
-static pid_terms_t step(const pid_config_t *config, pid_terms_t terms)
+static pid_output_t step(const pid_config_t *config, pid_input_t input)
 {
-    pid_step(config, &state, &terms);
-    return terms;
+    pid_output_t output;
+    pid_step(config, &state, &input, &output);
+    return output;
 }
 
 /* A 16-bit number that depends on its place in the sequence alone; never INT16_MIN. */
@@ -28,9 +29,9 @@ static int16_t scatter(uint32_t index)
     return (int16_t)((int32_t)(mixed >> 16) - 32768 + ((mixed >> 16) == 0));
 }
 
-static pid_terms_t scattered_input(uint32_t index)
+static pid_input_t scattered_input(uint32_t index)
 {
-    return (pid_terms_t){
+    return (pid_input_t){
         .error = (int16_t)(scatter(4 * index) / 16),
         .rate = (int16_t)(scatter(4 * index + 1) / 16),
         .feedforward_mv = (int16_t)(scatter(4 * index + 2) / 16),
@@ -43,7 +44,7 @@ static void test_pid_proportional_part_is_gain_times_error(void)
 {
     const pid_config_t config = {.kp_mv_q10 = 3000, .limit_mv = 20000};
     for (int error = -6000; error <= 6000; error++) {
-        const pid_terms_t output = step(&config, (pid_terms_t){.error = (int16_t)error, .period_ms = 3});
+        const pid_output_t output = step(&config, (pid_input_t){.error = (int16_t)error, .period_ms = 3});
         TEST_ASSERT_EQUAL_INT16(lround(error * 3000.0 / 1024.0), output.output_mv);
         TEST_ASSERT_EQUAL_INT16(output.output_mv, output.proportional_mv);
     }
@@ -52,22 +53,22 @@ static void test_pid_proportional_part_is_gain_times_error(void)
 static void test_pid_derivative_part_opposes_the_rate_of_the_measurement(void)
 {
     const pid_config_t config = {.kd_mv_q10 = 1536, .limit_mv = 20000};
-    TEST_ASSERT_EQUAL_INT16(-1500, step(&config, (pid_terms_t){.rate = 1000, .period_ms = 3}).output_mv);
-    TEST_ASSERT_EQUAL_INT16(1500, step(&config, (pid_terms_t){.rate = -1000, .period_ms = 3}).derivative_mv);
+    TEST_ASSERT_EQUAL_INT16(-1500, step(&config, (pid_input_t){.rate = 1000, .period_ms = 3}).output_mv);
+    TEST_ASSERT_EQUAL_INT16(1500, step(&config, (pid_input_t){.rate = -1000, .period_ms = 3}).derivative_mv);
 }
 
 static void test_pid_feedforward_is_added(void)
 {
-    const pid_terms_t without = step(&CONFIG, (pid_terms_t){.error = 500, .period_ms = 3});
+    const pid_output_t without = step(&CONFIG, (pid_input_t){.error = 500, .period_ms = 3});
     state = (pid_state_t){0};
-    const pid_terms_t with = step(&CONFIG, (pid_terms_t){.error = 500, .feedforward_mv = -1234, .period_ms = 3});
+    const pid_output_t with = step(&CONFIG, (pid_input_t){.error = 500, .feedforward_mv = -1234, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT16(without.output_mv - 1234, with.output_mv);
 }
 
 static void test_pid_new_demand_causes_no_derivative_kick(void)
 {
-    const pid_terms_t before = step(&CONFIG, (pid_terms_t){.error = 0, .rate = 100, .period_ms = 3});
-    const pid_terms_t after = step(&CONFIG, (pid_terms_t){.error = 2000, .rate = 100, .period_ms = 3});
+    const pid_output_t before = step(&CONFIG, (pid_input_t){.error = 0, .rate = 100, .period_ms = 3});
+    const pid_output_t after = step(&CONFIG, (pid_input_t){.error = 2000, .rate = 100, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT16(before.derivative_mv, after.derivative_mv);
 }
 
@@ -76,10 +77,10 @@ static void test_pid_integral_follows_the_closed_form_at_every_period(void)
     const pid_config_t config = {.ki_mv_q10 = 1700, .limit_mv = 20000};
     for (uint8_t period = 1; period <= 20; period++) {
         state = (pid_state_t){0};
-        pid_terms_t output = {0};
+        pid_output_t output = {0};
         uint32_t steps = 0;
         for (uint32_t time = 0; time < 60000; time += period, steps++)
-            output = step(&config, (pid_terms_t){.error = 150, .period_ms = period});
+            output = step(&config, (pid_input_t){.error = 150, .period_ms = period});
         const double expected = 150.0 * 1700.0 / 1024.0 * (steps - 1) * period / 1000.0;
         TEST_ASSERT_DOUBLE_WITHIN(0.5 + 5e-4 * expected + steps / 16384.0, expected, output.integral_mv);
     }
@@ -87,10 +88,10 @@ static void test_pid_integral_follows_the_closed_form_at_every_period(void)
 
 static void test_pid_takes_a_period_beyond_20_ms_for_20_ms(void)
 {
-    step(&CONFIG, (pid_terms_t){.error = 100, .period_ms = 20});
+    step(&CONFIG, (pid_input_t){.error = 100, .period_ms = 20});
     const int32_t after_20_ms = state.integral_mv_q16;
     state = (pid_state_t){0};
-    step(&CONFIG, (pid_terms_t){.error = 100, .period_ms = 21});
+    step(&CONFIG, (pid_input_t){.error = 100, .period_ms = 21});
     TEST_ASSERT_EQUAL_INT32(after_20_ms, state.integral_mv_q16);
 }
 
@@ -113,7 +114,7 @@ static void test_pid_step_response_follows_the_closed_form(void)
     double speed = 0.0;
     for (int ms = 0; ms < 500; ms++) {
         TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.3 * (1.0 - exp(-ms / 62.5)), speed);
-        const pid_terms_t output = step(&config, (pid_terms_t){.error = error_q4(0.3, speed), .period_ms = 1});
+        const pid_output_t output = step(&config, (pid_input_t){.error = error_q4(0.3, speed), .period_ms = 1});
         speed = drive_m_s(speed, output.output_mv / 1000.0, 0.001);
     }
 }
@@ -127,9 +128,9 @@ static int recovery_ms(bool told)
     int8_t saturated = 0;
     state = (pid_state_t){0};
     for (int ms = 0; ms < 6000; ms += 3) {
-        const pid_terms_t input = {
+        const pid_input_t input = {
             .error = error_q4(ms < 4000 ? 1.5 : 0.5, speed), .saturated = told ? saturated : 0, .period_ms = 3};
-        const pid_terms_t output = step(&config, input);
+        const pid_output_t output = step(&config, input);
         const double voltage = fmin(fmax(output.output_mv / 1000.0, -9.0), 9.0);
         saturated = (int8_t)((output.output_mv > 9000) - (output.output_mv < -9000));
         speed = drive_m_s(speed, voltage, 0.003);
@@ -148,26 +149,26 @@ static void test_pid_does_not_wind_up_while_the_mixer_saturates(void)
 static void test_pid_integrator_stops_when_mixer_saturates_and_only_in_that_direction(void)
 {
     state.integral_mv_q16 = 1000L * 65536;
-    step(&CONFIG, (pid_terms_t){.error = 50, .saturated = 1, .period_ms = 3});
+    step(&CONFIG, (pid_input_t){.error = 50, .saturated = 1, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT32(1000L * 65536, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_UINT16(1, state.held_steps);
-    step(&CONFIG, (pid_terms_t){.error = -50, .saturated = 1, .period_ms = 3});
+    step(&CONFIG, (pid_input_t){.error = -50, .saturated = 1, .period_ms = 3});
     TEST_ASSERT_LESS_THAN_INT32(1000L * 65536, state.integral_mv_q16);
     const int32_t shrunk = state.integral_mv_q16;
-    step(&CONFIG, (pid_terms_t){.error = -50, .saturated = -1, .period_ms = 3});
+    step(&CONFIG, (pid_input_t){.error = -50, .saturated = -1, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT32(shrunk, state.integral_mv_q16);
-    step(&CONFIG, (pid_terms_t){.error = 50, .saturated = -1, .period_ms = 3});
+    step(&CONFIG, (pid_input_t){.error = 50, .saturated = -1, .period_ms = 3});
     TEST_ASSERT_GREATER_THAN_INT32(shrunk, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_UINT16(2, state.held_steps);
 }
 
 static void test_pid_integrator_stops_when_its_own_limit_cuts(void)
 {
-    const pid_terms_t output = step(&CONFIG, (pid_terms_t){.error = 20000, .period_ms = 3});
+    const pid_output_t output = step(&CONFIG, (pid_input_t){.error = 20000, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT16(9000, output.output_mv);
     TEST_ASSERT_EQUAL_INT8(1, output.limited);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
-    TEST_ASSERT_EQUAL_INT8(-1, step(&CONFIG, (pid_terms_t){.error = -20000, .period_ms = 3}).limited);
+    TEST_ASSERT_EQUAL_INT8(-1, step(&CONFIG, (pid_input_t){.error = -20000, .period_ms = 3}).limited);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_UINT16(2, state.limited_steps);
 }
@@ -176,7 +177,7 @@ static void test_pid_integral_alone_stays_within_the_limit(void)
 {
     const pid_config_t config = {.ki_mv_q10 = INT16_MAX, .limit_mv = 20000};
     for (int i = 0; i < 1000; i++)
-        step(&config, (pid_terms_t){.error = INT16_MIN, .period_ms = 20});
+        step(&config, (pid_input_t){.error = INT16_MIN, .period_ms = 20});
     TEST_ASSERT_EQUAL_INT32(-20000L * 65536, state.integral_mv_q16);
 }
 
@@ -184,7 +185,7 @@ static void test_pid_counts_stay_at_their_end(void)
 {
     state.limited_steps = UINT16_MAX;
     state.held_steps = UINT16_MAX;
-    step(&CONFIG, (pid_terms_t){.error = 20000, .period_ms = 3});
+    step(&CONFIG, (pid_input_t){.error = 20000, .period_ms = 3});
     TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.limited_steps);
     TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.held_steps);
 }
@@ -193,7 +194,7 @@ static void test_pid_starts_without_a_bump(void)
 {
     const pid_config_t config = {.kp_mv_q10 = 900, .ki_mv_q10 = 5000, .kd_mv_q10 = 700, .limit_mv = 20000};
     for (uint32_t i = 0; i < 5000; i++) {
-        const pid_terms_t input = scattered_input(i);
+        const pid_input_t input = scattered_input(i);
         const int16_t wanted_mv = (int16_t)(scatter(i + 77777) / 4);
         pid_start(&config, &state, &input, wanted_mv);
         TEST_ASSERT_INT16_WITHIN(1, wanted_mv, step(&config, input).output_mv);
@@ -202,21 +203,21 @@ static void test_pid_starts_without_a_bump(void)
 
 static void test_pid_start_keeps_the_integrator_within_the_limit(void)
 {
-    const pid_terms_t input = {.error = -30000, .period_ms = 3};
+    const pid_input_t input = {.error = -30000, .period_ms = 3};
     pid_start(&CONFIG, &state, &input, 9000);
     TEST_ASSERT_EQUAL_INT32(9000L * 65536, state.integral_mv_q16);
 }
 
 static void test_pid_stop_empties_the_integrator_and_keeps_the_counts(void)
 {
-    pid_terms_t terms = {.limited = 1, .output_mv = 1, .proportional_mv = 2, .integral_mv = 3, .derivative_mv = 4};
+    pid_output_t output = {.limited = 1, .output_mv = 1, .proportional_mv = 2, .integral_mv = 3, .derivative_mv = 4};
     state = (pid_state_t){.integral_mv_q16 = 5, .limited_steps = 6, .held_steps = 7};
-    pid_stop(&state, &terms);
-    TEST_ASSERT_EQUAL_INT8(0, terms.limited);
-    TEST_ASSERT_EQUAL_INT16(0, terms.output_mv);
-    TEST_ASSERT_EQUAL_INT16(0, terms.proportional_mv);
-    TEST_ASSERT_EQUAL_INT16(0, terms.integral_mv);
-    TEST_ASSERT_EQUAL_INT16(0, terms.derivative_mv);
+    pid_stop(&state, &output);
+    TEST_ASSERT_EQUAL_INT8(0, output.limited);
+    TEST_ASSERT_EQUAL_INT16(0, output.output_mv);
+    TEST_ASSERT_EQUAL_INT16(0, output.proportional_mv);
+    TEST_ASSERT_EQUAL_INT16(0, output.integral_mv);
+    TEST_ASSERT_EQUAL_INT16(0, output.derivative_mv);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_UINT16(6, state.limited_steps);
     TEST_ASSERT_EQUAL_UINT16(7, state.held_steps);
@@ -227,14 +228,15 @@ static void test_pid_is_the_same_backward(void)
     pid_state_t forward = {0};
     pid_state_t backward = {0};
     for (uint32_t i = 0; i < 20000; i++) {
-        pid_terms_t output = scattered_input(i);
-        pid_terms_t mirrored = {.error = (int16_t)-output.error,
-                                .rate = (int16_t)-output.rate,
-                                .feedforward_mv = (int16_t)-output.feedforward_mv,
-                                .saturated = (int8_t)-output.saturated,
-                                .period_ms = output.period_ms};
-        pid_step(&CONFIG, &forward, &output);
-        pid_step(&CONFIG, &backward, &mirrored);
+        const pid_input_t input = scattered_input(i);
+        const pid_input_t mirrored_input = {.error = (int16_t)-input.error,
+                                            .rate = (int16_t)-input.rate,
+                                            .feedforward_mv = (int16_t)-input.feedforward_mv,
+                                            .saturated = (int8_t)-input.saturated,
+                                            .period_ms = input.period_ms};
+        pid_output_t output, mirrored;
+        pid_step(&CONFIG, &forward, &input, &output);
+        pid_step(&CONFIG, &backward, &mirrored_input, &mirrored);
         TEST_ASSERT_EQUAL_INT16(-output.output_mv, mirrored.output_mv);
         TEST_ASSERT_EQUAL_INT8(-output.limited, mirrored.limited);
         TEST_ASSERT_EQUAL_INT32(-forward.integral_mv_q16, backward.integral_mv_q16);
@@ -245,9 +247,9 @@ static void test_pid_takes_the_ends_of_every_range(void)
 {
     const pid_config_t config = {
         .kp_mv_q10 = INT16_MAX, .ki_mv_q10 = INT16_MAX, .kd_mv_q10 = INT16_MAX, .limit_mv = 20000};
-    const pid_terms_t lowest = {.error = INT16_MIN, .rate = INT16_MAX, .feedforward_mv = INT16_MIN, .period_ms = 20};
-    const pid_terms_t highest = {.error = INT16_MAX, .rate = INT16_MIN, .feedforward_mv = INT16_MAX, .period_ms = 20};
-    const pid_terms_t low = step(&config, lowest);
+    const pid_input_t lowest = {.error = INT16_MIN, .rate = INT16_MAX, .feedforward_mv = INT16_MIN, .period_ms = 20};
+    const pid_input_t highest = {.error = INT16_MAX, .rate = INT16_MIN, .feedforward_mv = INT16_MAX, .period_ms = 20};
+    const pid_output_t low = step(&config, lowest);
     TEST_ASSERT_EQUAL_INT16(-20000, low.output_mv);
     TEST_ASSERT_EQUAL_INT16(-32767, low.proportional_mv);
     TEST_ASSERT_EQUAL_INT16(-32767, low.derivative_mv);

@@ -11,7 +11,7 @@ void tearDown(void) {}
 
 static uint16_t atan2_bam16(int32_t y, int32_t x)
 {
-    return trig_atan2_bam16(&y, &x);
+    return trig_atan2_bam16(y, x);
 }
 
 static void test_sine_and_cosine_are_within_2_units_at_every_angle(void)

@@ -4,30 +4,32 @@
 
 static const heading_config_t *const CONFIG = &PARAMS_COUPLED.step.heading;
 static heading_state_t state;
-static signals_state_t signals;
-static signals_motion_t predicted;
+static signals_sensors_t sensors;
+static signals_predicted_t predicted;
+static signals_estimate_t estimate;
 
 void setUp(void)
 {
     state = (heading_state_t){.heading_bam32 = 0};
-    predicted = (signals_motion_t){.surge_mm_s_q17 = 0};
-    signals = (signals_state_t){.sensors = {.have = SENSOR_GYRO, .period_ms = 3}, .predicted = &predicted};
+    sensors = (signals_sensors_t){.have = SENSOR_GYRO, .period_ms = 3};
+    predicted = (signals_predicted_t){.driven = false};
+    estimate = (signals_estimate_t){.valid = false};
 }
 
 void tearDown(void) {}
 
 static void run(int16_t rate_mrad_s, int steps)
 {
-    signals.sensors.yaw_rate_mrad_s = rate_mrad_s;
+    sensors.yaw_rate_mrad_s = rate_mrad_s;
     for (int i = 0; i < steps; i++)
-        heading_step(CONFIG, &state, &signals);
+        heading_step(CONFIG, &state, &sensors, &predicted, &estimate);
 }
 
 static void run_driven(int16_t rate_mrad_s, int steps)
 {
-    signals.driven = true;
+    predicted.driven = true;
     run(rate_mrad_s, steps);
-    signals.driven = false;
+    predicted.driven = false;
 }
 
 static void test_heading_turns_3_rad_in_3_s_at_1_rad_s(void)
@@ -35,8 +37,8 @@ static void test_heading_turns_3_rad_in_3_s_at_1_rad_s(void)
     state.raw_rate_mrad_s = 1000;
     run_driven(1000, 1000);
     TEST_ASSERT_UINT32_WITHIN(683565276U * 3 / 50000, 683565276U * 3, state.heading_bam32);
-    TEST_ASSERT_EQUAL_UINT16((state.heading_bam32 + 32768U) >> 16, signals.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16((state.heading_bam32 + 32768U) >> 16, estimate.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_takes_the_mean_of_two_samples(void)
@@ -49,26 +51,26 @@ static void test_heading_is_the_same_to_both_sides_bit_for_bit(void)
 {
     run(17, 200);
     run_driven(1234, 777);
-    const signals_state_t right = signals;
+    const signals_estimate_t right = estimate;
     const uint32_t turned = state.heading_bam32;
     setUp();
     run(-17, 200);
     run_driven(-1234, 777);
     TEST_ASSERT_EQUAL_UINT32(0U - turned, state.heading_bam32);
-    TEST_ASSERT_EQUAL_UINT16((uint16_t)(0U - right.heading_bam16), signals.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(-right.yaw_rate_mrad_s, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16((uint16_t)(0U - right.heading_bam16), estimate.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-right.yaw_rate_mrad_s, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_learns_the_bias_of_the_first_quiet_block(void)
 {
     run(20, HEADING_BLOCK_STEPS - 1);
     TEST_ASSERT_FALSE(state.bias.learnt > 0);
-    TEST_ASSERT_FALSE(signals.at_rest);
+    TEST_ASSERT_FALSE(estimate.at_rest);
     run(20, 1);
     TEST_ASSERT_TRUE(state.bias.learnt > 0);
-    TEST_ASSERT_TRUE(signals.at_rest);
+    TEST_ASSERT_TRUE(estimate.at_rest);
     TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
-    TEST_ASSERT_EQUAL_INT16(0, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(0, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_averages_a_noisy_gyro_at_rest(void)
@@ -79,7 +81,7 @@ static void test_heading_averages_a_noisy_gyro_at_rest(void)
         run((int16_t)(20 + (int)((seed >> 8) % 81) - 40), 1);
     }
     TEST_ASSERT_INT16_WITHIN(256, 20 * 256, state.bias.value);
-    TEST_ASSERT_TRUE(signals.at_rest);
+    TEST_ASSERT_TRUE(estimate.at_rest);
 }
 
 static void test_heading_bias_follows_slowly_once_learnt(void)
@@ -107,24 +109,24 @@ static void test_heading_learns_nothing_while_driven(void)
 
 static void test_heading_learns_nothing_while_the_model_moves(void)
 {
-    predicted.surge_mm_s_q17 = -(CONFIG->rest_speed_mm_s_q4 + 1) * 8192;
+    predicted.motion.surge_mm_s_q17 = -(CONFIG->rest_speed_mm_s_q4 + 1) * 8192;
     run(20, 3 * HEADING_BLOCK_STEPS);
-    TEST_ASSERT_FALSE(signals.at_rest);
+    TEST_ASSERT_FALSE(estimate.at_rest);
 }
 
 static void test_heading_learns_nothing_while_the_wheels_count(void)
 {
-    signals.sensors.have |= SENSOR_ROTATION;
+    sensors.have |= SENSOR_ROTATION;
     for (int i = 0; i < 8; i++) {
-        signals.sensors.rotation_left++;
+        sensors.rotation_left++;
         run(20, 40);
     }
     TEST_ASSERT_FALSE(state.bias.learnt > 0);
     run(20, HEADING_BLOCK_STEPS);
     TEST_ASSERT_TRUE(state.bias.learnt > 0);
-    signals.sensors.rotation_right--;
+    sensors.rotation_right--;
     run(20, 1);
-    TEST_ASSERT_FALSE(signals.at_rest);
+    TEST_ASSERT_FALSE(estimate.at_rest);
 }
 
 static void test_heading_learns_nothing_from_a_loud_gyro(void)
@@ -145,30 +147,30 @@ static void test_heading_bias_saturates_at_its_limit(void)
 static void test_heading_takes_the_reference_above_all(void)
 {
     run(500, 10);
-    signals.sensors.have |= SENSOR_REFERENCE;
-    signals.sensors.reference_heading_bam16 = 54321;
-    signals.sensors.reference_yaw_rate_mrad_s = -77;
+    sensors.have |= SENSOR_REFERENCE;
+    sensors.reference_heading_bam16 = 54321;
+    sensors.reference_yaw_rate_mrad_s = -77;
     run(500, 1);
-    TEST_ASSERT_EQUAL_UINT16(54321, signals.heading_bam16);
-    TEST_ASSERT_EQUAL_INT16(-77, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(54321, estimate.heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(-77, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_bridges_a_lost_gyro_by_the_model_and_says_when_too_long(void)
 {
     run(20, HEADING_BLOCK_STEPS);
     run_driven(1020, 100);
-    signals.sensors.have = 0;
-    predicted.yaw_rate_mrad_s_q12 = 1000 * 4096;
+    sensors.have = 0;
+    predicted.motion.yaw_rate_mrad_s_q12 = 1000 * 4096;
     run_driven(0, 33);
-    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
-    TEST_ASSERT_TRUE(signals.valid);
+    TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
+    TEST_ASSERT_TRUE(estimate.valid);
     run_driven(0, 1);
-    TEST_ASSERT_FALSE(signals.valid);
+    TEST_ASSERT_FALSE(estimate.valid);
     run_driven(0, 30000);
-    TEST_ASSERT_FALSE(signals.valid);
-    signals.sensors.have = SENSOR_GYRO;
+    TEST_ASSERT_FALSE(estimate.valid);
+    sensors.have = SENSOR_GYRO;
     run_driven(1020, 1);
-    TEST_ASSERT_TRUE(signals.valid);
+    TEST_ASSERT_TRUE(estimate.valid);
 }
 
 /* A gyro of which bias and scale are known beforehand, driven. */
@@ -177,38 +179,38 @@ static void run_known(int16_t bias_mrad_s, int16_t scale_q15, int16_t rate_mrad_
     heading_config_t known = *CONFIG;
     known.gyro_bias_mrad_s = bias_mrad_s;
     known.gyro_scale_q15 = scale_q15;
-    signals.sensors.yaw_rate_mrad_s = rate_mrad_s;
-    signals.driven = true;
+    sensors.yaw_rate_mrad_s = rate_mrad_s;
+    predicted.driven = true;
     for (int i = 0; i < steps; i++)
-        heading_step(&known, &state, &signals);
-    signals.driven = false;
+        heading_step(&known, &state, &sensors, &predicted, &estimate);
+    predicted.driven = false;
 }
 
 static void test_heading_takes_a_known_bias_out_without_a_rest(void)
 {
     run_known(170, 0, 170, 1000);
     TEST_ASSERT_EQUAL_UINT32(0, state.heading_bam32);
-    TEST_ASSERT_EQUAL_INT16(0, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(0, estimate.yaw_rate_mrad_s);
     run_known(170, 0, 1170, 1);
-    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_learns_what_a_known_bias_leaves(void)
 {
     heading_config_t known = *CONFIG;
     known.gyro_bias_mrad_s = 170;
-    signals.sensors.yaw_rate_mrad_s = 190;
+    sensors.yaw_rate_mrad_s = 190;
     for (int i = 0; i < HEADING_BLOCK_STEPS; i++)
-        heading_step(&known, &state, &signals);
+        heading_step(&known, &state, &sensors, &predicted, &estimate);
     TEST_ASSERT_EQUAL_INT16(20 * 256, state.bias.value);
 }
 
 static void test_heading_scales_what_a_known_bias_leaves(void)
 {
     run_known(100, -2979, 1200, 1); /* 1 / 1.1 */
-    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
     run_known(100, -2979, -1000, 1);
-    TEST_ASSERT_EQUAL_INT16(-1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(-1000, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit(void)
@@ -223,17 +225,17 @@ static void test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit(v
 static void test_heading_of_a_known_gyro_saturates(void)
 {
     run_known(-32767, 32767, 32767, 1);
-    TEST_ASSERT_EQUAL_INT16(32767, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(32767, estimate.yaw_rate_mrad_s);
     run_known(32767, 32767, -32767, 1);
-    TEST_ASSERT_EQUAL_INT16(-32767, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(-32767, estimate.yaw_rate_mrad_s);
 }
 
 static void test_heading_leaves_the_models_yaw_rate_as_it_is(void)
 {
-    signals.sensors.have = 0;
-    predicted.yaw_rate_mrad_s_q12 = 1000 * 4096;
+    sensors.have = 0;
+    predicted.motion.yaw_rate_mrad_s_q12 = 1000 * 4096;
     run_known(100, -2979, 0, 1);
-    TEST_ASSERT_EQUAL_INT16(1000, signals.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
 }
 
 int main(void)

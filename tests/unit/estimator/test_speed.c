@@ -5,23 +5,25 @@
 static const speed_config_t *const CONFIG = &PARAMS_COUPLED.step.speed;
 enum { Q17 = 131072 };
 static speed_state_t state;
-static signals_state_t signals;
-static signals_motion_t predicted;
+static signals_sensors_t sensors;
+static signals_predicted_t predicted;
+static signals_estimate_t estimate;
 static int32_t correction_mm_s_q17;
 
 void setUp(void)
 {
     state = (speed_state_t){.speed_mm_s_q17 = 0};
-    predicted = (signals_motion_t){.surge_mm_s_q17 = 0};
-    signals = (signals_state_t){.sensors = {.period_ms = 3}, .predicted = &predicted};
+    sensors = (signals_sensors_t){.period_ms = 3};
+    predicted = (signals_predicted_t){.driven = false};
+    estimate = (signals_estimate_t){.at_rest = false};
 }
 
 void tearDown(void) {}
 
 static void step(int32_t predicted_mm_s_q17)
 {
-    predicted.surge_mm_s_q17 = predicted_mm_s_q17;
-    correction_mm_s_q17 = speed_step(CONFIG, &state, &signals);
+    predicted.motion.surge_mm_s_q17 = predicted_mm_s_q17;
+    correction_mm_s_q17 = speed_step(CONFIG, &state, &sensors, &predicted, &estimate);
 }
 
 /* A model that would stay at its speed, and takes every correction. */
@@ -34,11 +36,10 @@ static void hold(int steps)
 /* Counts of a vehicle at this speed, from 0.25 counts on; 5.341 mm a count. */
 static void roll(int speed_mm_s, int steps)
 {
-    signals.sensors.have |= SENSOR_ROTATION;
+    sensors.have |= SENSOR_ROTATION;
     for (int i = 1; i <= steps; i++) {
         const int32_t travel_um = speed_mm_s * 3 * i + 1335;
-        signals.sensors.rotation_left = signals.sensors.rotation_right =
-            (uint16_t)(travel_um / 5341 + (travel_um < 0 ? -1 : 0));
+        sensors.rotation_left = sensors.rotation_right = (uint16_t)(travel_um / 5341 + (travel_um < 0 ? -1 : 0));
         hold(1);
     }
 }
@@ -46,23 +47,23 @@ static void roll(int speed_mm_s, int steps)
 static void test_speed_without_sensors_is_the_models(void)
 {
     step(400 * Q17);
-    TEST_ASSERT_EQUAL_INT16(400 * 16, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(400 * 16, estimate.speed_mm_s_q4);
     TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(400 * 3 * 32 / 2, signals.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT32(400 * 3 * 32 / 2, estimate.travel_um_q5);
 }
 
 static void test_speed_takes_its_share_of_the_accelerometer(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.sensors.accel_surge_mm_s2 = 1000;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = 1000;
     hold(1);
     TEST_ASSERT_INT32_WITHIN(300, 3 * Q17 / 5, correction_mm_s_q17);
 }
 
 static void test_speed_corrects_nothing_where_model_and_accelerometer_agree(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.sensors.accel_surge_mm_s2 = 1000;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = 1000;
     for (int i = 0; i < 100; i++)
         step(state.speed_mm_s_q17 + 3 * Q17);
     TEST_ASSERT_INT32_WITHIN(Q17 / 10, 300 * Q17, state.speed_mm_s_q17);
@@ -70,35 +71,35 @@ static void test_speed_corrects_nothing_where_model_and_accelerometer_agree(void
 
 static void test_speed_knows_the_accelerometer_feels_turning(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.sensors.accel_surge_mm_s2 = -600;
-    predicted.sway_mm_s_q17 = 200 * Q17;
-    signals.yaw_rate_mrad_s = 3000;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = -600;
+    predicted.motion.sway_mm_s_q17 = 200 * Q17;
+    estimate.yaw_rate_mrad_s = 3000;
     hold(100);
     TEST_ASSERT_INT32_WITHIN(Q17 / 10, 0, state.speed_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(200 * 3 * 2 * 16, signals.sway_travel_um_q5);
+    TEST_ASSERT_EQUAL_INT32(200 * 3 * 2 * 16, estimate.sway_travel_um_q5);
 }
 
 static void test_speed_learns_the_accelerometers_bias_at_rest(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.at_rest = true;
+    sensors.have = SENSOR_ACCELEROMETER;
+    estimate.at_rest = true;
     for (int i = 0; i < 4000; i++) {
-        signals.sensors.accel_surge_mm_s2 = i % 2 ? 70 : -10;
+        sensors.accel_surge_mm_s2 = i % 2 ? 70 : -10;
         step(Q17);
     }
     TEST_ASSERT_INT32_WITHIN(4096, 30 * 4096, state.bias.value);
-    signals.at_rest = false;
-    signals.sensors.accel_surge_mm_s2 = 30;
+    estimate.at_rest = false;
+    sensors.accel_surge_mm_s2 = 30;
     hold(100);
     TEST_ASSERT_INT32_WITHIN(Q17, 0, state.speed_mm_s_q17);
 }
 
 static void test_speed_bias_saturates_and_its_count_stays(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.sensors.accel_surge_mm_s2 = -30000;
-    signals.at_rest = true;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = -30000;
+    estimate.at_rest = true;
     for (int32_t i = 0; i < 66000; i++)
         step(0);
     TEST_ASSERT_EQUAL_INT32(-1000L * 4096, state.bias.value);
@@ -107,11 +108,11 @@ static void test_speed_bias_saturates_and_its_count_stays(void)
 
 static void test_speed_is_zero_at_rest(void)
 {
-    signals.at_rest = true;
+    estimate.at_rest = true;
     step(3 * Q17);
-    TEST_ASSERT_EQUAL_INT16(0, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(0, estimate.speed_mm_s_q4);
     TEST_ASSERT_EQUAL_INT32(-3 * Q17, correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT32(0, signals.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT32(0, estimate.travel_um_q5);
 }
 
 static void test_speed_finds_the_speed_of_the_counts(void)
@@ -123,29 +124,29 @@ static void test_speed_finds_the_speed_of_the_counts(void)
 static void test_speed_travel_keeps_to_the_counts(void)
 {
     int32_t travel_um_q5 = 0;
-    signals.sensors.have = SENSOR_ROTATION;
+    sensors.have = SENSOR_ROTATION;
     for (int i = 1; i <= 5000; i++) {
-        signals.sensors.rotation_left = signals.sensors.rotation_right = (uint16_t)(300 * 3 * i / 5341);
+        sensors.rotation_left = sensors.rotation_right = (uint16_t)(300 * 3 * i / 5341);
         step(i < 2500 ? state.speed_mm_s_q17 : state.speed_mm_s_q17 / 100 * 99);
-        travel_um_q5 += signals.travel_um_q5;
+        travel_um_q5 += estimate.travel_um_q5;
     }
     TEST_ASSERT_INT32_WITHIN(60000, 300 * 3 * 5000, travel_um_q5 / 32);
 }
 
 static void test_speed_ignores_counts_from_before_the_first_step(void)
 {
-    signals.sensors.have = SENSOR_ROTATION;
-    signals.sensors.rotation_left = signals.sensors.rotation_right = 30000;
+    sensors.have = SENSOR_ROTATION;
+    sensors.rotation_left = sensors.rotation_right = 30000;
     hold(10);
-    TEST_ASSERT_EQUAL_INT16(0, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(0, estimate.speed_mm_s_q4);
 }
 
 static void test_speed_counts_wrap_unnoticed(void)
 {
-    signals.sensors.have = SENSOR_ROTATION;
-    signals.sensors.rotation_left = signals.sensors.rotation_right = 65535;
+    sensors.have = SENSOR_ROTATION;
+    sensors.rotation_left = sensors.rotation_right = 65535;
     hold(1);
-    signals.sensors.rotation_left = signals.sensors.rotation_right = 0;
+    sensors.rotation_left = sensors.rotation_right = 0;
     hold(1);
     TEST_ASSERT_INT32_WITHIN(5341 * 32 / 20, 5341 * 32, state.behind_um_q5);
 }
@@ -153,7 +154,7 @@ static void test_speed_counts_wrap_unnoticed(void)
 static void test_speed_observer_forgets_what_slips(void)
 {
     roll(0, 1);
-    signals.sensors.rotation_left = signals.sensors.rotation_right = 2000;
+    sensors.rotation_left = sensors.rotation_right = 2000;
     hold(1);
     TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
 }
@@ -165,11 +166,11 @@ static int32_t behind_um_q5(int16_t mismatch_q15, int left, int right)
     config.count_mismatch_q15 = mismatch_q15;
     config.behind_to_travel_q15 = 0;
     setUp();
-    signals.sensors.have = SENSOR_ROTATION;
+    sensors.have = SENSOR_ROTATION;
     for (int i = 0; i < 2; i++) {
-        signals.sensors.rotation_left = (uint16_t)(i * left);
-        signals.sensors.rotation_right = (uint16_t)(i * right);
-        speed_step(&config, &state, &signals);
+        sensors.rotation_left = (uint16_t)(i * left);
+        sensors.rotation_right = (uint16_t)(i * right);
+        speed_step(&config, &state, &sensors, &predicted, &estimate);
     }
     return state.behind_um_q5;
 }
@@ -189,55 +190,55 @@ static void test_speed_of_counts_without_end_saturates(void)
     speed_config_t config = *CONFIG;
     config.count_travel_um_q2 = 65535;
     config.count_mismatch_q15 = 32767;
-    signals.sensors.have = SENSOR_ROTATION;
-    speed_step(&config, &state, &signals);
-    signals.sensors.rotation_left = 32767;
-    speed_step(&config, &state, &signals);
+    sensors.have = SENSOR_ROTATION;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
+    sensors.rotation_left = 32767;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
     TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
 }
 
 static void test_speed_is_the_same_backward_bit_for_bit(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER;
-    signals.sensors.accel_surge_mm_s2 = 321;
-    predicted.sway_mm_s_q17 = 12345678;
-    signals.yaw_rate_mrad_s = 777;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = 321;
+    predicted.motion.sway_mm_s_q17 = 12345678;
+    estimate.yaw_rate_mrad_s = 777;
     roll(300, 500);
-    const signals_state_t forward = signals;
+    const signals_estimate_t forward = estimate;
     const int32_t forward_correction = correction_mm_s_q17;
     setUp();
-    signals.sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION;
-    signals.sensors.accel_surge_mm_s2 = -321;
-    predicted.sway_mm_s_q17 = -12345678;
-    signals.yaw_rate_mrad_s = 777;
+    sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION;
+    sensors.accel_surge_mm_s2 = -321;
+    predicted.motion.sway_mm_s_q17 = -12345678;
+    estimate.yaw_rate_mrad_s = 777;
     for (int i = 1; i <= 500; i++) {
-        signals.sensors.rotation_left = signals.sensors.rotation_right = (uint16_t)(0 - (300 * 3 * i + 1335) / 5341);
+        sensors.rotation_left = sensors.rotation_right = (uint16_t)(0 - (300 * 3 * i + 1335) / 5341);
         hold(1);
     }
     TEST_ASSERT_NOT_EQUAL_INT32(0, forward_correction);
     TEST_ASSERT_EQUAL_INT32(-forward_correction, correction_mm_s_q17);
-    TEST_ASSERT_EQUAL_INT16(-forward.speed_mm_s_q4, signals.speed_mm_s_q4);
-    TEST_ASSERT_EQUAL_INT16(-forward.accel_mm_s2, signals.accel_mm_s2);
-    TEST_ASSERT_EQUAL_INT32(-forward.travel_um_q5, signals.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT16(-forward.speed_mm_s_q4, estimate.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(-forward.accel_mm_s2, estimate.accel_mm_s2);
+    TEST_ASSERT_EQUAL_INT32(-forward.travel_um_q5, estimate.travel_um_q5);
 }
 
 static void test_speed_takes_the_reference_above_all(void)
 {
-    signals.sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE;
-    signals.sensors.accel_surge_mm_s2 = 5000;
-    signals.sensors.reference_speed_mm_s_q4 = -1234;
+    sensors.have = SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE;
+    sensors.accel_surge_mm_s2 = 5000;
+    sensors.reference_speed_mm_s_q4 = -1234;
     step(400 * Q17);
-    TEST_ASSERT_EQUAL_INT16(-1234, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(-1234, estimate.speed_mm_s_q4);
     TEST_ASSERT_EQUAL_INT32(-1234 * (Q17 / 16) - 400 * Q17, correction_mm_s_q17);
 }
 
 static void assert_accel_of_a_ramp(uint8_t period_ms)
 {
     setUp();
-    signals.sensors.period_ms = period_ms;
+    sensors.period_ms = period_ms;
     for (int i = 1; i <= 100; i++)
         step(i * period_ms * (Q17 / 5));
-    TEST_ASSERT_INT16_WITHIN(2, 200, signals.accel_mm_s2);
+    TEST_ASSERT_INT16_WITHIN(2, 200, estimate.accel_mm_s2);
 }
 
 static void test_speed_tells_its_rate_of_change_at_any_period(void)
@@ -250,7 +251,7 @@ static void test_speed_tells_its_rate_of_change_at_any_period(void)
 static void test_speed_output_saturates(void)
 {
     step(8000 * Q17);
-    TEST_ASSERT_EQUAL_INT16(32767, signals.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(32767, estimate.speed_mm_s_q4);
     TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
 }
 

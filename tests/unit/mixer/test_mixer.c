@@ -4,12 +4,12 @@
 static const mixer_config_t CONFIG = {.battery_floor_mv = 6000, .max_duty_q15 = 32767};
 enum { BATTERY_MV = 9000 };
 static mixer_state_t state;
-static signals_state_t motion;
+static signals_estimate_t estimate;
 
 void setUp(void)
 {
     state = (mixer_state_t){0};
-    motion = (signals_state_t){0};
+    estimate = (signals_estimate_t){0};
 }
 void tearDown(void) {}
 
@@ -17,8 +17,9 @@ static signals_drive_t mix_with(const mixer_config_t *config, int16_t surge_mv, 
 {
     const signals_effort_t effort = {.surge_mv = surge_mv, .yaw_mv = yaw_mv};
     state.battery_mv = battery_mv;
-    mixer_step(config, &state, &effort, &motion);
-    return state.drive;
+    signals_drive_t drive;
+    mixer_step(config, &state, &effort, &estimate, &drive);
+    return drive;
 }
 
 static signals_drive_t mix(int16_t surge_mv, int16_t yaw_mv)
@@ -159,8 +160,8 @@ static const drive_config_t FRICTION = {
 static void test_mixer_drives_what_the_motors_need_and_tells_the_model_what_it_wanted(void)
 {
     const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
-    motion.speed_mm_s_q4 = 16 * 100;
-    motion.yaw_rate_mrad_s = 3000; /* the right side goes backward */
+    estimate.speed_mm_s_q4 = 16 * 100;
+    estimate.yaw_rate_mrad_s = 3000; /* the right side goes backward */
     const signals_drive_t drive = mix_with(&config, 2000, 1000, BATTERY_MV);
     assert_voltages(3000, 1000, drive);
     TEST_ASSERT_INT16_WITHIN(1, 3500 * 32767L / BATTERY_MV, drive.left_q15);
@@ -189,7 +190,7 @@ static void test_mixer_never_passes_max_duty_whatever_the_motors_need(void)
 static void test_mixer_without_effort_is_off_whatever_the_motors_need(void)
 {
     const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = FRICTION};
-    motion.speed_mm_s_q4 = 16 * 300;
+    estimate.speed_mm_s_q4 = 16 * 300;
     const signals_drive_t drive = mix_with(&config, 0, 0, BATTERY_MV);
     TEST_ASSERT_EQUAL_INT16(0, drive.left_q15);
     TEST_ASSERT_EQUAL_INT16(0, drive.right_q15);
@@ -203,9 +204,9 @@ static void test_mixer_mirrors_motors_of_two_kinds(void)
     const mixer_config_t mirrored = {.battery_floor_mv = 6000, .max_duty_q15 = 32767, .drive = mirrored_drive};
     for (int16_t yaw = -5000; yaw <= 5000; yaw = (int16_t)(yaw + 250))
         for (int16_t rate = -4000; rate <= 4000; rate = (int16_t)(rate + 160)) {
-            motion = (signals_state_t){.speed_mm_s_q4 = 2000, .yaw_rate_mrad_s = rate};
+            estimate = (signals_estimate_t){.speed_mm_s_q4 = 2000, .yaw_rate_mrad_s = rate};
             const signals_drive_t one = mix_with(&config, 2500, yaw, BATTERY_MV);
-            motion.yaw_rate_mrad_s = (int16_t)-rate;
+            estimate.yaw_rate_mrad_s = (int16_t)-rate;
             const signals_drive_t other = mix_with(&mirrored, 2500, (int16_t)-yaw, BATTERY_MV);
             TEST_ASSERT_EQUAL_INT16(one.left_q15, other.right_q15);
             TEST_ASSERT_EQUAL_INT16(one.right_q15, other.left_q15);

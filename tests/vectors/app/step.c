@@ -42,7 +42,7 @@ static void begin(run_t *run, step_output_t *output)
 static void sense(run_t *run)
 {
     signals_sensors_t *const sensors = &run->sensors;
-    signals_state_t motion;
+    signals_estimate_t motion;
 
     motion.x_um = sensors->reference_x_um;
     motion.y_um = sensors->reference_y_um;
@@ -51,7 +51,7 @@ static void sense(run_t *run)
         sensors->have = run->have;
     if (run->wild)
         return;
-    draw_motion_about(&motion, &run->waypoints[run->state.mode.los.waypoint], run->state.mode.los.bearing_bam16);
+    draw_estimate_about(&motion, &run->waypoints[run->state.mode.los.waypoint], run->state.mode.los.bearing_bam16);
     sensors->reference_x_um = motion.x_um;
     sensors->reference_y_um = motion.y_um;
     sensors->reference_heading_bam16 = motion.heading_bam16;
@@ -71,20 +71,20 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s32(state->speed.behind_um_q5);
     hash_u8((uint8_t)state->mode.mode);
     hash_u8((uint8_t)state->mode.fault);
-    hash_demand(&state->mode.los.demand);
-    hash_s32(output->state.x_um);
-    hash_s32(output->state.y_um);
-    hash_u16(output->state.heading_bam16);
-    hash_s16(output->state.speed_mm_s_q4);
-    hash_s16(output->state.yaw_rate_mrad_s);
-    hash_s16(output->state.accel_mm_s2);
-    hash_u8(output->state.at_rest);
-    hash_u8(output->state.valid);
-    hash_pid_answer(&output->speed);
-    hash_pid_answer(&output->heading);
+    hash_demand(&output->demand);
+    hash_s32(output->estimate.x_um);
+    hash_s32(output->estimate.y_um);
+    hash_u16(output->estimate.heading_bam16);
+    hash_s16(output->estimate.speed_mm_s_q4);
+    hash_s16(output->estimate.yaw_rate_mrad_s);
+    hash_s16(output->estimate.accel_mm_s2);
+    hash_u8(output->estimate.at_rest);
+    hash_u8(output->estimate.valid);
+    hash_pid_output(&output->speed_pid);
+    hash_pid_output(&output->heading_pid);
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
-    hash_drive(&state->mixer.drive);
+    hash_drive(&output->drive);
     hash_u8(state->ahead_ms);
     hash_u16(state->mixer.battery_mv);
 }
@@ -106,7 +106,6 @@ void vectors_feed(void)
     if (draw_rarely(6))
         command = (mode_command_t)draw_up_to(MODE_CUT);
     sense(&run);
-    bytes_copy(&output.state.sensors, &run.sensors, sizeof run.sensors);
-    step_run(&run.config, &run.route, &run.state, command, &output);
+    step_run(&run.config, &run.route, &run.state, &run.sensors, command, &output);
     hash(&run.state, &output);
 }

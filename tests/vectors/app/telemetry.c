@@ -3,7 +3,7 @@
 #include "states.h"
 #include "vectors.h"
 
-static void draw_pid(pid_terms_t *pid)
+static void draw_pid(pid_output_t *pid)
 {
     pid->proportional_mv = draw_s16();
     pid->integral_mv = draw_s16();
@@ -12,22 +12,22 @@ static void draw_pid(pid_terms_t *pid)
 
 static void draw(step_state_t *state, step_output_t *output)
 {
-    draw_motion(&output->state);
-    draw_pid(&output->speed);
-    draw_pid(&output->heading);
+    draw_estimate(&output->estimate);
+    draw_pid(&output->speed_pid);
+    draw_pid(&output->heading_pid);
     output->effort.surge_mv = draw_s16();
     output->effort.yaw_mv = draw_s16();
     state->mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
     state->mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
-    state->mode.los.demand.speed_mm_s_q4 = draw_s16();
-    state->mode.los.demand.heading_bam16 = (uint16_t)draw_s16();
+    output->demand.speed_mm_s_q4 = draw_s16();
+    output->demand.heading_bam16 = (uint16_t)draw_s16();
     state->mode.los.phase = (los_phase_t)draw_up_to(LOS_END);
     state->mode.los.waypoint = (uint8_t)draw_up_to(31);
     state->mode.los.cross_track_mm = draw_s16();
     state->mode.los.heading_error_bam16 = draw_s16();
     state->mode.los.overshoots = draw_up_to(65535U);
-    state->mixer.drive.surge_saturated = (int8_t)draw_between(-1, 1);
-    state->mixer.drive.yaw_saturated = (int8_t)draw_between(-1, 1);
+    output->drive.surge_saturated = (int8_t)draw_between(-1, 1);
+    output->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
     state->mixer.battery_mv = draw_up_to(20000);
 }
 
@@ -50,8 +50,10 @@ void vectors_feed(void)
     state.late_ticks = draw_up_to(65535U);
     state.aborted_late = draw_up_to(1000);
     state.aborted_silent = draw_up_to(draw_rarely(3) ? 65535U : 10);
-    for (uint8_t part = 0; part <= TELEMETRY_HEARTBEAT; part++) {
+    for (telemetry_part_t part = 0; part < TELEMETRY_PARTS; part++) {
         telemetry_part(part, &state, &message);
         hash(&message);
     }
+    telemetry_heartbeat(&state, &message);
+    hash(&message);
 }

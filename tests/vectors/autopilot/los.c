@@ -13,7 +13,8 @@ void vectors_feed(void)
     static route_t route;
     static route_waypoint_t waypoints[DRAWN_WAYPOINTS];
     static los_state_t state;
-    static signals_state_t motion;
+    static signals_estimate_t estimate;
+    static signals_demand_t demand;
     static uint8_t left;
 
     if (left == 0) {
@@ -22,16 +23,18 @@ void vectors_feed(void)
         config = draw_rarely(2) ? &PARAMS.step.mode.los : &drawn;
         draw_route(&route, waypoints);
         bytes_clear(&state, sizeof state);
-        draw_motion(&motion);
+        bytes_clear(&demand, sizeof demand);
+        draw_estimate(&estimate);
     }
     left--;
     if (draw_rarely(6))
-        draw_motion(&motion);
+        draw_estimate(&estimate);
     else
-        draw_motion_about(&motion, &waypoints[state.waypoint], state.bearing_bam16);
+        draw_estimate_about(&estimate, &waypoints[state.waypoint], state.bearing_bam16);
     if (draw_rarely(6))
         los_reset(&state);
-    motion.sensors.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
-    los_step(config, &route, &state, &motion);
+    estimate.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    los_step(config, &route, &state, &estimate, &demand);
+    hash_demand(&demand);
     hash_los_state(&state);
 }

@@ -12,7 +12,8 @@ void vectors_feed(void)
     static route_t route;
     static route_waypoint_t waypoints[DRAWN_WAYPOINTS];
     static mode_state_t state;
-    static signals_state_t motion;
+    static signals_estimate_t estimate;
+    static signals_demand_t demand;
     static uint8_t left;
     mode_command_t command = MODE_NONE;
 
@@ -24,15 +25,15 @@ void vectors_feed(void)
         if (draw_rarely(5))
             route.count = 0;
         bytes_clear(&state, sizeof state);
-        draw_motion(&motion);
+        draw_estimate(&estimate);
     }
     left--;
     if (state.mode != MODE_RUN)
         command = draw_rarely(1) ? MODE_START : MODE_RESET;
     if (draw_rarely(5))
         command = (mode_command_t)draw_up_to(MODE_CUT);
-    draw_motion_about(&motion, &waypoints[state.los.waypoint], state.los.bearing_bam16);
-    motion.sensors.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
-    mode_step(&config, &route, &state, &motion, command);
-    hash_mode_state(&state);
+    draw_estimate_about(&estimate, &waypoints[state.los.waypoint], state.los.bearing_bam16);
+    estimate.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    mode_step(&config, &route, &state, &estimate, command, &demand);
+    hash_mode_state(&state, &demand);
 }

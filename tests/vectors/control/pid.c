@@ -21,26 +21,27 @@ void vectors_feed(void)
     static pid_config_t config;
     static pid_state_t state;
     static uint8_t left;
-    pid_terms_t terms;
+    pid_input_t input;
+    pid_output_t output;
 
     if (left == 0) {
         left = RUN_STEPS;
         begin(&config, &state);
     }
     left--;
-    terms.error = draw_s16();
-    terms.rate = draw_s16();
-    terms.feedforward_mv = draw_rarely(1) ? draw_s16() : 0;
-    terms.saturated = (int8_t)draw_between(-1, 1);
-    terms.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
+    input.error = draw_s16();
+    input.rate = draw_s16();
+    input.feedforward_mv = draw_rarely(1) ? draw_s16() : 0;
+    input.saturated = (int8_t)draw_between(-1, 1);
+    input.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
     if (draw_rarely(4))
-        pid_start(&config, &state, &terms, draw_s16());
+        pid_start(&config, &state, &input, draw_s16());
     if (draw_rarely(6))
-        pid_stop(&state, &terms);
+        pid_stop(&state, &output);
     else
-        pid_step(&config, &state, &terms);
+        pid_step(&config, &state, &input, &output);
     hash_s32(state.integral_mv_q16);
     hash_u16(state.limited_steps);
     hash_u16(state.held_steps);
-    hash_pid_answer(&terms);
+    hash_pid_output(&output);
 }

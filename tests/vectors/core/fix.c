@@ -8,6 +8,7 @@ static void feed_16(int16_t a, int16_t b, int32_t wide)
 
     hash_u32(fix_mul_u16((uint16_t)a, (uint16_t)b));
     hash_s32(fix_mul(a, b));
+    hash_s32(fix_sum(a, b));
     hash_u16(fix_abs_u16(a));
     hash_s32(fix_q8(a));
     hash_s16(fix_sat16(wide));
@@ -28,9 +29,9 @@ static void feed_32(int32_t a, int32_t b)
 {
     hash_u32(fix_abs_u32(a));
     hash_s32(fix_clamp32(a, b & 0x7FFFFFFFL));
-    hash_s32(fix_less(a, &b));
-    hash_s32(fix_add_to(a, &b));
-    hash_s32(b);
+    hash_s32(fix_sub32(a, b));
+    hash_s32(fix_add32(a, b));
+    hash_s32(fix_add32(b, a));
     hash_u16(fix_round_bam16((uint32_t)a));
     hash_u16(fix_sqrt_u32((uint32_t)a));
 }
@@ -45,7 +46,7 @@ static void feed_pairs(int16_t a, int16_t b, int32_t wide)
     const fix_pair_t of = {at_most_32767(a), at_most_32767((int16_t)wide)};
     const fix_pair_t with = {at_most_32767(b), at_most_32767((int16_t)(wide >> 16))};
     const int32_t value = wide & 0x7FFFFFFFL;
-    const int16_t sign = fix_against_square(&value, draw_up_to(32768U));
+    const int16_t sign = fix_compare_square(value, draw_up_to(32768U));
 
     hash_s32(fix_dot(&of, &with));
     hash_s16(fix_along(&of, &with));

@@ -9,5 +9,5 @@ void vectors_feed(void)
 
     hash_s16(trig_sin_q15(angle_bam16));
     hash_s16(trig_cos_q15(angle_bam16));
-    hash_u16(trig_atan2_bam16(&y, &x));
+    hash_u16(trig_atan2_bam16(y, x));
 }

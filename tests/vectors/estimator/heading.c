@@ -28,7 +28,7 @@ static void begin(heading_state_t *state)
     state->blind_ms = draw_up_to(65000U);
 }
 
-static void hash(const heading_state_t *state, const signals_state_t *signals)
+static void hash(const heading_state_t *state, const signals_estimate_t *estimate)
 {
     hash_u32(state->heading_bam32);
     hash_s16(state->raw_rate_mrad_s);
@@ -41,11 +41,11 @@ static void hash(const heading_state_t *state, const signals_state_t *signals)
         hash_s16(state->block_most_mrad_s);
     }
     hash_u16(state->blind_ms);
-    hash_u16(signals->heading_bam16);
-    hash_s16(signals->yaw_rate_mrad_s);
-    hash_u8(signals->at_rest);
+    hash_u16(estimate->heading_bam16);
+    hash_s16(estimate->yaw_rate_mrad_s);
+    hash_u8(estimate->at_rest);
     hash_u8(state->bias.learnt > 0);
-    hash_u8(signals->valid);
+    hash_u8(estimate->valid);
 }
 
 /* Half of the runs are of a robot that stands, whose bias is learnt. */
@@ -54,9 +54,9 @@ void vectors_feed(void)
     static heading_config_t drawn;
     static const heading_config_t *config;
     static heading_state_t state;
-    static signals_state_t signals;
-    static signals_motion_t predicted;
-    signals_sensors_t *const sensors = &signals.sensors;
+    static signals_sensors_t drawn_sensors, *const sensors = &drawn_sensors;
+    static signals_predicted_t predicted;
+    static signals_estimate_t estimate;
     static uint8_t left;
     static bool stands;
 
@@ -66,8 +66,6 @@ void vectors_feed(void)
         draw_config(&drawn);
         config = draw_rarely(1) ? &drawn : &PARAMS.step.heading;
         begin(&state);
-        signals.at_rest = false;
-        signals.predicted = &predicted;
     }
     left--;
     if (stands) {
@@ -75,14 +73,14 @@ void vectors_feed(void)
         sensors->period_ms = BODY_PERIOD_MS;
         sensors->yaw_rate_mrad_s =
             (int16_t)((sensors->rotation_left & 127U) + (draw_u16() & 63U)); /* a bias, and noise */
-        predicted.surge_mm_s_q17 = 0;
-        signals.driven = draw_rarely(8);
+        predicted.motion.surge_mm_s_q17 = 0;
+        predicted.driven = draw_rarely(8);
     } else {
         draw_sensors(sensors);
-        predicted.surge_mm_s_q17 = draw_between(-32767, 32767) * 8192L;
-        signals.driven = draw_rarely(1);
+        predicted.motion.surge_mm_s_q17 = draw_between(-32767, 32767) * 8192L;
+        predicted.driven = draw_rarely(1);
     }
-    predicted.yaw_rate_mrad_s_q12 = draw_between(-32767, 32767) * 4096L;
-    heading_step(config, &state, &signals);
-    hash(&state, &signals);
+    predicted.motion.yaw_rate_mrad_s_q12 = draw_between(-32767, 32767) * 4096L;
+    heading_step(config, &state, sensors, &predicted, &estimate);
+    hash(&state, &estimate);
 }

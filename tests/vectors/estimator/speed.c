@@ -19,14 +19,13 @@ static void draw_config(speed_config_t *config)
     config->accel_filter_q15 = draw_between(1, 32767);
 }
 
-static void begin(speed_state_t *state, signals_state_t *signals)
+static void begin(speed_state_t *state)
 {
     bytes_clear(state, sizeof *state);
-    signals->speed_mm_s_q4 = 0;
     if (draw_rarely(1))
         return;
     state->speed_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
-    signals->speed_mm_s_q4 = draw_s16();
+    state->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
     state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
     if ((DRAWN_SENSORS & SENSOR_ROTATION) == 0)
@@ -36,10 +35,10 @@ static void begin(speed_state_t *state, signals_state_t *signals)
     state->rotation_known = draw_rarely(1);
 }
 
-static void hash(const speed_state_t *state, const signals_state_t *signals, int32_t correction_mm_s_q17)
+static void hash(const speed_state_t *state, const signals_estimate_t *estimate, int32_t correction_mm_s_q17)
 {
     hash_s32(state->speed_mm_s_q17);
-    hash_s16(signals->speed_mm_s_q4);
+    hash_s16(estimate->speed_mm_s_q4);
     hash_s16(state->sway_mm_s_q4);
     hash_s32(state->behind_um_q5);
     hash_s32(state->accel_mm_s2_q8);
@@ -49,10 +48,10 @@ static void hash(const speed_state_t *state, const signals_state_t *signals, int
     hash_u16(state->rotation_right);
     hash_u8(state->rotation_known);
     hash_s32(correction_mm_s_q17);
-    hash_s16(signals->speed_mm_s_q4);
-    hash_s16(signals->accel_mm_s2);
-    hash_s32(signals->travel_um_q5);
-    hash_s32(signals->sway_travel_um_q5);
+    hash_s16(estimate->speed_mm_s_q4);
+    hash_s16(estimate->accel_mm_s2);
+    hash_s32(estimate->travel_um_q5);
+    hash_s32(estimate->sway_travel_um_q5);
 }
 
 void vectors_feed(void)
@@ -60,8 +59,9 @@ void vectors_feed(void)
     static speed_config_t drawn;
     static const speed_config_t *config;
     static speed_state_t state;
-    static signals_state_t signals;
-    static signals_motion_t predicted;
+    static signals_sensors_t sensors;
+    static signals_predicted_t predicted;
+    static signals_estimate_t estimate;
     static uint8_t left;
     int32_t correction_mm_s_q17;
 
@@ -69,16 +69,15 @@ void vectors_feed(void)
         left = RUN_STEPS;
         draw_config(&drawn);
         config = draw_rarely(1) ? &drawn : &PARAMS.step.speed;
-        begin(&state, &signals);
+        begin(&state);
     }
     left--;
-    signals.predicted = &predicted;
-    draw_sensors(&signals.sensors);
-    predicted.surge_mm_s_q17 =
+    draw_sensors(&sensors);
+    predicted.motion.surge_mm_s_q17 =
         draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : state.speed_mm_s_q17 + draw_within(131072L);
-    predicted.sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
-    signals.yaw_rate_mrad_s = draw_between(-32767, 32767);
-    signals.at_rest = draw_rarely(2);
-    correction_mm_s_q17 = speed_step(config, &state, &signals);
-    hash(&state, &signals, correction_mm_s_q17);
+    predicted.motion.sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
+    estimate.yaw_rate_mrad_s = draw_between(-32767, 32767);
+    estimate.at_rest = draw_rarely(2);
+    correction_mm_s_q17 = speed_step(config, &state, &sensors, &predicted, &estimate);
+    hash(&state, &estimate, correction_mm_s_q17);
 }

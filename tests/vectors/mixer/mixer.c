@@ -8,8 +8,9 @@ void vectors_feed(void)
 {
     static mixer_config_t config = {.battery_floor_mv = 5000, .max_duty_q15 = 32767};
     static mixer_state_t state;
-    static signals_state_t motion;
+    static signals_estimate_t estimate;
     signals_effort_t effort;
+    signals_drive_t drive;
 
     if (draw_rarely(5)) {
         config.battery_floor_mv = (uint16_t)draw_between(1000, 20000);
@@ -23,14 +24,14 @@ void vectors_feed(void)
     }
     effort.surge_mv = draw_s16();
     effort.yaw_mv = draw_s16();
-    motion.speed_mm_s_q4 = draw_s16();
-    motion.yaw_rate_mrad_s = draw_s16();
+    estimate.speed_mm_s_q4 = draw_s16();
+    estimate.yaw_rate_mrad_s = draw_s16();
     if (draw_rarely(3))
         mixer_correct(&config, &state, draw_up_to(20000));
     hash_drive(&state.drive);
     state.battery_mv = draw_up_to(draw_rarely(3) ? 65535U : 12000);
-    mixer_step(&config, &state, &effort, &motion);
-    hash_drive(&state.drive);
+    mixer_step(&config, &state, &effort, &estimate, &drive);
+    hash_drive(&drive);
     hash_u16(state.surge_saturated_steps);
     hash_u16(state.yaw_saturated_steps);
     hash_u16(state.battery_low_steps);

@@ -1,8 +1,14 @@
-; trig_h8.S: trig.c's functions in the RCX's own instructions: see h8.inc. The tables are trig.c's.
-	.include "core/h8.inc"
+; trig.S: the functions of trig.h in the RCX's own instructions: see macros.inc. The tables are those of trig.c.
+#include "core/h8/layout.h"
+#include "core/turns.h"
+	.include "core/h8/macros.inc"
 	.text
 
-; The curve r0 at r1, a place in 256ths: to r0. Uses r1 to r3.
+#if CURVE_EVERY_8TH != 0
+#error "a curve is taken for its first table"
+#endif
+
+; Inner routine: the value of the curve at r0, at the place r1 in 256ths, in r0. Keeps r4 to r6.
 .Lvalue:
 	mov.w	r4,@-r7
 	mov.w	r5,@-r7
@@ -24,7 +30,7 @@
 	shlr	r4l
 	sub.b	r4h,r4h
 	add.w	r0,r4
-	mov.b	@(66,r4),r5l	; the bends of two values
+	mov.b	@(CURVE_BENDS,r4),r5l	; the bends of two values
 	mov.b	r5l,r5h
 	shlr	r5h
 	shlr	r5h
@@ -38,7 +44,7 @@
 	mov.b	r1h,r0l
 	and	#7,r0l
 	beq	.Lbends
-	mov.b	@(65,r4),r5h
+	mov.b	@(CURVE_BENDS - 1,r4),r5h
 	and	#15,r5h
 .Lbends:			; r5h this value's, r5l the next one's
 	add.b	r2l,r5l
@@ -55,25 +61,25 @@
 	add.b	r4h,r3l
 	addx	#0,r3h
 	mov.w	r3,r0
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	jmp	@_end_two_saved
 
-; int16_t trig_cos_q15(uint16_t angle_bam16), trig_sin_q15
+; int16_t trig_cos_q15(uint16_t angle_bam16): goes on as trig_sin_q15 of a quarter turn more
 	.align 1
 	.global _trig_cos_q15
 _trig_cos_q15:
-	add.b	#0x40,r0h
+	add.b	#TURN_QUARTER / 256,r0h
+
+; int16_t trig_sin_q15(uint16_t angle_bam16)
 	.global _trig_sin_q15
 _trig_sin_q15:
 	mov.w	r0,@-r7
 	and	#0x7f,r0h
 	mov.w	r0,r1
-	mov.w	#0x4000,r2
+	mov.w	#TURN_QUARTER,r2
 	cmp.w	r2,r1
 	bcs	.Lrising
 	beq	.Lpeak
-	mov.w	#0x8000,r1
+	mov.w	#TURN_HALF,r1
 	sub.w	r0,r1
 .Lrising:
 	add.w	r1,r1
@@ -93,20 +99,18 @@ _trig_sin_q15:
 	adds	#1,r0
 	rts
 
-; uint16_t trig_atan2_bam16(const int32_t *y, const int32_t *x): r4:r5 and r0:r1 their magnitudes; y's sign is on the stack, x's in r6l.
+; uint16_t trig_atan2_bam16(int32_t y, int32_t x): x is on the stack. r4:r5 and r0:r1 become the magnitudes of y and x; the sign of y goes
+; onto the stack, that of x into r6l.
 	.align 1
 	.global _trig_atan2_bam16
 _trig_atan2_bam16:
-	SAVE
-	mov.w	r1,r6
-	mov.w	@(2,r0),r1
-	mov.w	@r0,r0
+	jsr	@_begin_saved
 	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	mov.w	r0,r4
 	mov.w	r1,r5
-	mov.w	@r6,r0
-	mov.w	@(2,r6),r1
+	mov.w	@(10,r7),r0
+	mov.w	@(12,r7),r1
 	mov.b	r0h,r6l
 	jsr	@_fix_abs_u32
 .Lhalve:			; until both have 16 bits
@@ -130,13 +134,13 @@ _trig_atan2_bam16:
 	bne	.Lflat
 	mov.w	r1,r0
 	beq	.Lquadrant
-	mov.w	#0x2000,r0	; a diagonal
+	mov.w	#TURN_EIGHTH,r0	; a diagonal
 	bra	.Lquadrant
 .Lsteep:
 	mov.w	r1,r0
 	mov.w	r5,r2
 	bsr	.Loctant
-	mov.w	#0x4000,r1
+	mov.w	#TURN_QUARTER,r1
 	sub.w	r0,r1
 	mov.w	r1,r0
 	bra	.Lquadrant
@@ -147,7 +151,7 @@ _trig_atan2_bam16:
 .Lquadrant:
 	mov.b	r6l,r6l
 	bpl	.Lforward
-	mov.w	#0x8000,r1
+	mov.w	#TURN_HALF,r1
 	sub.w	r0,r1
 	mov.w	r1,r0
 .Lforward:
@@ -157,12 +161,9 @@ _trig_atan2_bam16:
 	not	r0l
 	adds	#1,r0
 .Lright:
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	jmp	@_end_saved
 
-; The angle of r2 along and r0 across, less: to r0.
+; Inner routine: the angle of a vector with r2 along and r0 across, r0 less than r2, in r0.
 .Loctant:
 	sub.w	r1,r1
 	jsr	@_fix_div_u32

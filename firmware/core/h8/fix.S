@@ -1,5 +1,5 @@
-; fix_h8.S: the arithmetic of fix.h that a step spends most of its time in, in the RCX's own instructions: see h8.inc.
-	.include "core/h8.inc"
+; fix.S: the arithmetic of fix.h in the RCX's own instructions. macros.inc explains calls, registers and inner routines.
+	.include "core/h8/macros.inc"
 	.text
 
 ; uint32_t fix_mul_u16(uint16_t a, uint16_t b)
@@ -24,7 +24,7 @@ _fix_mul_u16:
 	mov.w	r2,r1
 	rts
 
-; int32_t fix_mul(int16_t a, int16_t b): the product of both without sign, less 65536 times the other for each that is negative.
+; int32_t fix_mul(int16_t a, int16_t b): the product of both taken without sign, minus 65536 times the other for each negative one.
 	.align 1
 	.global _fix_mul
 _fix_mul:
@@ -42,6 +42,20 @@ _fix_mul:
 .Lfirst_positive:
 	rts
 
+; int32_t fix_sum(int16_t a, int16_t b): the signs of both, and the carry, make the high word's two bytes.
+	.align 1
+	.global _fix_sum
+_fix_sum:
+	bld	#7,r0h
+	subx	r2l,r2l
+	bld	#7,r1h
+	subx	r2h,r2h
+	add.w	r0,r1
+	addx	r2h,r2l
+	mov.b	r2l,r0l
+	mov.b	r2l,r0h
+	rts
+
 ; uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b)
 	.align 1
 	.global _fix_mul_u32_q16
@@ -51,35 +65,15 @@ _fix_mul_u32_q16:
 	mov.w	r2,r6
 	mov.w	r1,r2
 	mov.w	r0,r5
-	bra	.Lmultiply
-
-.Lall:				; by 2^15: all of it, but at most 2^31 - 1
-	mov.w	r5,r1
-	bpl	.Lfits
-	subs	#1,r1
-	subs	#1,r2
-.Lfits:
-	mov.w	r4,r0
-	bra	.Lcut_and_leave
+	bra	.Lend_share
 
 ; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
 	.align 1
 	.global _fix_share_q15
 _fix_share_q15:
-	mov.w	r2,r2
-	beq	.Lnothing
-	mov.w	r0,r0
-	bne	.Lsomething
-	mov.w	r1,r1
-	bne	.Lsomething
-.Lnothing:
-	sub.w	r0,r0
-	sub.w	r1,r1
-	rts
-.Lsomething:
 	SAVE
 	mov.b	r0h,r4l
-	xor	r2h,r4l
+	xor	r2h,r4l		; the sign
 	mov.w	r2,r6
 	bpl	.Lfactor
 	not	r6h
@@ -96,20 +90,34 @@ _fix_share_q15:
 	subx	r0h,r5h
 .Lvalue:
 	add.w	r6,r6
-	bcs	.Lall
-.Lmultiply:
+	bcc	.Lend_share
+	mov.w	r5,r1		; the factor is 2^15: the whole value, but at most 2^31 - 1
+	bpl	.Lfits
+	subs	#1,r1
+	subs	#1,r2
+.Lfits:
+	mov.w	r4,r0
+	bra	.Lrestore_and_cut
+
+; Inner routine, the end of a function that began with SAVE: returns r5:r2 * r6 / 2^16 (all without sign), cut, with the
+; sign of r4l.
+.Lend_share:
 	mov.b	#0x80,r4h
-	bsr	_fix_h8_scaled
-.Lcut_and_leave:
+	bsr	_fix_inner_multiply
+
+; Inner routine, the end of a function that began with SAVE: restores r4 to r6, then as .Lcut.
+.Lrestore_and_cut:
 	mov.w	@r7+,r6
 	mov.w	@r7+,r5
 	mov.w	@r7+,r4
 
-; r1:r2 (without sign) to r0:r1, negated where bit 7 of r0l is set. .Lround: one more where the carry is set.
+; Inner routine: returns r1:r2 (without sign) in r0:r1, negated where bit 7 of r0l is set.
 .Lcut:
 	andc	#0xfe,ccr
-	.global _fix_h8_round
-_fix_h8_round:
+
+; Inner routine: the same, with 1 added to r1:r2 where the carry is set.
+	.global _fix_inner_round
+_fix_inner_round:
 	mov.b	r0l,r0l
 	bmi	.Lnegative
 	mov.w	r1,r0
@@ -121,7 +129,7 @@ _fix_h8_round:
 	rts
 .Lnegative:
 	mov.w	r1,r3
-	mov.w	#0,r0		; not by sub.w: the carry is still to be counted
+	mov.w	#0,r0		; not sub.w, which would change the carry
 	mov.w	r0,r1
 	subx	r2l,r1l
 	subx	r2h,r1h
@@ -141,9 +149,10 @@ _fix_fraction:
 	.global _fix_round_shift
 _fix_round_shift:
 	bsr	.Lmagnitude_shift
-	bra	_fix_h8_round
+	bra	_fix_inner_round
 
-.Lmagnitude_shift:		; r0:r1 / 2^r2l to r1:r2 and the carry, r0l the sign
+; Inner routine: the magnitude of r0:r1, divided by 2^r2l, in r1:r2; the last bit that fell off in the carry; the sign in r0l.
+.Lmagnitude_shift:
 	mov.b	r2l,r3l
 	mov.w	r1,r2
 	mov.w	r0,r1
@@ -159,11 +168,11 @@ _fix_round_shift:
 	mov.b	r3l,r0h
 	bra	.Lshift
 
-; r5:r2 * r6 / 2^16, all without sign, to r1:r2; where bit 7 of r4h is not set, divided by 2^r4h (0 to 31) too, and the carry is the last
-; bit that fell off. r4 to r0. Uses all registers but r4.
+; Inner routine: r5:r2 * r6 / 2^16, all without sign, in r1:r2, and r4 in r0. Where bit 7 of r4h is clear, the product is
+; also divided by 2^r4h (0 to 31), and the carry is the last bit that fell off. Keeps r4 alone.
 	.align 1
-	.global _fix_h8_scaled
-_fix_h8_scaled:
+	.global _fix_inner_multiply
+_fix_inner_multiply:
 	sub.w	r3,r3
 	mov.w	r2,r2
 	beq	.Lonly_high
@@ -201,10 +210,11 @@ _fix_h8_scaled:
 	addx	#0,r1h
 .Lscaled:
 	mov.w	r4,r0
-	bmi	.Lshifted
+	bpl	.Lshift
+	rts
 
-; r1:r2 (without sign) / 2^r0h to r1:r2, cut; the carry: the last bit that fell off; where r0h is 0, bit 7 of r3l. r0h 0 to 31. Uses r0h,
-; r3l. Bytes, then bits: right, or left in a byte more.
+; Inner routine: r1:r2 (without sign) / 2^r0h in r1:r2, cut; r0h is 0 to 31. The carry is the last bit that fell off; where
+; r0h is 0, that is bit 7 of r3l. Uses r0h and r3l. Shifts bytes, then bits: to the right, or to the left after one byte more.
 .Lshift:
 	add.b	#-8,r0h
 	bcc	.Lbits
@@ -220,7 +230,6 @@ _fix_h8_scaled:
 	add.b	#8,r0h
 	bne	.Lright
 	add.b	r3l,r3l
-.Lshifted:
 	rts
 .Lright:
 	shlr	r1h
@@ -250,7 +259,6 @@ _fix_h8_scaled:
 	.align 1
 	.global _fix_dot
 _fix_dot:
-.Ldot:
 	mov.w	r4,@-r7
 	mov.w	r5,@-r7
 	mov.w	r0,r4
@@ -265,89 +273,33 @@ _fix_dot:
 	mov.w	@r7+,r2
 	mov.w	@r7+,r3
 	ADD32
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	jmp	@_end_two_saved
 
-; int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15): twice the magnitude and a half, its high word
+; int16_t fix_compare_square(int32_t value, uint16_t root): value minus square; the low word only tells whether it is 0.
 	.align 1
-	.global _fix_along
-_fix_along:
-	bsr	.Ldot
-	mov.w	r0,@-r7
-	jsr	@_fix_abs_u32
-	mov.w	#0x4000,r2
-	add.w	r2,r1
-	addx	#0,r0l
-	addx	#0,r0h
-	add.w	r1,r1
-	rotxl	r0l
-	rotxl	r0h
-	bcs	.Lmost_along
-	mov.w	r0,r0
-	bpl	.Lalong
-.Lmost_along:
-	mov.w	#0x7fff,r0
-.Lalong:
-	mov.w	@r7+,r2
-	bmi	.Lbackward
-	rts
-.Lbackward:
-	jmp	@.Lnegate16
-
-; int16_t fix_against_square(const int32_t *value, uint16_t root): value less square; both words of that in one
-	.align 1
-	.global _fix_against_square
-_fix_against_square:
-	mov.w	r0,@-r7
-	mov.w	r1,r0
+	.global _fix_compare_square
+_fix_compare_square:
+	PUSH32
+	mov.w	r2,r0
+	mov.w	r2,r1
 	jsr	@_fix_mul_u16
-	mov.w	@r7+,r3
-	mov.w	@(2,r3),r2
-	sub.w	r1,r2
-	mov.w	@r3,r3
-	subx	r0l,r3l
-	subx	r0h,r3h
-	mov.w	r3,r0
-	or	r2h,r0l
-	or	r2l,r0l
-	rts
-
-; int16_t fix_thousandth(int32_t value)
-	.align 1
-	.global _fix_thousandth
-_fix_thousandth:
-	SAVE
-	mov.w	#0x0800,r4
-	mov.b	r0h,r4l
-	mov.w	#16777,r6
-	mov.w	r1,r2
-	mov.w	r0,r5
-	bpl	.Lthousands
-	NEGATE	r5h,r5l,r2h,r2l
-.Lthousands:
-	jsr	@_fix_h8_scaled
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	jsr	@_fix_h8_round
-	jmp	@_fix_sat16
-
-; int32_t fix_add_to(int32_t value, int32_t *sum)
-	.align 1
-	.global _fix_add_to
-_fix_add_to:
-	mov.w	r2,@-r7
-	mov.w	@(2,r2),r3
-	mov.w	@r2,r2
-	bsr	.Ladd
 	mov.w	@r7+,r2
-	mov.w	r0,@r2
-	mov.w	r1,@(2,r2)
+	mov.w	@r7+,r3
+	sub.w	r1,r3
+	subx	r0l,r2l
+	subx	r0h,r2h
+	mov.w	r2,r0
+	or	r3h,r0l
+	or	r3l,r0l
 	rts
 
-; By signs: the simulator sets V wrong after ADDX and SUBX.
-.Ladd:
+; int32_t fix_add32(int32_t a, int32_t b), fix_sub32: b is on the stack. Signs tell whether the result overflows, since the
+; simulator sets V wrongly after ADDX and SUBX.
+	.align 1
+	.global _fix_add32
+_fix_add32:
+	mov.w	@(2,r7),r2
+	mov.w	@(4,r7),r3
 	add.w	r3,r1
 	mov.b	r0h,r3h
 	addx	r2l,r0l
@@ -355,17 +307,14 @@ _fix_add_to:
 	xor	r0h,r2h
 	xor	r0h,r3h
 	and	r2h,r3h
-	bmi	.Lbeyond	; the sum's sign is neither's
-	mov.b	r0h,r0h
-	bmi	.Lleast
-	rts
+	bmi	.Lwrong_sign32	; the sum has neither's sign
+	bra	.Lsymmetric32
 
-; int32_t fix_less(int32_t value, const int32_t *other)
 	.align 1
-	.global _fix_less
-_fix_less:
-	mov.w	@(2,r2),r3
-	mov.w	@r2,r2
+	.global _fix_sub32
+_fix_sub32:
+	mov.w	@(2,r7),r2
+	mov.w	@(4,r7),r3
 	sub.w	r3,r1
 	mov.b	r0h,r3h
 	subx	r2l,r0l
@@ -373,21 +322,10 @@ _fix_less:
 	xor	r3h,r2h
 	xor	r0h,r3h
 	and	r2h,r3h
-	bmi	.Lbeyond
-	mov.b	r0h,r0h
-	bmi	.Lleast
-	rts
-.Lbeyond:			; the sign is the wrong one
-	mov.w	r0,r0
-	bmi	.Lmost
-	mov.w	#0x8000,r0
-	mov.w	#1,r1
-	rts
-.Lmost:
-	mov.w	#0x7fff,r0
-	mov.w	#0xffff,r1
-	rts
-.Lleast:			; -2^31 becomes -(2^31 - 1)
+	bmi	.Lwrong_sign32
+
+; Inner routine: returns r0:r1, but -(2^31 - 1) for -2^31.
+.Lsymmetric32:
 	mov.w	#0x8000,r2
 	cmp.w	r2,r0
 	bne	.Lsum
@@ -395,6 +333,18 @@ _fix_less:
 	bne	.Lsum
 	adds	#1,r1
 .Lsum:
+	rts
+
+; Inner routine: returns 2^31 - 1 with the sign that r0:r1 has not.
+.Lwrong_sign32:
+	mov.w	r0,r0
+	bmi	.Lmost32
+	mov.w	#0x8000,r0
+	mov.w	#1,r1
+	rts
+.Lmost32:
+	mov.w	#0x7fff,r0
+	mov.w	#0xffff,r1
 	rts
 
 ; int32_t fix_clamp32(int32_t value, int32_t limit): limit is on the stack
@@ -456,7 +406,7 @@ _fix_q8:
 	subx	r0h,r0h
 	rts
 
-; int32_t fix_times(int32_t value, uint8_t factor): by bytes, the lowest first.
+; int32_t fix_times(int32_t value, uint8_t factor): byte by byte, the lowest first
 	.align 1
 	.global _fix_times
 _fix_times:
@@ -512,94 +462,69 @@ _fix_bits:
 	mov.b	r2l,r0l
 	rts
 
-; int16_t fix_gain16_q10(int16_t gain_q10, int16_t value); r3:r1 is what it would be without saturation
+; int16_t fix_gain16_q10(int16_t gain_q10, int16_t value)
 	.align 1
 	.global _fix_gain16_q10
 _fix_gain16_q10:
 	jsr	@_fix_gain_q10
-	mov.w	r0,r3
-	bra	.Lsat16
+	jmp	@_fix_sat16
 
-; int16_t fix_round16(int32_t value, uint8_t bits): a byte, then up to 7 bits; r3h the sign.
+; int16_t fix_round16(int32_t value, uint8_t bits)
 	.align 1
 	.global _fix_round16
 _fix_round16:
-	mov.b	r0h,r3h
-	bpl	.Lmagnitude16
-	NEGATE	r0h,r0l,r1h,r1l
-.Lmagnitude16:
-	add.b	#-8,r2l
-	beq	.Lbyte16
-.Lbit16:
-	shlr	r0h
-	rotxr	r0l
-	rotxr	r1h
-	dec	r2l
-	bne	.Lbit16
-	bra	.Lround16
-.Lbyte16:
-	add.b	r1l,r1l
-.Lround16:
-	mov.b	r1h,r1l
-	mov.b	r0l,r1h
-	addx	#0,r1l		; the last bit that fell off
-	addx	#0,r1h
-	addx	#0,r0h
-	mov.b	r0h,r0h
-	bne	.Lmost16
-	mov.w	r1,r0
-	bpl	.Lwithin_most16
-.Lmost16:
-	mov.w	#0x7fff,r0
-.Lwithin_most16:
-	mov.b	r3h,r3h
-	bmi	.Lnegate16
-	rts
+	jsr	@_fix_round_shift
+	jmp	@_fix_sat16
 
-; int16_t fix_sat16(int32_t value), fix_add16(int16_t a, int16_t b), fix_sub16: at most 32767 in magnitude
+; int16_t fix_sat16(int32_t value)
 	.align 1
 	.global _fix_sat16
 _fix_sat16:
-.Lsat16:
-	mov.w	r1,r2
-	bmi	.Llow_negative16
-	mov.w	r0,r0
+	bld	#7,r1h
+	subx	r2l,r2l		; both bytes of the high word where the value fits
+	cmp.b	r2l,r0l
+	bne	.Lbeyond16
+	cmp.b	r2l,r0h
 	bne	.Lbeyond16
 	mov.w	r1,r0
-	rts
-.Llow_negative16:
-	mov.w	r0,r2
-	adds	#1,r2
-	mov.w	r2,r2
-	bne	.Lbeyond16
-	mov.w	r1,r0
-.Lleast16:			; -32768 becomes -32767
-	mov.w	#0x8000,r2
-	cmp.w	r2,r0
-	beq	.Lnegative16
-	rts
+	bra	.Lsymmetric16
 .Lbeyond16:
 	mov.w	r0,r0
-	bmi	.Lnegative16
+	bmi	.Lleast16
+
+; Inner routine: returns 32767.
+.Lmost16:
 	mov.w	#0x7fff,r0
 	rts
-.Lnegative16:
-	mov.w	#0x8001,r0
-	rts
+
+; int16_t fix_add16(int16_t a, int16_t b): where it overflows, the sum's sign is the wrong one.
 	.align 1
 	.global _fix_add16
 _fix_add16:
 	add.w	r1,r0
-	bvc	.Lleast16
-	bra	.Lother_sign
+	bvc	.Lsymmetric16
+	bmi	.Lmost16
+	bra	.Lleast16
+
+; int16_t fix_sub16(int16_t a, int16_t b): the same.
 	.align 1
 	.global _fix_sub16
 _fix_sub16:
 	sub.w	r1,r0
-	bvc	.Lleast16
-.Lother_sign:			; the sign is the wrong one
-	bpl	.Lnegative16
-	mov.w	#0x7fff,r0
+	bvc	.Lsymmetric16
+	bmi	.Lmost16
+	bra	.Lleast16
+
+; Inner routine: returns r0, but -32767 for -32768.
+.Lsymmetric16:
+	mov.w	#0x8000,r2
+	cmp.w	r2,r0
+	beq	.Lleast16
+	rts
+
+; Inner routine: returns -32767.
+.Lleast16:
+	mov.w	#0x8001,r0
 	rts
 
 ; int16_t fix_clamp16(int16_t value, int16_t limit)
@@ -618,11 +543,13 @@ _fix_clamp16:
 .Lwithin16:
 	rts
 
-; uint16_t fix_count_u16(uint16_t count), fix_add_u16(uint16_t a, uint16_t b)
+; uint16_t fix_count_u16(uint16_t count): goes on as fix_add_u16(count, 1)
 	.align 1
 	.global _fix_count_u16
 _fix_count_u16:
 	mov.w	#1,r1
+
+; uint16_t fix_add_u16(uint16_t a, uint16_t b)
 	.global _fix_add_u16
 _fix_add_u16:
 	add.w	r1,r0
@@ -631,7 +558,7 @@ _fix_add_u16:
 .Lfits_u16:
 	rts
 
-; uint16_t fix_round_bam16(uint32_t angle_bam32): 2^15 more, or 2^15 - 1 of a negative one, and its high word.
+; uint16_t fix_round_bam16(uint32_t angle_bam32): adds 2^15, or 2^15 - 1 to a negative one; returns the high word.
 	.align 1
 	.global _fix_round_bam16
 _fix_round_bam16:
@@ -651,7 +578,6 @@ _fix_round_bam16:
 _fix_abs_u16:
 	mov.w	r0,r0
 	bpl	.Labsolute16
-.Lnegate16:
 	not	r0h
 	not	r0l
 	adds	#1,r0
@@ -662,37 +588,19 @@ _fix_abs_u16:
 	.align 1
 	.global _fix_abs_u32
 _fix_abs_u32:
-.Lmagnitude32:
 	mov.w	r0,r0
 	bpl	.Labsolute
 	NEGATE	r0h,r0l,r1h,r1l
 .Labsolute:
 	rts
 
-; int32_t fix_gain_q10(int16_t gain_q10, int16_t value): the product by magnitude, half of a unit more, a byte and two bits less.
+; int32_t fix_gain_q10(int16_t gain_q10, int16_t value)
 	.align 1
 	.global _fix_gain_q10
 _fix_gain_q10:
-	mov.w	r1,@-r7
-	bpl	.Lgain_of_magnitude
-	not	r1h
-	not	r1l
-	adds	#1,r1
-.Lgain_of_magnitude:
-	jsr	@_fix_mul_u16
-	add.b	#2,r1h
-	addx	#0,r0l
-	addx	#0,r0h
-	.rept	2
-	shlr	r0h
-	rotxr	r0l
-	rotxr	r1h
-	.endr
-	mov.b	r1h,r1l
-	mov.b	r0l,r1h
-	mov.b	r0h,r0l
-	sub.b	r0h,r0h
-	bra	.Lby_sign
+	jsr	@_fix_mul
+	mov.b	#10,r2l
+	jmp	@_fix_round_shift
 
 ; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
 	.align 1
@@ -701,7 +609,6 @@ _fix_share_q16:
 	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	jsr	@_fix_mul_u32_q16
-.Lby_sign:
 	mov.w	@r7+,r2
 	bpl	.Lpositive_share
 	NEGATE	r0h,r0l,r1h,r1l

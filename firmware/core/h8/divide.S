@@ -1,5 +1,5 @@
-; divide_h8.S: quotient and square root of fix.h in the RCX's own instructions: see h8.inc.
-	.include "core/h8.inc"
+; divide.S: quotient and square root of fix.h in the RCX's own instructions: see macros.inc.
+	.include "core/h8/macros.inc"
 	.text
 
 ; uint32_t fix_div_u32(uint32_t dividend, uint16_t divisor): both doubled until the divisor (r2) has its highest bit, the dividend into
@@ -43,8 +43,8 @@ _fix_div_u32:
 	mov.w	r0,r1
 	rts
 
-; r3:r1 / r2 to r1, the rest to r3; r3 less than r2. A byte of the quotient, twice: at most the rest by the divisor's high byte; less where
-; the low one's part is too much. Uses r0.
+; Inner routine: r3:r1 / r2 in r1, the rest in r3; r3 is less than r2. Uses r0. Finds a byte of the quotient, twice: it is at
+; most the rest by the divisor's high byte, and less where the part of the low byte is too large.
 .Ldivide:
 	bsr	.Lquotient_byte
 .Lquotient_byte:
@@ -73,33 +73,24 @@ _fix_div_u32:
 	sub.b	r1h,r1h
 	bra	.Lless
 
-; uint16_t fix_sqrt_u32(uint32_t value): two bits of the value at a time into the rest (r2l:r3), one of the root, of each of its words.
-; r4 the root, r2h:r5 a trial, r6l counts. Leading bytes of 0 make no root.
+; uint16_t fix_sqrt_u32(uint32_t value): moves two bits of the value at a time into the rest (r2l:r3) and finds one bit of the root
+; (r4) by a trial (r2h:r5): 8 for each word of the value.
 	.align 1
 	.global _fix_sqrt_u32
 _fix_sqrt_u32:
-	SAVE
+	jsr	@_begin_saved
 	sub.b	r2l,r2l
 	sub.w	r3,r3
 	sub.w	r4,r4
 	mov.b	#8,r6l
-	mov.b	r0h,r0h
-	bne	.Lhigh_root
-	mov.b	#4,r6l
-	mov.b	r0l,r0h
-	beq	.Llow_root
-.Lhigh_root:
 	bsr	.Lroot
-.Llow_root:
 	mov.w	r1,r0
 	mov.b	#8,r6l
 	bsr	.Lroot
 	mov.w	r4,r0
-	mov.w	@r7+,r6
-	mov.w	@r7+,r5
-	mov.w	@r7+,r4
-	rts
+	jmp	@_end_saved
 
+; Inner routine: takes the bits of r0 into the rest, r6l times two of them, and makes as many bits of the root.
 .Lroot:
 	.rept	2
 	add.w	r0,r0

@@ -1,8 +1,21 @@
-; body_h8.S: the profile `coupled` of body.h in the RCX's own instructions: see core/h8.inc. A build without `paper` has no more; another
-; calls it from body.c.
-	.include "core/h8.inc"
-#define H8_ASSEMBLY
-#include "model/body_h8.h"
+; body.S: the profile `coupled` of body.h in the RCX's own instructions: see core/h8/macros.inc. In a build without `paper` these
+; are the functions of body.h; in another, body.c calls them.
+#include "core/h8/layout.h"
+#include "model/limits.h"
+	.include "core/h8/macros.inc"
+
+#if STATE_MOTOR != 0 || STATE_MOTOR_1 - STATE_MOTOR != MOTION_YAW_RATE - MOTION_SURGE
+#error ".Lfrom_wheel needs the yaw rate as far behind the second motor as the surge is behind the first"
+#endif
+
+; Returns in r0:r1 what a scale of the coefficients at r4 makes of r1:r2.
+	.macro	APPLY	scale
+	mov.w	r4,r0
+	add.b	#\scale,r0l
+	addx	#0,r0h
+	jsr	@_scale_apply
+	.endm
+
 #ifndef BODY_WITHOUT_COUPLED
 	.text
 
@@ -16,16 +29,16 @@
 	.align 1
 	.global _body_predict
 _body_predict:
-	SAVE
+	jsr	@_begin_saved
 	mov.w	r0,r4
 	mov.w	r1,r5
 #ifdef BODY_WITHOUT_PAPER
 	mov.w	@(8,r7),r0
-	mov.w	#16383,r1	; MOTOR_VOLTAGE_LIMIT_MV
+	mov.w	#MOTOR_VOLTAGE_LIMIT_MV,r1
 	jsr	@_fix_clamp16
 	mov.w	r0,r6
 	mov.w	r2,r0
-	mov.w	#16383,r1
+	mov.w	#MOTOR_VOLTAGE_LIMIT_MV,r1
 	jsr	@_fix_clamp16
 #else
 	mov.w	@(8,r7),r6
@@ -35,16 +48,15 @@ _body_predict:
 	sub.w	r6,r1
 	mov.w	r1,@-r7		; the difference
 	add.w	r0,r6		; the sum
-	mov.w	@(STATE_SURGE,r5),r0
-	mov.w	@(STATE_SURGE + 2,r5),r1
+	mov.w	@(STATE_MOTION + MOTION_SURGE,r5),r0
+	mov.w	@(STATE_MOTION + MOTION_SURGE + 2,r5),r1
 	jsr	@_fix_abs_u32
 	mov.w	r0,r1
 	jsr	@_fix_mul_u16
 	mov.w	r1,r2
 	mov.w	r0,r1
-	mov.b	#COEFFICIENTS_DRAG,r0l
-	jsr	@_scale_h8_at
-	mov.b	@(STATE_SURGE,r5),r2l
+	APPLY	COEFFICIENTS_DRAG
+	mov.b	@(STATE_MOTION + MOTION_SURGE,r5),r2l
 	bmi	.Ldrag
 	mov.w	r0,r2
 	mov.w	r1,r3
@@ -54,7 +66,7 @@ _body_predict:
 .Ldrag:
 	PUSH32
 	mov.w	r4,r0
-	adds	#2,r0		; COEFFICIENTS_MOTOR_0
+	adds	#COEFFICIENTS_MOTOR,r0
 	mov.w	r5,r1
 	mov.w	r6,r2
 	jsr	@_motor_step
@@ -77,20 +89,23 @@ _body_predict:
 	mov.b	#COEFFICIENTS_YAW_RATE_FROM_WHEEL,r0l
 	bsr	.Lfrom_wheel
 
-; The surge from the mean wheel's speed: the end of a function that began with SAVE.
+; Inner routine, the end of a function that began with SAVE: sets the surge from the speed of the mean wheel.
 .Lsurge:
 	mov.w	r5,r6
 	mov.b	#COEFFICIENTS_SURGE_FROM_WHEEL,r0l
 	bsr	.Lfrom_wheel
 	LEAVE
 
-; By the coefficient r0l, of the motor at r6: where the yaw rate is, seen from the second motor, the surge is, seen from the first.
+; Inner routine: sets the velocity of the motor at r6 by the scale r0l bytes behind r4: the surge is as far behind the first
+; motor as the yaw rate is behind the second.
 .Lfrom_wheel:
-	mov.w	@(STATE_SPEED_0,r6),r1
-	mov.w	@(STATE_SPEED_0 + 2,r6),r2
-	jsr	@_scale_h8_at
-	mov.w	r0,@(STATE_SURGE,r6)
-	mov.w	r1,@(STATE_SURGE + 2,r6)
+	sub.b	r0h,r0h
+	add.w	r4,r0
+	mov.w	@(MOTOR_SPEED,r6),r1
+	mov.w	@(MOTOR_SPEED + 2,r6),r2
+	jsr	@_scale_apply
+	mov.w	r0,@(STATE_MOTION + MOTION_SURGE,r6)
+	mov.w	r1,@(STATE_MOTION + MOTION_SURGE + 2,r6)
 	rts
 
 ; void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17): the change is on the
@@ -98,29 +113,25 @@ _body_predict:
 	.align 1
 	.global _body_correct_surge
 _body_correct_surge:
-	SAVE
+	jsr	@_begin_saved
 	mov.w	r0,r4
 	mov.w	r1,r5
 	mov.w	@(8,r7),r1
 	mov.w	@(10,r7),r2
-	mov.b	#COEFFICIENTS_QUARTER_WHEEL_FROM_SURGE,r0l
-	jsr	@_scale_h8_at
+	APPLY	COEFFICIENTS_QUARTER_WHEEL_FROM_SURGE
 	add.w	r1,r1
 	rotxl	r0l
 	rotxl	r0h
 	PUSH32
-	mov.w	r5,r2
-	adds	#2,r2
-	adds	#2,r2		; STATE_SPEED_0
-	mov.w	r2,r6
-	jsr	@_fix_add_to
-	mov.w	@r7+,r0
-	mov.w	@r7+,r1
-	mov.w	r6,r2
-	jsr	@_fix_add_to
-	mov.w	#12000,r2	; MOTOR_SPEED_LIMIT_MRAD_S_Q13 / 65536
+	mov.w	@(MOTOR_SPEED,r5),r0
+	mov.w	@(MOTOR_SPEED + 2,r5),r1
+	jsr	@_fix_add32
+	jsr	@_fix_add32
+	adds	#2,r7
+	adds	#2,r7
+	mov.w	#MOTOR_SPEED_LIMIT_MRAD_S_Q13_HIGH,r2
 	jsr	@_fix_clamp_q16
-	mov.w	r0,@r6
-	mov.w	r1,@(2,r6)
+	mov.w	r0,@(MOTOR_SPEED,r5)
+	mov.w	r1,@(MOTOR_SPEED + 2,r5)
 	jmp	@.Lsurge
 #endif

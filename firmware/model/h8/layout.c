@@ -1,0 +1,19 @@
+/* layout.c: does not compile for the RCX where core/h8/layout.h is wrong about a struct. It makes no code. */
+#include "core/h8/layout.h"
+
+#include <stddef.h>
+
+#include "core/curve.h"
+#include "core/fix.h"
+#include "model/body.h"
+
+/* Declares an array of negative size where the field is elsewhere: the compiler's message names the offset to correct. */
+#define CHECK(type, field, offset)                                                                                     \
+    extern char correct_in_core_h8_layout_h_##offset[offsetof(type, field) == (offset) ? 1 : -1];
+
+LAYOUT_OF_CORE(CHECK)
+LAYOUT_OF_MOTOR(CHECK)
+LAYOUT_OF_BODY(CHECK)
+#ifndef BODY_VELOCITY_ONLY
+LAYOUT_OF_LARGER_BODY(CHECK)
+#endif
