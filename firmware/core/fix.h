@@ -1,12 +1,11 @@
-/* fix.h: saturating fixed-point arithmetic, on the RCX without a single library call.
+/* fix.h: saturating fixed-point arithmetic. It needs no library call, not even on the RCX.
  *
- * The RCX's compiler turns every `*` wider than 8 x 8 bits and every `/` into a call the brick cannot answer, so all
- * products and quotients of variables in firmware/ go through here. Shifts are by constants. Right shifts of negative
- * numbers are taken to be arithmetic (rounding towards minus infinity), as every compiler we build with does;
- * test_fix.c asserts it.
+ * The RCX's compiler turns every `*` wider than 8 x 8 bits and every `/` into a library call that the brick does not
+ * have. So all products and quotients of variables in firmware/ are made here. Shifts are by constants. Right shifts of
+ * negative numbers are arithmetic (they round towards minus infinity) with every compiler in use; test_fix.c checks it.
  *
- * Beware: the RCX's compiler, gcc 3.4.6, gets some shifts of 32 bits to the right wrong: by 15, and of signed numbers by 24 to 26;
- * also where it makes such a one of two others. Take the words apart instead. tests/vectors compares what it makes of everything.
+ * Beware: the RCX's compiler, gcc 3.4.6, makes wrong code for some right shifts of 32 bits: by 15, and of signed numbers by
+ * 24 to 26, also where it joins two shifts to one of these. Use the two words instead. tests/vectors finds such errors.
  */
 #ifndef BRICKPILOT_CORE_FIX_H
 #define BRICKPILOT_CORE_FIX_H
@@ -32,7 +31,7 @@ typedef struct {
     int16_t y;
 } fix_pair_t;
 
-/* Exact 16 x 16 -> 32 bit product of magnitudes; any operands. */
+/* Exact product of unsigned numbers; any operands. */
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
 
 FIX_INLINE uint16_t fix_abs_u16(int16_t value);
@@ -42,9 +41,10 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
 FIX_INLINE int32_t fix_sum(int16_t a, int16_t b);
 
-/* Exact scalar product; without -32768. How far `of` goes in a direction: the same / 2^15, to the nearest, halves away from zero,
- * saturated. */
+/* Exact scalar product; no coordinate is -32768. */
 int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with);
+
+/* The part of `of` in a direction: the scalar product / 2^15, to the nearest, halves away from zero, saturated. */
 int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15);
 
 /* Compares `value`, 0..2^31-1, with the square of `root`, 0..32768: less than 0, 0, or more. */
@@ -71,7 +71,7 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 /* The same as 16 bits, saturated; bits 8..30. */
 int16_t fix_round16(int32_t value, uint8_t bits);
 
-/* gain * value, rounded to the nearest, halves away from zero; the second saturated, too. gain 0..32767, value any. */
+/* gain * value, rounded to the nearest, halves away from zero; fix_gain16_q10() also saturates. gain 0..32767, value any. */
 FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value);
 int16_t fix_gain16_q10(int16_t gain_q10, int16_t value);
 
@@ -84,16 +84,17 @@ int32_t fix_times(int32_t value, uint8_t factor);
 /* 32768 / value to the nearest, at most 32767; value 1..255. */
 int16_t fix_inverse_q15(uint8_t value);
 
-/* How many bits `count` has, 0..16, but at most `most`: what is learnt weighs the newest of so many samples as 2^-bits. */
+/* The number of bits of `count`, 0..16, but at most `most`. The newest of `count` samples gets the weight 2^-bits. */
 uint8_t fix_bits(uint16_t count, uint8_t most);
 
-/* The next count: one more, but 65535 stays. */
+/* count + 1, at most 65535. */
 FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 
-/* 1 where more was asked than given, -1 where less, 0 where given in full; the others are counted in *steps, which stays at 65535. */
+/* Returns 1 where less is given than asked, -1 where more, 0 where both are equal. Counts the first two in *steps, which
+ * stays at 65535. */
 int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps);
 
-/* Sum that stays at 65535. */
+/* a + b, at most 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 
 /* (a * b) >> 16 with the full 48-bit product, rounded down. Any operands: the result always fits. */
@@ -108,13 +109,13 @@ int16_t fix_share16_q15(int16_t value, int16_t factor_q15);
 /* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
 int32_t fix_share_q16(int32_t value, uint16_t factor_q16);
 
-/* value / 1000, as 16777 / 2^24, low by 13 parts in a million; to the nearest, halves away from zero, saturated. */
+/* value / 1000, as value * 16777 / 2^24, too small by 13 parts in a million; to the nearest, halves away from zero, saturated. */
 int16_t fix_thousandth(int32_t value);
 
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_fraction(int32_t value, uint8_t bits);
 
-/* A 2^32th of a turn to the nearest 65536th, halves away from zero. */
+/* Rounds an angle in 2^32ths of a turn to the nearest 65536th, halves away from zero. */
 uint16_t fix_round_bam16(uint32_t angle_bam32);
 
 /* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. */

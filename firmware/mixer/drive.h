@@ -1,13 +1,13 @@
-/* drive.h: from the voltage that the model's motor would get to the voltage that this motor needs for the same.
+/* drive.h: from the voltage of the model's motor to the voltage that this motor needs for the same motion.
  *
- * What one side's drive, motor and wheel are found to do otherwise than the model says, undone in the order from the
- * wheel to the battery:
+ * Known differences of one side's drive, motor and wheel from the model are undone, in the order from the wheel to the
+ * battery:
  *
  *   motor = wanted + emf * speed + offset + friction in the direction of motion
  *   needed = motor * (1 + gain) + deadband in the direction of motor
  *
- * Below DRIVE_STILL_MM_S_Q4 friction counts in the direction of the voltage wanted. There, and for the dead band, it
- * grows with 16 times that voltage up to its size, so that noise about zero does not throw the motor to and fro.
+ * Below DRIVE_STILL_MM_S_Q4 friction is taken in the direction of the voltage wanted. There, friction grows with 16 times
+ * that voltage up to its size, and so does the dead band: noise about zero does not toss the motor to and fro.
  * All zero changes nothing, bit for bit. Negate voltage, speed and offset, and the result is negated.
  */
 #ifndef BRICKPILOT_MIXER_DRIVE_H
@@ -22,7 +22,7 @@ typedef struct {
     int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
     int16_t offset_mv;   /* -20000..20000 */
     int16_t friction_mv; /* 0..20000 */
-    int16_t gain_q15;    /* of the voltage, beyond 1: -32767..32767 = -1..1 */
+    int16_t gain_q15;    /* share of the voltage to add: -32767..32767 = -1..1 */
 } drive_side_t;
 
 typedef struct {
@@ -30,13 +30,13 @@ typedef struct {
     drive_side_t right;
     int16_t deadband_mv;      /* 0..20000 */
     int16_t half_track_m_q14; /* 0..32767: up to 2 m */
-    int16_t reserve_mv;       /* 0..20000: of the battery's voltage, kept for all of the above */
+    int16_t reserve_mv;       /* part of the battery's voltage that is kept for all of these, 0..20000 */
 } drive_config_t;
 
-/* What turning adds to the speed of the left side over ground, and takes from that of the right; saturates. */
+/* The speed over ground that turning adds on the left side and subtracts on the right; saturates. */
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s);
 
-/* `wanted_mv` and `speed_mm_s_q4` any; every sum on the way saturates at +-32767 mV. */
+/* The voltage that this side's motor needs, for any `wanted_mv` and `speed_mm_s_q4`. Each sum saturates at +-32767 mV. */
 int16_t drive_voltage_mv(const drive_config_t *config, const drive_side_t *side, int16_t wanted_mv,
                          int16_t speed_mm_s_q4);
 

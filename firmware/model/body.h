@@ -2,7 +2,7 @@
  *
  * Profile BODY_COUPLED. Wheels neither slip nor slide, so surge = r_w (w_l + w_r) / 2, yaw rate = r_w (w_l - w_r) /
  * (2 half-track), sway = 0, and the tyre force puts the body's inertia onto the wheels. Mean and half difference of
- * both wheels are then two motors that do not know of each other, with the inertias J + m r_w^2 / 2 and J + J_z r_w^2 /
+ * both wheels are then two independent motors, with the inertias J + m r_w^2 / 2 and J + J_z r_w^2 /
  * (2 half-track^2). Only air drag (eq. 5) ties them to the past step.
  *
  * Profile BODY_PAPER. Each wheel turns for itself (eq. 14). Thrust is eq. 15 to 17 with the wheel speed's mean over the
@@ -10,7 +10,7 @@
  * velocity is kept in the room's frame, where the Coriolis terms of eq. 2 and 3 vanish, and turned into surge and sway.
  *
  * Both: no branch treats left and right, or forward and backward, differently. Mirror the voltages, and the run is
- * mirrored, bit for bit. Everything saturates at the limits given; a motor that floats is not modelled.
+ * mirrored, bit for bit. Everything saturates at the limits given; a floating motor is not modelled.
  */
 #ifndef BRICKPILOT_MODEL_BODY_H
 #define BRICKPILOT_MODEL_BODY_H
@@ -25,8 +25,8 @@
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 
-/* An image for a small brick holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. It must not be given coefficients of
- * the other. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and body_correct_surge() alone,
+/* An image for a small brick holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Do not give it coefficients
+ * of the other. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and body_correct_surge() alone,
  * which are all that app/step.c calls. */
 #if defined(BODY_WITHOUT_PAPER)
 #define BODY_ONLY BODY_COUPLED
@@ -71,7 +71,7 @@ typedef struct {
 #endif
 } body_state_t;
 
-/* What the two wheels do, whatever the profile. */
+/* Currents and speeds of the two wheels, in either profile. */
 typedef struct {
     int32_t left_current_ua_q7;
     int32_t right_current_ua_q7;
@@ -79,15 +79,14 @@ typedef struct {
     int32_t right_mrad_s_q13;
 } body_wheels_t;
 
-/* One step of the velocities, with both voltages held; beyond +-16383 mV they are clamped. The heading goes along in `paper`,
- * where thrust needs it; position does not, nor the heading in `coupled`. */
+/* One step of the velocities, with both voltages held and limited to +-MOTOR_VOLTAGE_LIMIT_MV. Moves the heading in `paper`,
+ * where thrust needs it; neither the heading in `coupled` nor the position. */
 void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
-/* The same, and heading and position. */
+/* One step of velocities, heading and position. */
 void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
-/* Adds `change_mm_s_q17` (+-8.19 m/s) to the surge, as an observer's correction does: in `coupled` both wheels follow.
- */
+/* Adds an observer's correction `change_mm_s_q17` (+-8.19 m/s) to the surge. In `coupled` both wheels follow. */
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
 
 void body_wheels(const body_coefficients_t *coefficients, const body_state_t *state, body_wheels_t *wheels);

@@ -2,11 +2,11 @@
  *
  * Two states, current and speed at the wheel. Rolling friction (eq. 13, with the absolute value of the speed) is linear
  * in speed, so the motor is a linear system and the step is exact for a voltage that is held (matrix
- * exponential, taken by the generator). The current is found from scratch in each step, the speed by its change, so
- * that the slow time constant and the final speed are right to 1e-4 of their value.
+ * exponential, taken by the generator). Each step computes the current anew and the speed by its change, so that the
+ * slow time constant and the final speed are right to 1e-4 of their value.
  *
- * One pair of states serves a wheel (profile paper), or the mean or half the difference of both wheels (coupled: see
- * body.h); the coefficients say which. The terminals always have a voltage: a motor that floats is not modelled.
+ * One pair of states stands for a wheel (profile paper), or for the mean or half difference of both wheels (coupled: see
+ * body.h); the coefficients say which. The terminals always have a voltage: a floating motor is not modelled.
  * Negate voltage, load and state, and the state after the step is negated, bit for bit.
  */
 #ifndef BRICKPILOT_MODEL_MOTOR_H
@@ -17,8 +17,8 @@
 
 #define MOTOR_SPEED_LIMIT_MRAD_S_Q13 (MOTOR_SPEED_LIMIT_MRAD_S_Q13_HIGH * 65536L)
 
-/* A state's new value or change: the sum of these shares of what there was. The generator refuses parameters with which a sum could pass
- * 2^31 anywhere within the limits above. */
+/* The new value of a state, or its change: the sum of these shares of current, speed and voltage. The generator refuses
+ * parameters with which a sum could pass 2^31 within the limits above. */
 typedef struct {
     scale_t from_current;
     scale_t from_speed;
@@ -26,8 +26,8 @@ typedef struct {
 } motor_row_t;
 
 typedef struct {
-    motor_row_t current; /* the new one */
-    motor_row_t speed;   /* its change; from_speed is less than zero: minus the share of speed lost in a step */
+    motor_row_t current; /* the new value */
+    motor_row_t speed;   /* the change; from_speed is negative: minus the share of speed that a step loses */
 } motor_coefficients_t;
 
 /* All zero is a motor at rest. */
