@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARE = 0.6
 STACK = 344 - 130
 
-# The worst step: of the whole mission for the brick's programs, of its first 8 s for the others. A figure that changes by
-# more than TOLERANCE is corrected here and in firmware/README.md. (target, profile, sensors) -> figures.
+# The worst step: of the whole mission for the brick's programs, of its first 8 s for the others. A figure that changes
+# by more than TOLERANCE is corrected here and in firmware/README.md. (target, profile, sensors) -> figures.
 TOLERANCE = 0.02
 MEASURED = {
     ("h8", "coupled", "imu+encoders"): {"instructions": 8729, "states_external": 88707, "states_on_chip": 34310},
@@ -77,4 +77,4 @@ def test_a_step_is_done_in_time_and_takes_what_the_documents_say(target: str, pr
     _, _, built_for = target.partition(":")
     if built_for:
         assert found["stack_bytes"] <= STACK
-        assert most["states_external"] <= SHARE * step_ms(built_for) * 1e-3 * states.CLOCK_HZ
+        assert most["states_external"] <= SHARE * step_ms(built_for) * 1e-3 * h8_states.CLOCK_HZ

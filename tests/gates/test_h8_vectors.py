@@ -134,7 +134,12 @@ def test_every_module_has_vectors() -> None:
         ("core/h8/divide.S", "mov.w	r1,r0\n	mov.b	#8,r6l", "mov.w	r1,r0\n	mov.b	#7,r6l", "core/fix"),
         ("core/h8/divide.S", "sub.b	r2l,r3l\n	mov.b	r3l,r3h", "mov.b	r3l,r3h", "core/fix"),
         ("core/h8/trig.S", "and	#7,r0l", "and	#15,r0l", "core/trig"),
-        ("core/h8/frames.S", "mov.w	@r7+,r5\n	mov.w	@r7+,r4\n	rts", "mov.w	@r7+,r4\n	mov.w	@r7+,r5\n	rts", "core/trig"),
+        (
+            "core/h8/frames.S",
+            "mov.w	@r7+,r5\n	mov.w	@r7+,r4\n	rts",
+            "mov.w	@r7+,r4\n	mov.w	@r7+,r5\n	rts",
+            "core/trig",
+        ),
         ("model/h8/scale.S", "mov.w	#0x100,r4", "mov.w	#0x200,r4", "model/scale"),
         ("model/h8/motor.S", "addx	r1h,r3h", "add.b	r1h,r3h", "model/motor"),
         ("model/h8/body.S", "add.w	r0,r6", "mov.w	r0,r6", "model/body"),

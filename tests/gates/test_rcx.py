@@ -222,7 +222,9 @@ def test_the_autopilot_asks_for_no_sensor_that_is_never_there(tmp_path: Path, se
 @pytest.mark.parametrize("sensors", CONFIGURATIONS)
 def test_the_autopilot_leaves_room_in_the_bricks_memory(tmp_path: Path, sensors: str) -> None:
     subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
-    left = re.search(r"^program .*, of 14626: (\d+) bytes left$", (tmp_path / "brickpilot.txt").read_text(), re.MULTILINE)
+    left = re.search(
+        r"^program .*, of 14626: (\d+) bytes left$", (tmp_path / "brickpilot.txt").read_text(), re.MULTILINE
+    )
     assert left is not None, "it does not fit"
     assert int(left[1]) >= SPARE
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import brickpilot
 import pytest
+from brickpilot.vehicle.settings import settings
 from recipes import ROOT, Copy, recipes
 
 UNITY = ROOT / "build/release/tests/unity/pytest_unity-0.1.0/vendor/unity/src"
@@ -79,6 +81,60 @@ int main(void)
 """
 
 
+PID_TEST = """\
+static void test_pid_kick_goes_with_the_error(void)
+{
+    const pid_config_t config = {.kick_mv = 300, .limit_mv = 20000};
+    TEST_ASSERT_EQUAL_INT16(300, step(&config, (pid_input_t){.error = 1, .period_ms = 3}).output_mv);
+    TEST_ASSERT_EQUAL_INT16(-300, step(&config, (pid_input_t){.error = -1, .period_ms = 3}).output_mv);
+    TEST_ASSERT_EQUAL_INT16(0, step(&config, (pid_input_t){.error = 0, .period_ms = 3}).output_mv);
+}
+
+"""
+
+REQUEST = """\
+BO_ 262 CLOCK_REQUEST: 8 HOST
+ SG_ sequence : 0|8@1+ (1,0) [0|255] "" BRICK
+ SG_ check : 48|16@1+ (1,0) [0|65535] "" BRICK
+
+BO_ 263 CLOCK: 8 BRICK
+ SG_ sequence : 0|8@1+ (1,0) [0|255] "" HOST
+ SG_ status : 8|8@1+ (1,0) [0|255] "" HOST
+ SG_ now : 16|16@1+ (1,0) [0|65535] "ms" HOST
+ SG_ check : 48|16@1+ (1,0) [0|65535] "" HOST
+
+"""
+
+OBEY = """\
+static uint8_t clock_of_the_loop(commands_t *commands, loop_state_t *loop, uint8_t *data)
+{
+    (void)commands;
+    message_put(&data[WIRE_CLOCK_NOW_AT], (uint16_t)loop->clock_ms);
+    return PARAMETERS_OK;
+}
+
+"""
+
+COMMANDS_TEST = """\
+static void test_the_clock_is_that_of_the_loop(void)
+{
+    struct wire_clock_t answer;
+    loop.clock_ms = 1234;
+    TEST_ASSERT_TRUE(send(WIRE_CLOCK_REQUEST_FRAME_ID));
+    wire_clock_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT16(1234, answer.now);
+}
+
+"""
+
+ASK = """\
+    def clock(self) -> int:
+        \"\"\"Returns the low 16 bits of the brick's clock, ms.\"\"\"
+        return self._request("CLOCK_REQUEST", "CLOCK", ())["now"]
+
+"""
+
+
 def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, timeout=300, check=False
@@ -99,7 +155,7 @@ def test_a_recipe_names_files_that_exist_and_has_a_proof(title: str) -> None:
     recipe = recipes()[title]
     assert len(recipe.files) >= 2
     for path in recipe.files:
-        pattern = path.replace("NAME", "*").replace("STAGE", "*").rstrip("/")
+        pattern = re.sub("NAME|STAGE|FOLDER", "*", path).rstrip("/")
         assert any(ROOT.glob(pattern)), f"CONTRIBUTING.md, {title}: there is no {path}"
     assert recipe.proofs
     for path in recipe.proofs:
@@ -160,3 +216,116 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
     truth = json.loads((tmp_path / "sets/linear_drag-x1-enc.truth.json").read_text())
     assert truth["recipe"]["hidden"].keys() == {"linear_drag"}
     assert truth["visibility"]["wheel_speed_left"] > 1, "the law of the other engine changes nothing"
+
+
+def generate(copy: Copy) -> None:
+    """Writes the generated files of the copy."""
+    made = run(sys.executable, "-m", "brickpilot.gen", cwd=copy.root)
+    assert made.returncode == 0, made.stdout + made.stderr
+
+
+def unit_test(copy: Copy, test: str, *sources: str) -> subprocess.CompletedProcess[str]:
+    """Compiles one Unity test with what it needs of the firmware, and runs it."""
+    program = copy.root.parent / "unit_test"
+    folders = [f"-I{copy.root / folder}" for folder in ("firmware", "hal/include", "hal", "sim_host")]
+    found = [path for pattern in sources for path in sorted(copy.root.glob(pattern))]
+    unity = (f"-I{UNITY}", "-DUNITY_INCLUDE_DOUBLE", UNITY / "unity.c")
+    built = run("gcc", "-std=c99", *folders, "-o", program, copy.root / test, *found, *unity, "-lm", cwd=copy.root)
+    assert built.returncode == 0, built.stderr
+    return run(program, cwd=copy.root)
+
+
+def test_the_recipe_for_a_gain_makes_one(tmp_path: Path) -> None:
+    copy = Copy(tmp_path)
+    value = 'heading_kick = { value = 0.25, unit = "V", basis = "tuned" }\n'
+    model = "sim_host/models/rcx.toml"
+    copy.insert(model, "[controller.paper]", value)
+    text = (copy.root / model).read_text()
+    (copy.root / model).write_text(text + value)
+    number = len(settings())
+    row = (
+        f'heading_kick = {{ number = {number}, field = "config.step.heading_pid.kick_mv", format = "voltage", '
+        'low = 0, high = 20000, meaning = "voltage in the direction of the error of the heading" }\n'
+    )
+    table = copy.root / "hal/wire/settings.toml"
+    table.write_text(table.read_text() + row)
+    copy.touched.add("hal/wire/settings.toml")
+    copy.insert("firmware/control/pid.h", "} pid_config_t;", "    int16_t kick_mv; /* with the error, 0..20000 */\n")
+    copy.insert(
+        "firmware/control/pid.c",
+        "    output->output_mv = fix_clamp16(",
+        "    if (input->error != 0)\n"
+        "        asked_mv = fix_add16(asked_mv, input->error < 0 ? (int16_t)-config->kick_mv : config->kick_mv);\n",
+    )
+    test = "tests/unit/control/test_pid.c"
+    copy.insert(test, "int main(void)", PID_TEST)
+    copy.replace(test, "    UNITY_BEGIN();\n", "    UNITY_BEGIN();\n    RUN_TEST(test_pid_kick_goes_with_the_error);\n")
+    generate(copy)
+    folders = ("sim_host", "sim_host/include", "firmware", "hal", "hal/include", "tests/numeric", UNITY)
+    reference = ("gcc", "-std=c99", "-fsyntax-only", *(f"-I{folder}" for folder in folders))
+    missing = run(*reference, "tests/numeric/test_mission_against_double.c", cwd=copy.root)
+    assert "heading_kick" in missing.stderr, "nothing names the reference controller that was forgotten"
+
+    copy.replace(
+        "tests/numeric/double_controller.h",
+        "    double heading_kp,",
+        "    double heading_kick;\n    double heading_kp,",
+    )
+    reference_c = "tests/numeric/double_controller.c"
+    copy.replace(reference_c, "double kp, ki, kd, limit;", "double kp, ki, kd, limit, kick;")
+    copy.replace(reference_c, "c->heading_kd, c->heading_limit}", "c->heading_kd, c->heading_limit, c->heading_kick}")
+    copy.replace(
+        reference_c,
+        "const double wanted = feedforward +",
+        "const double wanted = gains->kick * ((error > 0) - (error < 0)) + feedforward +",
+    )
+    assert copy.touched == {
+        path.replace("FOLDER", "control").replace("STAGE", "pid") for path in recipes()["A gain"].files
+    }
+    passed = unit_test(copy, test, "firmware/control/*.c", "firmware/core/*.c")
+    assert passed.returncode == 0, passed.stdout
+    built = run(*reference, "-Werror", "-Wall", reference_c, cwd=copy.root)
+    assert built.returncode == 0, built.stderr
+    assert ".kick_mv = 250" in (copy.root / "firmware/app/params_gen.h").read_text()
+
+
+def test_the_recipe_for_a_message_makes_one(tmp_path: Path) -> None:
+    copy = Copy(tmp_path)
+    copy.insert("hal/wire/brickpilot.dbc", "BO_ 384 HEARTBEAT", REQUEST)
+    commands = "firmware/app/commands.c"
+    copy.insert(commands, "static const struct row {", OBEY)
+    copy.insert(
+        commands,
+        "};\nenum { REQUESTS_COUNT",
+        "    {WIRE_CLOCK_REQUEST_FRAME_ID, WIRE_CLOCK_FRAME_ID, clock_of_the_loop, WIRE_CLOCK_STATUS_AT, false},\n",
+    )
+    copy.insert("tools/brickpilot/link/session.py", "    def command(self", ASK)
+    test = "tests/unit/app/test_commands.c"
+    copy.insert(test, "int main(void)", COMMANDS_TEST)
+    copy.replace(
+        test, "    UNITY_BEGIN();\n", "    UNITY_BEGIN();\n    RUN_TEST(test_the_clock_is_that_of_the_loop);\n"
+    )
+    assert copy.touched == listed("A message", "clock")
+    generate(copy)
+    rooms = ("core", "model", "estimator", "autopilot", "control", "mixer", "app")
+    sources = [f"firmware/{room}/*.c" for room in rooms] + ["hal/wire/*.c", "hal/sil/*.c", "tests/unit/link/*_gen.c"]
+    passed = unit_test(copy, test, *sources)
+    assert passed.returncode == 0, passed.stdout
+
+    options = ("-DBRICKPILOT_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug")
+    built = run("cmake", "-S", ".", "-B", "build", *options, cwd=copy.root)
+    assert built.returncode == 0, built.stderr
+    built = run("cmake", "--build", "build", "--target", "brick", cwd=copy.root)
+    assert built.returncode == 0, built.stdout + built.stderr
+    package = tmp_path / "package/brickpilot"
+    shutil.copytree(Path(brickpilot.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(copy.root / "hal/wire/brickpilot.dbc", package)
+    shutil.copy(copy.root / "tools/brickpilot/link/session.py", package / "link")
+    shutil.copy(copy.root / "build/sim_host/brick", package)
+    program = (
+        "from brickpilot.hil import ends; from brickpilot.link.session import LOCKSTEP, Session\n"
+        "with ends.both_ends('serial:pty') as both:\n"
+        "    session = Session(both.link, 'serial:pty'); session.open('coupled', LOCKSTEP); print(session.clock())"
+    )
+    told = run(sys.executable, "-c", program, cwd=tmp_path, PYTHONPATH=str(package.parent))
+    assert (told.returncode, told.stdout) == (0, "0\n"), told.stderr

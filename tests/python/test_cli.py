@@ -73,9 +73,7 @@ def test_a_folder_with_other_files_is_refused_and_unchanged(tmp_path: Path) -> N
     assert (tmp_path / "out" / "thesis.txt").read_text() == "all of it\n"
 
 
-@pytest.mark.parametrize(
-    "trouble", [SimulationError("m: the state diverged"), OSError(28, "No space left on device")]
-)
+@pytest.mark.parametrize("trouble", [SimulationError("m: the state diverged"), OSError(28, "No space left on device")])
 def test_a_failure_during_the_run_is_one_line_and_status_1(
     trouble: Exception, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
