@@ -1,4 +1,4 @@
-"""The fields of structs that the assembly for the RCX reads: core/h8/layout.h is right about each, or nothing builds."""
+"""The fields of structs that the assembly for the RCX reads: core/h8/layout.h is right about each, or it stops."""
 
 from __future__ import annotations
 
