@@ -38,6 +38,9 @@ MAY: dict[str, set[str]] = {
 # Targets that use another port beside the one of their name.
 ALSO = {"firmware/targets/h8sim": {"hal/link"}}
 
+# The rooms of the firmware that may hold assembly: arithmetic alone. Every stage runs from its C.
+ASSEMBLY = (Path("firmware/core/h8"), Path("firmware/model/h8"))
+
 # What a room without an SDK may include of the compiler's own headers. sim_host and the ports may include any.
 STANDARD = {"stdbool.h", "stddef.h", "stdint.h"}
 
@@ -89,7 +92,7 @@ def includes(root: Path, path: Path) -> Iterator[tuple[int, str]]:
 
 
 def c_faults(root: Path) -> list[Fault]:
-    """Returns each include that its room may not use, and each file that no rule is for."""
+    """Returns each include that its room may not use, each assembly file out of place, and each file without a rule."""
     faults = []
     for path in sources(root):
         room, name = room_of(path), path.as_posix()
@@ -97,6 +100,8 @@ def c_faults(root: Path) -> list[Fault]:
         if may is None:
             faults.append(Fault(name, 1, f"no rule says what {room} may include"))
             continue
+        if path.suffix not in (".c", ".h") and room in FIRMWARE and path.parent not in ASSEMBLY:
+            faults.append(Fault(name, 1, f"is assembly; only {' and '.join(map(str, ASSEMBLY))} may hold it"))
         allowed = ", ".join(sorted({room, *may}))
         for line, include in includes(root, path):
             other = found(root, include)

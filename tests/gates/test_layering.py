@@ -126,6 +126,14 @@ def test_a_room_without_a_rule_is_named(tree: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("name", ["firmware/control/pid_h8.S", "firmware/core/fix.S", "firmware/mixer/h8/mixer.inc"])
+def test_assembly_outside_its_rooms_is_named(tree: Path, name: str) -> None:
+    (tree / name).parent.mkdir(parents=True, exist_ok=True)
+    (tree / name).write_text("\trts\n")
+    faults = [str(fault) for fault in c_faults(tree)]
+    assert faults == [f"{name}:1: is assembly; only firmware/core/h8 and firmware/model/h8 may hold it"]
+
+
 def test_a_circle_of_headers_is_named(tree: Path) -> None:
     (tree / "firmware/core/fix.h").write_text('#include "core/trig.h"\n')
     (tree / "firmware/core/trig.h").write_text('#include "core/fix.h"\n')
