@@ -11,9 +11,11 @@
 #define CHECK(type, field, offset)                                                                                     \
     extern char correct_in_core_h8_layout_h_##offset[offsetof(type, field) == (offset) ? 1 : -1];
 
+#ifdef __H8300__ /* another compiler has a layout of its own */
 LAYOUT_OF_CORE(CHECK)
 LAYOUT_OF_MOTOR(CHECK)
 LAYOUT_OF_BODY(CHECK)
 #ifndef BODY_VELOCITY_ONLY
 LAYOUT_OF_LARGER_BODY(CHECK)
+#endif
 #endif
