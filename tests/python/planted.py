@@ -52,6 +52,13 @@ undamaged = functools.cache(read)
 """Returns the data set of a folder that no test changes; reads it once."""
 
 
+def thin(folder: Path, every: int) -> None:
+    """Keeps the first of every so many samples of each run: discovery and fits of long logs take less time."""
+    for file in folder.glob("*.csv"):
+        header, *rows = file.read_text(encoding="utf-8").splitlines(keepends=True)
+        file.write_text(header + "".join(rows[::every]), encoding="utf-8")
+
+
 def new_faults(dataset: Dataset, sound: Dataset) -> set[tuple[str, str, str]]:
     """Returns (run, signal, kind) of the faults that the undamaged data set does not have."""
     return _named(dataset) - _named(sound)

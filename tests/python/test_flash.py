@@ -15,6 +15,8 @@ from brickpilot.link.tower import Tower
 from command import brickpilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 
+pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
+
 BRICKOS = Path("/usr/lib/brickos")
 KERNEL = BRICKOS / "brickOS.srec"
 PROGRAM = """

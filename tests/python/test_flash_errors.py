@@ -11,6 +11,8 @@ from brickpilot.cli import main
 from brickpilot.flash import rcx, srec
 from rcx_brick import BYTE_S, RcxBrick
 
+pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
+
 KNOCK = srec.KNOCK
 
 

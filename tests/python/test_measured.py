@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import planted
 import pytest
 from brickpilot.data import dataset
 from brickpilot.fit.calibrate import calibrate
@@ -60,9 +61,11 @@ def test_micromouse_straight_runs_are_fitted_through_their_collisions():
     assert compared.share("held_out", "wheel_travel_left") < 0.6
 
 
-def test_frc_drivetrain_needs_dry_friction(tmp_path):
+def test_frc_drivetrain_needs_dry_friction(tmp_path, full):
     files = [DATA / "frc_drivetrain" / f"{name}-data.json" for name in ("linear", "angular")]
     import_wpilib(files, tmp_path / "frc")
+    if not full:
+        planted.thin(tmp_path / "frc", 4)
     plain, before = fitted(tmp_path / "frc")
     dry, after = fitted(tmp_path / "frc", "coulomb_friction")
     told = {one.name: one.value for one in dry.combinations}

@@ -16,6 +16,8 @@ from brickpilot.link.session import REALTIME, Session
 from rcx_autopilot import Autopilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 
+pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
+
 MISSION = """name = "two"
 kind = "mission"
 title = "two legs"
