@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import brickpilot
 import pytest
+from installed import ROOT, outdated
 
 LONGEST = ("test_discover_measured.py", "test_h8_vectors.py", "test_hidden_verdicts.py", "test_benchmark.py")
 """These files begin first, so that no processor waits for the last of them at the end."""
@@ -10,6 +14,14 @@ LONGEST = ("test_discover_measured.py", "test_h8_vectors.py", "test_hidden_verdi
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="run the long campaigns, with all vectors and all data")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Stops where the installed package is older than the checkout. Workers of xdist follow their controller."""
+    if not hasattr(session.config, "workerinput"):
+        first = next(outdated(ROOT, Path(brickpilot.__file__).parent), None)
+        if first is not None:
+            pytest.exit(first, returncode=1)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

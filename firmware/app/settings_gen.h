@@ -21,6 +21,8 @@
 /* From this range on a value may be negative. */
 enum { SETTINGS_SIGNED_RANGE = 9 };
 
+enum { SETTINGS_COUNT = 44 };
+
 /* By number: field of parameters_t, number of its range, and 1 where it is not to be written while the robot drives. */
 #define SETTINGS(X) \
     X(config.step.speed_pid.kp_mv_q10, 4, 0) /* speed_kp */ \

@@ -7,10 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/settings_gen.h"
 #include "brick/brick.h"
 #include "wire/crc.h"
 
-enum { RECORD = 11, PARTS_MOST = 6, PARAMETERS = 44 };
+enum { RECORD = 11, PARTS_MOST = 6 };
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -49,7 +50,7 @@ static void take_answers(brick_t *brick)
 static void check(const brick_t *brick)
 {
     route_t tried;
-    for (uint8_t i = 0; i < PARAMETERS; i++) {
+    for (uint8_t i = 0; i < SETTINGS_COUNT; i++) {
         parameters_t copy = brick->commands.parameters;
         uint8_t data[8] = {0, i};
         require(parameters_take(&copy, false, data) == PARAMETERS_OK);

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import brickpilot
 import pytest
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import load
 from recipes import ROOT, Copy, recipes
 
 UNITY = ROOT / "build/release/tests/unity/pytest_unity-0.1.0/vendor/unity/src"
@@ -81,10 +81,20 @@ int main(void)
 """
 
 
+PLANAR_LAW = """\
+def _linear_drag(plant: Plant, p: Parameters) -> None:
+    def hook(plant: Plant) -> None:
+        plant.force[0] -= p["coefficient"] * plant.surge
+
+    plant.loads.append(hook)
+
+
+"""
+
 PID_TEST = """\
-static void test_pid_kick_goes_with_the_error(void)
+static void test_pid_trial_goes_with_the_error(void)
 {
-    const pid_config_t config = {.kick_mv = 300, .limit_mv = 20000};
+    const pid_config_t config = {.trial_mv = 300, .limit_mv = 20000};
     TEST_ASSERT_EQUAL_INT16(300, step(&config, (pid_input_t){.error = 1, .period_ms = 3}).output_mv);
     TEST_ASSERT_EQUAL_INT16(-300, step(&config, (pid_input_t){.error = -1, .period_ms = 3}).output_mv);
     TEST_ASSERT_EQUAL_INT16(0, step(&config, (pid_input_t){.error = 0, .period_ms = 3}).output_mv);
@@ -167,7 +177,7 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
     copy.write("sim_host/effects/linear_drag.c", LAW)
     copy.insert("sim_host/effects/effects.c", "    EFFECT(quadratic_drag) \\\n", "    EFFECT(linear_drag) \\\n")
     copy.write("tests/unit/effects/test_linear_drag.c", LAW_TEST)
-    copy.insert("tests/hidden/effects.py", '    "curve_scrub": ', '    "linear_drag": _one("coefficient", 0.3),\n')
+    copy.insert("tests/hidden/effects.py", "}  # fmt: skip\n", '    "linear_drag": _one("coefficient", 0.3),\n')
     engine = "tests/hidden/mujoco_effects.py"
     copy.insert(
         engine,
@@ -175,6 +185,9 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
         'def _linear_drag(s: Step, p: Parameters) -> None:\n    s.force -= p["coefficient"] * s.surge\n\n\n',
     )
     copy.insert(engine, "_curve_scrub, ", "_linear_drag, ")
+    planar = "tests/hidden/planar_effects.py"
+    copy.insert(planar, "def _curve_scrub(", PLANAR_LAW)
+    copy.insert(planar, '    "curve_scrub": ', '    "linear_drag": _linear_drag,\n')
     assert copy.touched == listed("An effect", "linear_drag")
 
     plant = [
@@ -202,20 +215,14 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
     assert shown.returncode == 0, shown.stderr
     assert json.loads(shown.stdout)["linear_drag"]["parameters"][0]["role"] == "size"
 
-    made = run(
-        sys.executable,
-        "-m",
-        "hidden",
-        "single",
-        tmp_path / "sets",
-        "--only",
-        "linear_drag-x1-enc",
-        cwd=copy.root / "tests",
-    )
-    assert made.returncode == 0, made.stderr
-    truth = json.loads((tmp_path / "sets/linear_drag-x1-enc.truth.json").read_text())
-    assert truth["recipe"]["hidden"].keys() == {"linear_drag"}
-    assert truth["visibility"]["wheel_speed_left"] > 1, "the law of the other engine changes nothing"
+    for maker in ("mujoco", "planar"):
+        sets = tmp_path / maker
+        command = ("hidden", "single", sets, "--engine", maker, "--only", "linear_drag-x1-enc")
+        made = run(sys.executable, "-m", *command, cwd=copy.root / "tests")
+        assert made.returncode == 0, made.stderr
+        truth = json.loads((sets / "linear_drag-x1-enc.truth.json").read_text())
+        assert truth["recipe"]["hidden"].keys() == {"linear_drag"}
+        assert truth["visibility"]["wheel_speed_left"] > 1, f"the law of the engine {maker} changes nothing"
 
 
 def generate(copy: Copy) -> None:
@@ -237,47 +244,46 @@ def unit_test(copy: Copy, test: str, *sources: str) -> subprocess.CompletedProce
 
 def test_the_recipe_for_a_gain_makes_one(tmp_path: Path) -> None:
     copy = Copy(tmp_path)
-    value = 'heading_kick = { value = 0.25, unit = "V", basis = "tuned" }\n'
+    value = 'heading_trial = { value = 0.25, unit = "V", basis = "tuned" }\n'
     model = "sim_host/models/rcx.toml"
     copy.insert(model, "[controller.paper]", value)
     text = (copy.root / model).read_text()
     (copy.root / model).write_text(text + value)
-    number = len(settings())
+    number = len(load(copy.root / "hal/wire/settings.toml"))
     row = (
-        f'heading_kick = {{ number = {number}, field = "config.step.heading_pid.kick_mv", format = "voltage", '
+        f'heading_trial = {{ number = {number}, field = "config.step.heading_pid.trial_mv", format = "voltage", '
         'low = 0, high = 20000, meaning = "voltage in the direction of the error of the heading" }\n'
     )
     table = copy.root / "hal/wire/settings.toml"
     table.write_text(table.read_text() + row)
     copy.touched.add("hal/wire/settings.toml")
-    copy.insert("firmware/control/pid.h", "} pid_config_t;", "    int16_t kick_mv; /* with the error, 0..20000 */\n")
+    copy.insert("firmware/control/pid.h", "} pid_config_t;", "    int16_t trial_mv; /* with the error, 0..20000 */\n")
     copy.insert(
         "firmware/control/pid.c",
         "    output->output_mv = fix_clamp16(",
         "    if (input->error != 0)\n"
-        "        asked_mv = fix_add16(asked_mv, input->error < 0 ? (int16_t)-config->kick_mv : config->kick_mv);\n",
+        "        asked_mv = fix_add16(asked_mv, input->error < 0 ? (int16_t)-config->trial_mv : config->trial_mv);\n",
     )
     test = "tests/unit/control/test_pid.c"
     copy.insert(test, "int main(void)", PID_TEST)
-    copy.replace(test, "    UNITY_BEGIN();\n", "    UNITY_BEGIN();\n    RUN_TEST(test_pid_kick_goes_with_the_error);\n")
+    copy.replace(
+        test, "    UNITY_BEGIN();\n", "    UNITY_BEGIN();\n    RUN_TEST(test_pid_trial_goes_with_the_error);\n"
+    )
     generate(copy)
     folders = ("sim_host", "sim_host/include", "firmware", "hal", "hal/include", "tests/numeric", UNITY)
     reference = ("gcc", "-std=c99", "-fsyntax-only", *(f"-I{folder}" for folder in folders))
     missing = run(*reference, "tests/numeric/test_mission_against_double.c", cwd=copy.root)
-    assert "heading_kick" in missing.stderr, "nothing names the reference controller that was forgotten"
+    assert "heading_trial" in missing.stderr, "nothing names the reference controller that was forgotten"
 
-    copy.replace(
-        "tests/numeric/double_controller.h",
-        "    double heading_kp,",
-        "    double heading_kick;\n    double heading_kp,",
-    )
+    copy.insert("tests/numeric/double_controller.h", "} double_constants_t;", "    double heading_trial;\n")
     reference_c = "tests/numeric/double_controller.c"
-    copy.replace(reference_c, "double kp, ki, kd, limit;", "double kp, ki, kd, limit, kick;")
-    copy.replace(reference_c, "c->heading_kd, c->heading_limit}", "c->heading_kd, c->heading_limit, c->heading_kick}")
-    copy.replace(
-        reference_c,
-        "const double wanted = feedforward +",
-        "const double wanted = gains->kick * ((error > 0) - (error < 0)) + feedforward +",
+    copy.insert(reference_c, "} gains_t;", "    double trial;\n")
+    copy.insert(reference_c, "};\n    const double feedforward", ", .trial = c->heading_trial")
+    copy.replace(reference_c, "double wanted = ", "double wanted = gains->trial * ((error > 0) - (error < 0)) + ")
+    copy.insert(
+        "tests/vectors/control/pid.c",
+        "    state->integral_mv_q16 = 0;",
+        "    config->trial_mv = draw_between(0, 20000);\n",
     )
     assert copy.touched == {
         path.replace("FOLDER", "control").replace("STAGE", "pid") for path in recipes()["A gain"].files
@@ -286,7 +292,7 @@ def test_the_recipe_for_a_gain_makes_one(tmp_path: Path) -> None:
     assert passed.returncode == 0, passed.stdout
     built = run(*reference, "-Werror", "-Wall", reference_c, cwd=copy.root)
     assert built.returncode == 0, built.stderr
-    assert ".kick_mv = 250" in (copy.root / "firmware/app/params_gen.h").read_text()
+    assert ".trial_mv = 250" in (copy.root / "firmware/app/params_gen.h").read_text()
 
 
 def test_the_recipe_for_a_message_makes_one(tmp_path: Path) -> None:

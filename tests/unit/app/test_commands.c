@@ -3,6 +3,7 @@
 #include "app/commands.h"
 #include "app/params_gen.h"
 #include "app/serve.h"
+#include "app/settings_gen.h"
 #include "sil/sil.h"
 #include "unity.h"
 #include "wire/crc.h"
@@ -153,7 +154,7 @@ static void test_nothing_is_done_before_a_session_or_with_a_check_that_fails(voi
 
 static void test_every_parameter_is_read_and_written_within_its_range(void)
 {
-    for (uint8_t i = 0; i < 44; i++) {
+    for (uint8_t i = 0; i < SETTINGS_COUNT; i++) {
         const struct wire_parameter_t before = parameter(i, false, 0);
         TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, before.status);
         const struct wire_parameter_t written = parameter(i, true, before.value == 1 ? 0 : before.value);
@@ -165,7 +166,7 @@ static void test_every_parameter_is_read_and_written_within_its_range(void)
             TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(i, true, 2147483647L).status);
         TEST_ASSERT_EQUAL_INT32(before.value, parameter(i, false, 0).value);
     }
-    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, parameter(44, false, 0).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, parameter(SETTINGS_COUNT, false, 0).status);
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, parameter(63, true, 0).status);
 }
 

@@ -111,7 +111,7 @@ def _show(made: Imported, as_json: bool) -> None:
         return
     for note in made.notes:
         click.echo(f"note: {note}")
-    click.echo(f"{made.folder}: {len(made.runs)} runs")
+    click.echo(f"{made.folder}: {len(made.runs)} run{'s' if len(made.runs) != 1 else ''}")
 
 
 import_log = import_command(IMPORTERS)

@@ -75,6 +75,16 @@ def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict
     return _model(profile, _plain(vehicle["parameters"]), step, with_pose)
 
 
+def _check_unit(setting: Setting, profile: str, entries: Mapping[str, Any]) -> None:
+    """Refuses a value of the vehicle file whose unit is not that of the setting's format."""
+    unit = entries.get(setting.name, {}).get("unit", setting.format.unit)
+    if unit != setting.format.unit:
+        raise QuantisationError(
+            f"sim_host/models/rcx.toml: [controller.{profile}] {setting.name}: the unit {unit!r} should be "
+            f"{setting.format.unit!r}, that of the setting's format"
+        )
+
+
 def _default(setting: Setting, own: Mapping[str, float], profile: str) -> int | bool:
     """Returns the raw integer that a setting begins with, from its row or from the vehicle file."""
     if setting.default is None and setting.name not in own:
@@ -114,6 +124,7 @@ def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mappi
         raise QuantisationError("creep may not pass cruise, nor align pivot")
     for setting in settings.values():
         if not setting.compensation:
+            _check_unit(setting, profile, vehicle["controller"][profile])
             _put(config, setting.field.removeprefix("config.").split("."), _default(setting, own, profile))
     return config
 

@@ -45,6 +45,8 @@ def render(settings: Mapping[str, Setting]) -> str:
 /* From this range on a value may be negative. */
 enum {{ SETTINGS_SIGNED_RANGE = {unsigned} }};
 
+enum {{ SETTINGS_COUNT = {len(settings)} }};
+
 /* By number: field of parameters_t, number of its range, and 1 where it is not to be written while the robot drives. */
 #define SETTINGS(X){rows}
 

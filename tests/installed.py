@@ -1,0 +1,39 @@
+"""Says where the installed package is older than the checkout, so that no test judges code that is no longer there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+REMEDY = "the installed package is older than the checkout: run .venv/bin/pip install --no-deps ./tools"
+
+COPIED = {
+    "sim_host/include/brickpilot_sim.h": "brickpilot_sim.h",
+    "hal/wire/brickpilot.dbc": "brickpilot.dbc",
+    "hal/wire/settings.toml": "settings.toml",
+    "sim_host/models/rcx.toml": "models/rcx.toml",
+}
+"""Files of the checkout that are installed as they are, and their places in the package."""
+
+COMPILED = ("sim_host", "firmware", "hal/wire", "hal/sil", "hal/link")
+"""Folders whose C is compiled into the package."""
+
+
+def outdated(root: Path, package: Path) -> Iterator[str]:
+    """Yields one line for each file of the checkout at `root` that differs from the installed `package`."""
+    source = root / "tools/brickpilot"
+    if package.resolve() != source.resolve():
+        for path in sorted(source.rglob("*.py")):
+            place = package / path.relative_to(source)
+            if not place.is_file() or place.read_bytes() != path.read_bytes():
+                yield f"{path.relative_to(root)}: {REMEDY}"
+    for name, place in COPIED.items():
+        if (package / place).read_bytes() != (root / name).read_bytes():
+            yield f"{name}: {REMEDY}"
+    library = package / "libbrickpilot_sim.so"
+    built = library.stat().st_mtime
+    for folder in COMPILED:
+        for path in sorted((root / folder).rglob("*.[ch]")):
+            if "targets" not in path.parts and path.stat().st_mtime > built:
+                yield f"{path.relative_to(root)}: {REMEDY}"
