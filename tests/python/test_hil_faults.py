@@ -41,6 +41,7 @@ def through(kind: str, count: int = 40, rate: float = 1.0, seed: int = 0) -> lis
     return link.receive(0.0)
 
 
+@pytest.mark.realtime  # a reply has 30 ms to arrive
 @pytest.mark.parametrize("transport", fault_matrix.TRANSPORTS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_fault_reaches_the_motors_over_any_transport(kind: str, transport: str) -> None:
