@@ -60,6 +60,7 @@ def session() -> Iterator[Session]:
         yield made
 
 
+@pytest.mark.realtime  # a reply that is late counts as a lost frame
 @pytest.mark.parametrize("sensors", ["ideal", "imu+encoders"])
 @pytest.mark.parametrize("spec", STARTED_HERE)
 def test_the_mission_over_every_link_is_bit_for_bit_the_golden_one(spec: str, sensors: str) -> None:
