@@ -60,6 +60,8 @@ const effect_t effect_cogging = {
                        "drives, one harmonic",
              .parameter_count = 4,
              .parameters = PARAMETERS,
-             .motor_step = 0.003},
+             .motor_step = 0.003,
+             .variant_of = "torque_ripple",
+             .variation = "without current too"},
     .hook = {[SITE_WHEEL] = wheel},
 };

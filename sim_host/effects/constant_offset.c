@@ -39,7 +39,7 @@ const effect_t effect_constant_offset = {
     .info = {.name = "constant_offset",
              .words = "a constant load or offset",
              .summary = "A constant torque acts on the wheels, at rest as well as in motion.",
-             .mechanism = "bearing",
+             .mechanism = "drive",
              .acts_on = "wheel",
              .equation = "T = -(torque + difference) at the left wheel, -(torque - difference) at the right one; "
                          "-torque of a motor; also at rest",

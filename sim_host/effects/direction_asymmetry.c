@@ -53,7 +53,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .maximum = 1e5,
      .preset = 0,
      .optional = 1,
-     .trial = 5e-4},
+     .trial = 5e-4,
+     .variation = "in the linear losses"},
     {.name = "gain",
      .role = BP_ROLE_SIZE,
      .unit = "1",
@@ -62,7 +63,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .maximum = 2,
      .preset = 0,
      .optional = 1,
-     .trial = 0.1},
+     .trial = 0.1,
+     .variation = "in the gain of the drive",
+     .mechanism = "drive"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)

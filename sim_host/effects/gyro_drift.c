@@ -29,7 +29,9 @@ const effect_t effect_gyro_drift = {
              .equation = "yaw_rate = r + rate t, t since power-on; yaw_angle is its integral from the run's start",
              .source = "rate ramp, IEEE Std 952-1997, annex C",
              .parameter_count = 1,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .variant_of = "gyro_bias",
+             .variation = "growing with time"},
     .memory_count = 1,
     .hook = {[SITE_SENSOR] = sensor},
 };

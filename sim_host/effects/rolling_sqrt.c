@@ -37,7 +37,9 @@ const effect_t effect_rolling_sqrt = {
              .source = "power law of speed with exponent 1/2, between Coulomb (0) and viscous (1): mixed lubrication, "
                        "Armstrong-Helouvry et al. 1994, Automatica 30(7)",
              .parameter_count = 1,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .variant_of = "coulomb_friction",
+             .variation = "growing with the root of the speed"},
     .hook = {[SITE_WHEEL] = wheel},
     .undo = undo,
 };

@@ -35,6 +35,8 @@ const effect_t effect_side_slip = {
                        "robots: Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth "
                        "passage is ours",
              .parameter_count = 2,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .variant_of = "wheel_slip",
+             .variation = "sideways"},
     .hook = {[SITE_BUILD] = build},
 };

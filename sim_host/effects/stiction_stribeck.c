@@ -56,7 +56,9 @@ const effect_t effect_stiction_stribeck = {
              .source = "Armstrong-Helouvry, Dupont & Canudas de Wit 1994, Automatica 30(7): Gaussian Stribeck curve; "
                        "solved as a bounded impulse, Moreau 1988",
              .parameter_count = 3,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .variant_of = "coulomb_friction",
+             .variation = "larger near standstill"},
     .hook = {[SITE_WHEEL] = wheel},
     .undo = undo,
 };

@@ -53,10 +53,18 @@ typedef struct {
     const char *only_with; /* name of the parameter that this one adds to: it means nothing without it */
     const char
         *in_volts; /* of a torque at the wheel: the name of the voltage torque R / K_t, which calibrations report */
-    int zero_if_unstated; /* 1: a nominal parameter taken to be 0 where a data set does not give it */
+    int zero_if_unstated;  /* 1: a nominal parameter taken to be 0 where a data set does not give it */
+    const char *variation; /* how the law differs where this is not 0, to be read after "but": "by direction" */
+    const char *mechanism; /* of the law that this parameter alone stands for, where it is not the effect's */
+    const char *same_as;   /* the nominal parameter that this one adds to: missing only where that one is 0 */
 } bp_parameter_info;
 
-/* One effect of the library. Every field is set in every row, but for the last three. */
+/* One effect of the library. Every field is set in every row, but for the last five.
+ *
+ * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
+ * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
+ * variant itself, and `variation` says what differs, to be read after "but": "battery_discharge, but by time". A verdict
+ * may then be right in the mechanism and wrong in the law, and say so. */
 typedef struct {
     const char *name;
     const char *words;   /* a noun phrase: "The simulator lacks ..." */
@@ -69,9 +77,11 @@ typedef struct {
     int parameter_count;
     const bp_parameter_info *parameters;
 
-    double motor_step; /* s: the longest motor step that still resolves it; 0: as long as without it */
-    int carries_over;  /* 1: charge or heat that one run leaves changes the next */
-    int composed;      /* 1: a sum of terms that discovery composes, never a candidate of its own */
+    double motor_step;      /* s: the longest motor step that still resolves it; 0: as long as without it */
+    int carries_over;       /* 1: charge or heat that one run leaves changes the next */
+    int composed;           /* 1: a sum of terms that discovery composes, never a candidate of its own */
+    const char *variant_of; /* the effect of which this one is a variant; NULL: none */
+    const char *variation;  /* what differs from that one; NULL: none */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */

@@ -5,7 +5,7 @@ Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `si
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args
@@ -30,6 +30,9 @@ class ParameterInfo:
         scan: sizes that a search tries one by one; empty: none.
         limits, arm_of, only_with: a signal, and two parameters of the same effect; empty: none.
         in_volts: of a torque, the name of the voltage torque R / K_t; empty: it has none.
+        variation: how the effect's law differs where this is not 0, to be read after "but"; empty: it does not.
+        mechanism: of the law that this parameter alone stands for; empty: the effect's.
+        same_as: the nominal parameter that this one adds to; empty: none.
     """
 
     name: str
@@ -49,6 +52,9 @@ class ParameterInfo:
     only_with: str
     in_volts: str
     zero_if_unstated: bool
+    variation: str
+    mechanism: str
+    same_as: str
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class EffectInfo:
         motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
         carries_over: charge or heat that one run leaves changes the next.
         composed: a sum of terms that discovery composes, never a candidate of its own.
+        variant_of: the better known effect of which this one is a variant; empty: none.
+        variation: what differs from that one, to be read after "but"; empty: none.
     """
 
     name: str
@@ -76,6 +84,8 @@ class EffectInfo:
     motor_step: float
     carries_over: bool
     composed: bool
+    variant_of: str
+    variation: str
 
 
 def _text(value: Any) -> str:
@@ -111,6 +121,9 @@ def _parameter(info: Any) -> ParameterInfo:
         only_with=_text(info.only_with),
         in_volts=_text(info.in_volts),
         zero_if_unstated=bool(info.zero_if_unstated),
+        variation=_text(info.variation),
+        mechanism=_text(info.mechanism),
+        same_as=_text(info.same_as),
     )
 
 
@@ -148,6 +161,8 @@ def effects() -> tuple[EffectInfo, ...]:
                 motor_step=info.motor_step,
                 carries_over=bool(info.carries_over),
                 composed=bool(info.composed),
+                variant_of=_text(info.variant_of),
+                variation=_text(info.variation),
             )
         )
     return tuple(found)
@@ -164,6 +179,29 @@ def effect(name: str) -> EffectInfo:
     if not found:
         raise KeyError(name)
     return found[0]
+
+
+def family(name: str) -> str:
+    """Returns the effect of which `name` is a variant, or `name` itself: the laws of a family differ in one respect."""
+    return effect(name).variant_of or name
+
+
+def law(name: str, values: Mapping[str, float]) -> str:
+    """Returns what the law of effect `name` with these parameters is called: "FAMILY, but DIFFERENCE and DIFFERENCE".
+
+    Parameters that are absent from `values` count as 0.
+    """
+    info = effect(name)
+    differences = [info.variation] if info.variant_of else []
+    differences += [one.variation for one in info.parameters if one.variation and values.get(one.name, 0.0) != 0]
+    return f"{family(name)}, but {' and '.join(differences)}" if differences else name
+
+
+def mechanism(name: str, values: Mapping[str, float]) -> str:
+    """Returns the mechanism of effect `name` with these parameters: that of its only size, where this has its own."""
+    info = effect(name)
+    acting = [one for one in info.parameters if one.role == "size" and values.get(one.name, 0.0) != 0]
+    return next((one.mechanism for one in acting if len(acting) == 1 and one.mechanism), info.mechanism)
 
 
 @cache

@@ -43,6 +43,14 @@ static inline bool is_signal(const char *name)
     return strcmp(name, "voltage") == 0;
 }
 
+static inline bool is_nominal(const char *name)
+{
+    for (int i = 0; bp_parameter(i) != NULL; i++)
+        if (strcmp(bp_parameter(i)->name, name) == 0)
+            return true;
+    return false;
+}
+
 /* What a parameter lacks, or NULL. */
 static inline const char *parameter_fault(const bp_effect_info *effect, const bp_parameter_info *one)
 {
@@ -70,6 +78,10 @@ static inline const char *parameter_fault(const bp_effect_info *effect, const bp
     if ((one->arm_of != NULL && !is_parameter(effect, one->arm_of)) ||
         (one->only_with != NULL && !is_parameter(effect, one->only_with)))
         return "has an `arm_of` or `only_with` that names no parameter of this effect";
+    if (one->mechanism != NULL && !is_one_of(one->mechanism, MECHANISMS))
+        return "has a `mechanism` that is not of the list in brickpilot_sim.h";
+    if (one->same_as != NULL && !is_nominal(one->same_as))
+        return "has a `same_as` that names no nominal parameter";
     return NULL;
 }
 
@@ -80,6 +92,19 @@ static inline const char *sentence_fault(const bp_effect_info *info)
     if (is_empty(info->summary) || !isupper((unsigned char)info->summary[0]) ||
         info->summary[strlen(info->summary) - 1] != '.')
         return "has no `summary`: one sentence, from a capital letter to a full stop";
+    return NULL;
+}
+
+/* A variant has the mechanism of what it varies, so that a family is never split between two mechanisms. */
+static inline const char *variant_fault(const bp_effect_info *info)
+{
+    if (is_empty(info->variant_of) != is_empty(info->variation))
+        return "needs `variant_of` and `variation` together";
+    if (is_empty(info->variant_of))
+        return NULL;
+    const bp_effect_info *plain = bp_effect(effect_index(info->variant_of));
+    if (plain == NULL || plain->variant_of != NULL || strcmp(plain->mechanism, info->mechanism) != 0)
+        return "has a `variant_of` that is no effect of its mechanism, or a variant itself";
     return NULL;
 }
 
@@ -100,7 +125,8 @@ static inline const char *row_fault(const effect_t *effect)
         return "has no `equation` or no `source`";
     if (info->parameter_count < 1 || info->parameter_count > BP_MAX_PARAMETERS)
         return "has no parameters, or more than BP_MAX_PARAMETERS";
-    return sentence_fault(info);
+    const char *fault = sentence_fault(info);
+    return fault != NULL ? fault : variant_fault(info);
 }
 
 /* Fills `line` with the first fault of the effect. Returns false where there is none. */

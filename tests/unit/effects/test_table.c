@@ -132,6 +132,26 @@ static void test_a_row_that_lacks_something_is_named(void)
     assert_fault(effect, "effect made_up has no hook");
 }
 
+static void test_a_variant_that_is_none_is_named(void)
+{
+    effect_t effect = sound(&SOUND_PARAMETER);
+    effect.info.variant_of = "torque_ripple";
+    assert_fault(effect, "effect made_up needs `variant_of` and `variation` together");
+
+    effect.info.variation = "made up";
+    TEST_ASSERT_FALSE(effect_fault(&effect, line, sizeof line));
+
+    effect.info.variant_of = "coulomb_friction";
+    assert_fault(effect, "effect made_up has a `variant_of` that is no effect of its mechanism");
+
+    effect.info.mechanism = "bearing";
+    effect.info.variant_of = "stiction_stribeck";
+    assert_fault(effect, "or a variant itself");
+
+    effect.info.variant_of = "no_effect";
+    assert_fault(effect, "effect made_up has a `variant_of` that is no effect");
+}
+
 static void assert_parameter_fault(bp_parameter_info parameter, const char *part)
 {
     assert_fault(sound(&parameter), part);
@@ -186,6 +206,14 @@ static void test_a_parameter_that_contradicts_itself_is_named(void)
     spoilt = SOUND_PARAMETER;
     spoilt.arm_of = "mass";
     assert_parameter_fault(spoilt, "names no parameter");
+
+    spoilt = SOUND_PARAMETER;
+    spoilt.mechanism = "magic";
+    assert_parameter_fault(spoilt, "has a `mechanism`");
+
+    spoilt = SOUND_PARAMETER;
+    spoilt.same_as = "torque";
+    assert_parameter_fault(spoilt, "names no nominal parameter");
 }
 
 int main(void)
@@ -197,6 +225,7 @@ int main(void)
     RUN_TEST(test_what_can_be_undone_adds_up_over_the_effects_of_a_model);
     RUN_TEST(test_a_sound_row_has_no_fault);
     RUN_TEST(test_a_row_that_lacks_something_is_named);
+    RUN_TEST(test_a_variant_that_is_none_is_named);
     RUN_TEST(test_a_parameter_that_lacks_something_is_named);
     RUN_TEST(test_a_parameter_that_contradicts_itself_is_named);
     return UNITY_END();

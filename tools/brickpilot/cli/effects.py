@@ -36,6 +36,8 @@ def _text(effect: EffectInfo) -> str:
     """An effect as a paragraph, with a line for each parameter."""
     head = f"{effect.name}  (acts on: {effect.acts_on}; mechanism: {effect.mechanism})"
     lines = [effect.summary, f"equation: {effect.equation}", f"source: {effect.source}"]
+    if effect.variant_of:
+        lines.insert(1, f"variant: {effect.variant_of}, but {effect.variation}")
     return "\n  ".join([head, *lines, *(_line(parameter) for parameter in effect.parameters)])
 
 
