@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import robot_study
 from brickpilot import catalogue
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, compensation_values, flight, flight_figures, scenario
@@ -146,7 +147,38 @@ def test_another_belief_changes_what_has_to_be_undone() -> None:
 def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
     found = compensation_of(robot({"coulomb_friction": {"torque": 1.0}}))
     assert found.raw["left_friction_mv"] == compensation.FORMATS["left_friction_mv"].high
-    assert found.limited == ("left_friction_mv", "right_friction_mv")
+    assert found.limited == ("left_friction_mv", "right_friction_mv", "reserve_mv")
+    assert found.remarks[0].startswith("left_friction_mv: this robot needs 113 V (")
+    assert found.remarks[0].endswith("), but 20 is the limit")
+
+
+def test_what_no_setting_carries_is_said() -> None:
+    """Each robot is far off in one value; beside it friction, so that there is something to compensate."""
+
+    def remarks(effects: dict[str, dict[str, float]], **parameters: float) -> tuple[str, ...]:
+        friction = {"coulomb_friction": {"torque": 0.001}}
+        return compensation_of(robot(friction | effects, **parameters)).remarks
+
+    assert remarks({}) == ()
+    assert remarks({}, yaw_inertia=3 * 0.006) == ()
+    (turns,) = remarks({}, yaw_inertia=4 * 0.006)
+    assert turns.startswith("yaw_inertia: 0.024 kg m^2 at a half-track of 0.07 m")
+    (narrow,) = remarks({}, half_track=0.3 * 0.07)
+    assert narrow.startswith("yaw_inertia: 0.006 kg m^2 at a half-track of 0.021 m")
+    (battery,) = remarks({}, battery_voltage=24.0)
+    assert battery.startswith("battery_voltage: 24 V is outside the 5 to 20 V")
+    left, right = remarks({"constant_offset": {"torque": 0.002}})
+    assert left.startswith("left_offset_mv: a load of 0.002 N m exceeds the dry friction of 0.001 N m")
+    assert right.startswith("right_offset_mv: ")
+    assert remarks({"input_delay": {"delay": 0.02}}) == ("input_delay: no setting of the firmware undoes it",)
+
+
+@pytest.mark.parametrize(("times", "whole"), [(3.0, True), (4.0, False)])
+def test_the_remark_on_turns_parts_robots_that_fly_from_those_that_do_not(times: float, whole: bool) -> None:
+    model = robot({"coulomb_friction": {"torque": 0.001}}, yaw_inertia=times * 0.006)
+    figures = Mission("", (model,), "imu+encoders").fly(True, SEEDS)
+    assert all(flown["waypoints_reached"] == 8 for flown in figures) == whole
+    assert (compensation_of(model).remarks == ()) == whole
 
 
 EVERYTHING = robot(
@@ -251,6 +283,15 @@ def test_a_file_may_hold_a_part_of_the_parameters(tmp_path: Path) -> None:
     assert {name: raw for name, raw in found.raw.items() if raw} == {"deadband_mv": 300}
 
 
+def test_what_discover_finds_of_another_robot_lets_the_packaged_firmware_fly_it(tmp_path: Path) -> None:
+    """Robot 1 of the study: 0.7 kg, drives that lose 0.17 V. Its log comes from an engine that is not the plant."""
+    found = robot_study.study(1, tmp_path, seeds=2)
+    assert "actuator_deadband" in found["found"]
+    for sensors in robot_study.SENSORS:
+        assert robot_study.missions(found, f"{sensors}, with") == 2
+        assert robot_study.missions(found, f"{sensors}, without") == 0
+
+
 def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> None:
     model = robot({"coulomb_friction": {"torque": 0.005}})
     save(model, tmp_path / "model.toml")
@@ -274,6 +315,13 @@ def test_run_refuses_a_compensation_that_it_has_no_use_for(extra: tuple[str, ...
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr == "brickpilot: compensation: needs a mission in the profile coupled\n"
     assert not (tmp_path / "runs").exists()
+
+
+def test_the_reserve_is_of_the_robot_s_own_battery() -> None:
+    """A drive that needs a tenth more voltage leaves 10 / 11 of the battery to the controllers."""
+    for battery in (6.0, 9.0, 14.0):
+        found = compensation_of(robot({}, resistance=22.0 * 1.1, battery_voltage=battery))
+        assert found.value("reserve_mv") == pytest.approx(battery / 11, abs=1e-3)
 
 
 def test_the_reserve_is_what_the_weaker_side_lacks() -> None:

@@ -26,8 +26,8 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
 
     The verdict is "named", "none", "ambiguous" (several effects fit equally well, and an experiment is proposed that
     separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,
-    verdict.json and model.toml; also the C source of a composed term, and compensation.toml if the brick can
-    compensate the effect.
+    verdict.json and model.toml; also the C source of a composed term, and compensation.toml, with which the packaged
+    firmware flies this robot.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
@@ -47,7 +47,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
         model.save(found.augmented, beside / "model.toml")
         if found.term is not None:
             (beside / found.term.file_name).write_text(found.term.source, encoding="utf-8")
-        undone = compensation.from_model(found.augmented, found.nominal_model) if found.effects else None
+        undone = compensation.from_model(found.augmented)
         if undone is not None:
             undone.save(beside / "compensation.toml")
     if as_json:
@@ -60,4 +60,8 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
         for name, value in effect.parameters.items():
             shown = f"{value.value:12.5g} {value.unit:12} {interval(value.ci95)}"
             click.echo(f"{effect.name + '.' + name:40}{shown}")
+    for remark in undone.remarks if undone is not None else ():
+        click.echo(f"not compensated: {remark}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
+    if undone is not None:
+        click.echo(f"compensation: {folder / 'compensation.toml'}")

@@ -14,7 +14,7 @@ from pathlib import Path
 import tomlkit
 
 from brickpilot.data.toml_file import Key, TomlFile
-from brickpilot.vehicle import compensation_values, whole_file
+from brickpilot.vehicle import compensation_limits, compensation_values, plant, whole_file
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.settings import Setting, compensations
 
@@ -35,7 +35,8 @@ class Compensation:
         raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
         sources: parameter -> the effects each of which alone needs it, or `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
-        limited: parameters that exceed the range of the firmware's format.
+        limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
+        remarks: a line for each difference that the firmware cannot undo: which value, and how far off.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Compensation:
     sources: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     limited: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def undone(self) -> tuple[str, ...]:
@@ -59,19 +61,23 @@ class Compensation:
         whole_file.write(path, render(self))
 
 
-def _quantised(model: Model, nominal: Model) -> tuple[dict[str, int], tuple[str, ...]]:
-    wanted = compensation_values.values(model, nominal)
+def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:
+    """Returns the parameters in SI as the robot needs them, the firmware's integers, and the names of those cut."""
+    wanted = compensation_values.values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
-    raw = {name: min(max(round(exact[name]), how.low), how.high) for name, how in FORMATS.items()}
-    return raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
+    most = {name: how.high for name, how in FORMATS.items()}
+    most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(compensation_values.most_reserve(model)))
+    raw = {name: min(max(round(exact[name]), how.low), most[name]) for name, how in FORMATS.items()}
+    return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
 
-def from_model(model: Model, nominal: Model | None = None) -> Compensation | None:
-    """Returns the compensation with which the firmware flies the robot of `model` like the packaged one.
+def from_model(model: Model, believed: Model | None = None) -> Compensation | None:
+    """Returns the compensation with which the firmware flies the robot of `model` like the one that it believes in.
 
     Args:
-        model: with the effects found. Effects that the brick cannot undo are listed in `left_out`.
-        nominal: the robot from which the firmware's constants were made; default the packaged robot.
+        model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
+            `left_out`.
+        believed: the robot from which the firmware's constants were made; default the packaged robot.
 
     Returns:
         None where nothing can be undone, for a motor, for the profile `paper`, and for motors without torque. Where
@@ -79,18 +85,30 @@ def from_model(model: Model, nominal: Model | None = None) -> Compensation | Non
     """
     if model.vehicle != "diff_drive" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
         return None
-    nominal = nominal or rcx()
-    raw, limited = _quantised(model, nominal)
+    believed = believed or rcx()
+    wanted, raw, limited = _quantised(model, believed)
     if not any(raw.values()):
         return None
+    left_out = compensation_values.left_out(model)
+    held = {name: how.value(raw[name]) for name, how in FORMATS.items()}
+    remarks = [
+        *compensation_limits.of_settings(wanted, held, FORMATS, limited),
+        *compensation_limits.of_effects(left_out),
+        *compensation_limits.of_loads(plant.undoable(model)),
+        *compensation_limits.of_robot(compensation_values.nominal(model), compensation_values.nominal(believed)),
+    ]
+    return Compensation(model.name, raw, _sources(model, believed, raw), left_out, limited, tuple(remarks))
+
+
+def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str, tuple[str, ...]]:
+    """Returns parameter -> the effects that each alone need it, or `NOMINAL`."""
     alone = {
-        name: dataclasses.replace(model, parameters=nominal.parameters, effects={name: on})
+        name: dataclasses.replace(model, parameters=believed.parameters, effects={name: on})
         for name, on in model.effects.items()
     }
     alone[NOMINAL] = dataclasses.replace(model, effects={})
-    parts = {source: _quantised(part, nominal)[0] for source, part in alone.items()}
-    sources = {name: tuple(source for source, part in parts.items() if part[name]) for name in raw}
-    return Compensation(model.name, raw, sources, compensation_values.left_out(model), limited)
+    parts = {source: _quantised(part, believed)[1] for source, part in alone.items()}
+    return {name: tuple(source for source, part in parts.items() if part[name]) for name in raw}
 
 
 def c_calls(compensation: Compensation) -> list[str]:
@@ -108,6 +126,10 @@ def render(compensation: Compensation) -> str:
     document["name"] = compensation.name
     document["left_out"] = list(compensation.left_out)
     document["limited"] = list(compensation.limited)
+    remarks = tomlkit.array()
+    for remark in compensation.remarks:
+        remarks.add_line(remark)
+    document["remarks"] = remarks.multiline(bool(compensation.remarks))
     table = tomlkit.table()
     for name, how in FORMATS.items():
         entry = tomlkit.inline_table()
@@ -154,18 +176,20 @@ def load(path: Path | str) -> Compensation:
             The message names file, line and field.
     """
     toml = TomlFile(Path(path))
-    toml.known_keys((), toml.data, ("name", "left_out", "limited", "parameters"))
+    toml.known_keys((), toml.data, ("name", "left_out", "limited", "remarks", "parameters"))
     for key in ("name", "parameters"):
         if key not in toml.data:
             toml.refuse((key,), "is missing")
     given = toml.table(("parameters",), toml.data["parameters"])
     toml.known_keys(("parameters",), given, FORMATS)
     found = {name: _raw(toml, name, entry) for name, entry in given.items()}
-    left_out, limited = (_texts(toml, (key,), toml.data.get(key, [])) for key in ("left_out", "limited"))
+    lists = ("left_out", "limited", "remarks")
+    left_out, limited, remarks = (_texts(toml, (key,), toml.data.get(key, [])) for key in lists)
     return Compensation(
         name=toml.text(("name",), toml.data["name"]),
         raw={name: found[name][0] if name in found else 0 for name in FORMATS},
         sources={name: sources for name, (_, sources) in found.items()},
         left_out=left_out,
         limited=limited,
+        remarks=remarks,
     )

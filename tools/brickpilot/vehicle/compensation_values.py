@@ -37,22 +37,23 @@ def _top_speed() -> float:
     return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
 
 
-def _nominal(model: Model) -> dict[str, float]:
+def nominal(model: Model) -> dict[str, float]:
+    """Returns all nominal parameters of a model, presets included."""
     return {**catalogue.presets(model.vehicle), **model.parameters}
 
 
-def _push(values: Mapping[str, float]) -> float:
+def push(values: Mapping[str, float]) -> float:
     """Returns the force at the ground per volt of a motor at rest, N/V."""
     return values["torque_constant"] / (values["resistance"] * values["wheel_radius"])
 
 
-def _hold(values: Mapping[str, float], losses: float) -> float:
+def hold(values: Mapping[str, float], losses: float) -> float:
     """Returns the voltage per speed that holds this speed on level ground, V s/m."""
     lost = losses * values["resistance"] / values["torque_constant"]
     return (values["emf_constant"] + lost) / values["wheel_radius"]
 
 
-def _inertia(values: Mapping[str, float]) -> float:
+def straight_inertia(values: Mapping[str, float]) -> float:
     """Returns the mass that each motor has to move, kg."""
     return mean_inertia(values) / values["wheel_radius"] ** 2
 
@@ -66,14 +67,14 @@ def _own(robot: Mapping[str, float], found: Undoable, side: int) -> dict[str, fl
 
 def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, float], side: int) -> dict[str, float]:
     own = _own(robot, found, side)
-    share = _inertia(robot) / _inertia(believed) * _push(believed) / _push(own)
+    share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
     volts = own["resistance"] / own["torque_constant"] / share  # per N m at the wheel
     # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
     root, fastest = found.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
     return {
         "gain_q15": share / found.drive_gain[side] - 1,
-        "emf_mv_q15": _hold(own, losses) / share - _hold(believed, loss(believed)),
+        "emf_mv_q15": hold(own, losses) / share - hold(believed, loss(believed)),
         "friction_mv": (found.dry_torque[side] + 4 / 15 * root * math.sqrt(fastest)) * volts,
         "offset_mv": found.load[side] * volts,
     }
@@ -85,15 +86,20 @@ def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> floa
     return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
 
 
-def values(model: Model, nominal: Model) -> dict[str, float]:
+def most_reserve(model: Model) -> float:
+    """Returns the largest reserve that leaves the controllers a voltage to work with: half of the robot's battery."""
+    return nominal(model)["battery_voltage"] / 2
+
+
+def values(model: Model, believes: Model) -> dict[str, float]:
     """Returns each parameter of the compensation in SI, by its name in the firmware.
 
     Args:
         model: the real robot, a coupled diff_drive.
-        nominal: the believed robot; its effects are ignored.
+        believes: the robot that the firmware believes in; its effects are ignored.
     """
-    robot, believed = _nominal(model), _nominal(nominal)
-    found, battery = plant.undoable(model), believed["battery_voltage"]
+    robot, believed = nominal(model), nominal(believes)
+    found, battery = plant.undoable(model), robot["battery_voltage"]
     left, right = (_side(robot, found, believed, side) for side in (LEFT, RIGHT))
     reserve = max(_reserve(side, found.lost_voltage, battery) for side in (left, right))
     turning = any(side["emf_mv_q15"] or side["friction_mv"] for side in (left, right))
@@ -102,7 +108,7 @@ def values(model: Model, nominal: Model) -> dict[str, float]:
         **{f"left_{name}": value for name, value in left.items()},
         **{f"right_{name}": value for name, value in right.items()},
         "deadband_mv": found.lost_voltage,
-        "reserve_mv": min(max(reserve, 0.0), battery / 2),
+        "reserve_mv": max(reserve, 0.0),
         "half_track_m_q14": robot["half_track"] if turning else 0.0,
         "battery_sags": float(found.supply_resistance > 0),
         "gyro_bias_mrad_s": found.gyro_offset,

@@ -1,0 +1,192 @@
+"""Flies robots that the firmware does not know: the mission without and with what `brickpilot discover` found of them.
+
+    PYTHONPATH=tests .venv/bin/python tests/loop/robot_study.py [--robots N] [--out DIR]
+
+Each robot is drawn at random, with one hidden effect that the firmware can undo. The planar engine of `tests/hidden`,
+which shares no code with the plant, drives it through eight runs of 5 s. `brickpilot discover` reads the log and
+nominal values that are 5 % off, and writes `compensation.toml`. Then the firmware, whose constants are those of the
+packaged robot, flies the mission on the plant with the robot's true values. Prints the table of firmware/README.md,
+and writes the figures to DIR/robots.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from brickpilot import catalogue
+from brickpilot.vehicle import compensation, compensation_values, flight, flight_figures, scenario
+from brickpilot.vehicle.compensation import Compensation
+from brickpilot.vehicle.model import Model, rcx
+from hidden import effects, folder
+from hidden.manoeuvre import Manoeuvre, short
+from hidden.recipe import Hidden, Recipe, Vehicle
+
+ROBOTS, SEEDS, STREAM = 20, 5, 14
+NOMINAL_ERROR = 0.05  # sd, relative
+SENSORS = ("imu+encoders", "imu")
+UNDONE = tuple(name for name in effects.LIBRARY if compensation_values.undone(name))
+SIZES = (0.5, 2.0)  # of an effect, times what shows clearly in a log
+HELD = 4 / 3  # friction over a constant load
+FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s: the logging sensors read to 51 rad/s, and 10.5 rad/s at 3.3 of 9 V
+
+
+@dataclasses.dataclass(frozen=True)
+class Robot:
+    """A robot as it truly is."""
+
+    name: str
+    vehicle: Vehicle
+    hidden: Hidden
+
+    @property
+    def model(self) -> Model:
+        """The plant with the true values."""
+        parameters = {**rcx().parameters, **dataclasses.asdict(self.vehicle)}
+        presets = {one.name: {info.name: 0.0 for info in one.parameters} for one in catalogue.effects()}
+        chosen = {name: {**presets[name], **table} for name, table in self.hidden.items()}
+        return dataclasses.replace(rcx(), name=self.name, parameters=parameters, effects=chosen)
+
+
+def _vehicle(random: np.random.Generator) -> Vehicle:
+    """Draws a vehicle. Mass, size, battery, speed and acceleration are drawn, the motors follow from them."""
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+    mass, battery = between(0.3, 8.0), between(6.5, 14.0)
+    radius, half_track = between(0.02, 0.06), between(0.05, 0.15)
+    top_speed, acceleration = between(0.8, 2.0), between(2.5, 8.0)  # without load, at full voltage; from rest
+    emf = battery * radius / top_speed
+    torque = emf * random.uniform(0.75, 1.0)  # gears lose up to a quarter
+    wheel_inertia = between(0.02, 0.4) * mass * radius**2 / 2
+    stall = acceleration * (wheel_inertia / radius + mass * radius / 2)
+    return Vehicle(
+        mass=mass,
+        yaw_inertia=mass * (half_track * between(0.9, 1.5)) ** 2,
+        half_track=half_track,
+        wheel_radius=radius,
+        wheel_inertia=wheel_inertia,
+        resistance=torque * battery / stall,
+        inductance=torque * battery / stall * between(2e-4, 1e-3),
+        torque_constant=torque,
+        emf_constant=emf,
+        viscous_friction=between(0.005, 0.03) * stall * radius / top_speed,
+        rolling_friction=between(0.01, 0.02),
+        battery_voltage=battery,
+    )
+
+
+def draw(number: int) -> Robot:
+    """Draws robot `number`. Those too fast for the sensors that log them are drawn again."""
+    random = np.random.default_rng([STREAM, number])
+    while True:
+        vehicle = _vehicle(random)
+        speed = vehicle.battery_voltage / vehicle.emf_constant
+        if speed < FASTEST_WHEEL and speed * vehicle.wheel_radius / vehicle.half_track < FASTEST_SPIN:
+            break
+    effect = UNDONE[number % len(UNDONE)]
+    size = float(np.exp(random.uniform(*np.log(SIZES))))
+    hidden = {effect: effects.draw(effect, size, vehicle, random)}
+    if effect == "constant_offset":  # without friction it moves the robot at rest, where the gyro's bias is learnt
+        hidden["coulomb_friction"] = {"torque": HELD * sum(abs(torque) for torque in hidden[effect].values())}
+    return Robot(f"robot-{number}", vehicle, hidden)
+
+
+def _scaled(run: Manoeuvre, factor: float) -> Manoeuvre:
+    left, right = (tuple(factor * volts for volts in side) for side in (run.left, run.right))
+    return dataclasses.replace(run, left=left, right=right)
+
+
+def measure(robot: Robot, number: int, parent: Path) -> Path:
+    """Writes the data set of a robot into `parent`, with voltages scaled to its battery's. Keeps an old one."""
+    runs = tuple(_scaled(run, robot.vehicle.battery_voltage / 9.0) for run in short())
+    recipe = Recipe(
+        robot.name, robot.hidden, robot.vehicle, "planar", nominal_error=NOMINAL_ERROR, runs=runs, seed=STREAM + number
+    )
+    made = parent / robot.name
+    return made if made.exists() else folder.write(recipe, parent)
+
+
+def discover(data: Path, out: Path) -> tuple[dict[str, Any], Compensation | None]:
+    """Returns the verdict of `brickpilot discover` and the compensation that it writes."""
+    command = [Path(sys.executable).with_name("brickpilot"), "discover", data, "--out", out, "--json"]
+    done = subprocess.run([str(word) for word in command], check=True, stdout=subprocess.PIPE, text=True)
+    written = out / "compensation.toml"
+    return json.loads(done.stdout), compensation.load(written) if written.exists() else None
+
+
+def fly(robot: Robot, known: Compensation | None, sensors: str, seeds: int) -> list[dict[str, Any]]:
+    """Returns the figures of the packaged mission for each seed."""
+    mission = scenario.load(scenario.packaged()["mission"])
+    return [
+        flight_figures.summary(
+            flight.fly(flight.plan(mission, robot.model, sensors=sensors, seed=seed, compensation=known))
+        )
+        for seed in range(seeds)
+    ]
+
+
+def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
+    """Returns what was hidden, what was found and how often the mission was flown, for one robot."""
+    robot = draw(number)
+    verdict, known = discover(measure(robot, number, parent), parent / f"{robot.name}-found")
+    flown = {
+        f"{sensors}, {how}": [figures["waypoints_reached"] for figures in fly(robot, told, sensors, seeds)]
+        for sensors in SENSORS
+        for how, told in (("without", None), ("with", known))
+    }
+    return {
+        "robot": robot.name,
+        "mass_kg": round(robot.vehicle.mass, 2),
+        "battery_V": round(robot.vehicle.battery_voltage, 1),
+        "hidden": list(robot.hidden),
+        "verdict": verdict["verdict"],
+        "found": [effect["name"] for effect in verdict["effects"]],
+        "elapsed_s": verdict["elapsed_s"],
+        "remarks": list(known.remarks) if known else [],
+        "waypoints": flown,
+    }
+
+
+def missions(figures: dict[str, Any], how: str) -> int:
+    """Returns how many of the missions flown `how` reached all 8 waypoints."""
+    return sum(reached == 8 for reached in figures["waypoints"][how])
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--robots", type=int, default=ROBOTS)
+    options.add_argument("--out", type=Path, default=Path("runs/robot-study"))
+    chosen = options.parse_args()
+    print("| robot | mass, battery | hidden | verdict | imu+encoders: without, with | imu: without, with | limits |")
+    print("|---|---|---|---|---|---|---|")
+    rows = []
+    for number in range(chosen.robots):
+        row = study(number, chosen.out)
+        rows.append(row)
+        counts = " | ".join(
+            f"{missions(row, f'{sensors}, without')}, {missions(row, f'{sensors}, with')} of {SEEDS}"
+            for sensors in SENSORS
+        )
+        limits = ", ".join(remark.split(":")[0] for remark in row["remarks"])
+        found = f"{row['verdict']}: {', '.join(row['found'])}" if row["found"] else row["verdict"]
+        size = f"{row['mass_kg']} kg, {row['battery_V']} V"
+        print(f"| {number} | {size} | {', '.join(row['hidden'])} | {found} | {counts} | {limits} |", flush=True)
+    (chosen.out / "robots.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    for sensors in SENSORS:
+        whole = {how: sum(missions(row, f"{sensors}, {how}") == SEEDS for row in rows) for how in ("without", "with")}
+        print(
+            f"{sensors}: all {SEEDS} missions flown by {whole['without']} of {len(rows)} robots without, "
+            f"{whole['with']} with"
+        )
+
+
+if __name__ == "__main__":
+    main()
