@@ -6,7 +6,7 @@ Each robot is drawn at random, with one hidden effect that the firmware can undo
 which shares no code with the plant, drives it through eight runs of 5 s. `brickpilot discover` reads the log and
 nominal values that are 5 % off, and writes `compensation.toml`. Then the firmware, whose constants are those of the
 packaged robot, flies the mission on the plant with the robot's true values. Prints the table of firmware/README.md,
-and writes the figures to DIR/robots.json.
+and writes the figures to robots.json beside this file.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from hidden import effects, folder
 from hidden.manoeuvre import Manoeuvre, short
 from hidden.recipe import Hidden, Recipe, Vehicle
 
+FIGURES = Path(__file__).with_name("robots.json")
 ROBOTS, SEEDS, STREAM = 20, 5, 14
 NOMINAL_ERROR = 0.05  # sd, relative
 SENSORS = ("imu+encoders", "imu")
@@ -163,23 +164,24 @@ def missions(figures: dict[str, Any], how: str) -> int:
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--robots", type=int, default=ROBOTS)
-    options.add_argument("--out", type=Path, default=Path("runs/robot-study"))
+    options.add_argument("--out", metavar="DIR", type=Path, default=Path("runs/robot-study"), help="logs and verdicts")
     chosen = options.parse_args()
-    print("| robot | mass, battery | hidden | verdict | imu+encoders: without, with | imu: without, with | limits |")
+    print("| robot | mass, battery | hidden | verdict | imu+encoders | imu | no setting carries |")
     print("|---|---|---|---|---|---|---|")
     rows = []
     for number in range(chosen.robots):
         row = study(number, chosen.out)
         rows.append(row)
         counts = " | ".join(
-            f"{missions(row, f'{sensors}, without')}, {missions(row, f'{sensors}, with')} of {SEEDS}"
+            f"{missions(row, f'{sensors}, without')} -> {missions(row, f'{sensors}, with')} of {SEEDS}"
             for sensors in SENSORS
         )
         limits = ", ".join(remark.split(":")[0] for remark in row["remarks"])
         found = f"{row['verdict']}: {', '.join(row['found'])}" if row["found"] else row["verdict"]
         size = f"{row['mass_kg']} kg, {row['battery_V']} V"
         print(f"| {number} | {size} | {', '.join(row['hidden'])} | {found} | {counts} | {limits} |", flush=True)
-    (chosen.out / "robots.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    lines = ",\n".join(json.dumps(row) for row in rows)
+    FIGURES.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
     for sensors in SENSORS:
         whole = {how: sum(missions(row, f"{sensors}, {how}") == SEEDS for row in rows) for how in ("without", "with")}
         print(
