@@ -33,6 +33,8 @@ static void gather_hooks(plant_t *plant, const bp_model *model)
                     (plant_hook_t){effect->hook[site], model->effect[i].value, memory};
         memory += effect->memory_count;
     }
+    plant->memory_used = (int)(memory - plant->memory);
+    plant->pushed = false;
 }
 
 /* The nominal motor of one side. Eq. 13 in eq. 14 is a loss that is linear in the speed: m g sigma r_w abs(w) at the
@@ -67,6 +69,18 @@ static void set_motors(plant_t *plant)
     run_hooks(plant, SITE_MOTOR);
 }
 
+/* Gives the body of a coupled vehicle the speeds of its wheels. */
+static void carry_body(vehicle_t *vehicle)
+{
+    bp_state *state = &vehicle->state;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    const double half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double *rim = vehicle->build.rim;
+    const double speed[2] = {rim[0] * state->wheel_speed[0], rim[1] * state->wheel_speed[1]};
+    state->surge = 0.5 * radius * (speed[0] + speed[1]);
+    state->yaw_rate = 0.5 * radius / half_track * (speed[0] - speed[1]);
+}
+
 /* Makes wheels and body of a coupled vehicle agree at the start. Where tyres slip they need not agree. */
 static void join_speeds(vehicle_t *vehicle)
 {
@@ -78,11 +92,8 @@ static void join_speeds(vehicle_t *vehicle)
         state->wheel_speed[0] = (state->surge + half_track * state->yaw_rate) / (radius * rim[0]);
         state->wheel_speed[1] = (state->surge - half_track * state->yaw_rate) / (radius * rim[1]);
     }
-    const double speed[2] = {rim[0] * state->wheel_speed[0], rim[1] * state->wheel_speed[1]};
-    if (!(vehicle->build.along.creep > 0) || (state->surge == 0 && state->yaw_rate == 0)) {
-        state->surge = 0.5 * radius * (speed[0] + speed[1]);
-        state->yaw_rate = 0.5 * radius / half_track * (speed[0] - speed[1]);
-    }
+    if (!(vehicle->build.along.creep > 0) || (state->surge == 0 && state->yaw_rate == 0))
+        carry_body(vehicle);
     if (!(vehicle->build.across.creep > 0))
         state->sway = 0;
 }
@@ -275,4 +286,53 @@ void plant_outputs(const plant_t *plant, double *out)
         memcpy(out, plant->vehicle.output, sizeof plant->vehicle.output);
     else
         output_row(&plant->vehicle, out);
+}
+
+static void push_wheels(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    vehicle->wheel_torque[0] += value[PUSH_LEFT];
+    vehicle->wheel_torque[1] += value[PUSH_RIGHT];
+}
+
+static void push_body(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    vehicle->force_surge += value[PUSH_SURGE];
+    vehicle->moment_yaw += value[PUSH_YAW];
+}
+
+static void install(plant_t *plant, site_t site, effect_hook_t *hook)
+{
+    plant->hook[site][plant->hook_count[site]++] = (plant_hook_t){hook, plant->push, NULL};
+}
+
+void plant_push(plant_t *plant, const double *load)
+{
+    memcpy(plant->push, load, sizeof plant->push);
+    if (plant->vehicle.vehicle == BP_MOTOR)
+        plant->push[PUSH_RIGHT] = plant->push[PUSH_SURGE] = plant->push[PUSH_YAW] = 0;
+    if (!plant->pushed) {
+        install(plant, SITE_WHEEL, push_wheels);
+        install(plant, SITE_BODY, push_body);
+        plant->pushed = true;
+    }
+}
+
+void plant_move(plant_t *plant, const bp_state *state)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    vehicle->state = *state;
+    if (vehicle->vehicle == BP_MOTOR)
+        vehicle->state.surge = contact_load_lever(vehicle->parameter) * vehicle->state.wheel_speed[0];
+    else if (vehicle->profile == BP_COUPLED && !(vehicle->build.along.creep > 0))
+        carry_body(vehicle);
+}
+
+void plant_copy(plant_t *to, const plant_t *from)
+{
+    to->vehicle = from->vehicle;
+    to->wheels = from->wheels;
+    memcpy(to->memory, from->memory, (size_t)from->memory_used * sizeof *to->memory);
+    plant_push(to, from->push);
 }

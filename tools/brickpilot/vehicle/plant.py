@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TROUBLE = {
+TROUBLE = {  # status of the C interface -> what it means
     -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
     -3: "out of memory",
     -4: "the time of the samples does not increase",
@@ -181,8 +181,8 @@ def _read_state(source: Any) -> State:
     return State(**values)
 
 
-def _fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
-    """Fills the C request and returns what must stay alive while it is used."""
+def fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
+    """Fills the C request `bp_run` and returns what must stay alive while it is used."""
     ffi = interface()[0]
     columns = 1 if model.vehicle == "motor" else 2
     time = np.ascontiguousarray(run.time, dtype=np.float64)
@@ -224,13 +224,13 @@ def simulate(
     for index, (model, run) in enumerate(jobs):
         if id(model) not in built:
             built[id(model)] = build(model)
-        alive.append(_fill_run(requests[index], built[id(model)], model, run, rows[index]))
+        alive.append(fill_run(requests[index], built[id(model)], model, run, rows[index]))
     library.bp_simulate(requests, len(jobs), threads)
     results: list[Simulated] = []
     for index, (model, _) in enumerate(jobs):
         status = requests[index].status
         if status:
-            raise SimulationError(f"{model.name}, run {index}: {_TROUBLE.get(status, status)}", index, status)
+            raise SimulationError(f"{model.name}, run {index}: {TROUBLE.get(status, status)}", index, status)
         present = ~np.isnan(rows[index][0])  # the plant gives NaN for what the other kind of vehicle has
         wanted = [k for k, name in enumerate(names) if present[k] and (signals is None or name in signals)]
         columns = rows[index].T[wanted]
