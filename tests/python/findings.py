@@ -10,6 +10,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.holdout import Roles
 from brickpilot.discover import locate
 from brickpilot.discover.finding import (
     Effect,
@@ -80,7 +81,7 @@ def finding(data: Dataset, kind: str) -> Finding:
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))
     roles = {run.name: run.role for run in data.runs}
-    by_role, by_signal = locate.gaps(data, simulated, roles, NOISE)
+    by_role, by_signal = locate.gaps(data, simulated, Roles(roles, ""), NOISE)
     effects = {
         "named": (FRICTION,),
         "ambiguous": (dataclasses.replace(FRICTION, equivalents=(DEADBAND, PAIR)),),

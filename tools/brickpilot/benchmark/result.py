@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.holdout import Roles
 from brickpilot.discover.finding import Finding
 from brickpilot.errors import InputError
 
@@ -126,13 +127,16 @@ def held_out_gap(found: Finding) -> dict[str, Any]:
     known = all(name in stated for name in found.noise_sd)
     floor = {name: stated[name] if known else sd for name, sd in found.noise_sd.items()}
     squares: dict[str, list[NDArray[np.float64]]] = {"nominal": [], "augmented": []}
+    roles = Roles(found.roles, "", found.held_out_stretches)
+    tested = roles.tested()
     for run in found.dataset.runs:
-        if found.roles[run.name] != "held_out":
+        if run.name not in tested:
             continue
+        outputs = roles.samples(run, "held_out").outputs
         for name, sd in floor.items():
-            if name in run.outputs:
+            if name in outputs:
                 for which, kept in squares.items():
-                    off = (run.outputs[name] - found.simulated[which][run.name][name]) / sd
+                    off = (outputs[name] - found.simulated[which][run.name][name]) / sd
                     kept.append(off[np.isfinite(off)] ** 2)
     if not squares["nominal"]:
         return {"before": None, "after": None, "removed": None, "floor": None}

@@ -111,7 +111,8 @@ def paths(
     Args:
         model: the calibrated nominal model.
         simulated: run -> its outputs.
-        roles: run -> "fit" or "held_out".
+        roles: run -> "fit" or "held_out". If no whole run is held out, every third is: a regression over rows has no
+            held-out stretches.
         noise_sd: signal -> noise sd of a sample, SI.
 
     Returns:
@@ -124,6 +125,8 @@ def paths(
     why = missing()
     if why:
         raise InputError(why, field="--peer")
+    if "held_out" not in roles.values():
+        roles = {run: "held_out" if k % 3 == 1 else "fit" for k, run in enumerate(roles)}
     found = {}
     for window_s in windows_s:
         by_role = {

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
 
+Array = NDArray[np.float64]
+
 # An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
 _STEP_SPREAD = 0.2
 # With the smaller of sum and difference of two motors' inputs below this share of the larger, a run is straight or a
 # turn on the spot.
 _PURE = 0.3
+# Two runs whose inputs differ by a larger factor do not stand for each other.
+_AS_LARGE = 1.5
+# With a smaller share of its input in one direction, a run goes in the other.
+_ONE_WAY = 0.1
+# A stretch of fewer s is not held out: it says little about a free run.
+_SHORTEST_S = 0.3
+# Shares of the input's energy: what the fit keeps of all, and of each direction; the least that is held out.
+_KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
 
 _GIVEN = {
     frozenset({"fit"}): "The data set holds no run out.",
@@ -26,10 +36,17 @@ _GIVEN = {
 
 @dataclass(frozen=True)
 class Roles:
-    """The role of each run, "fit" or "held_out", and one sentence on who chose it and how."""
+    """The role of each run, and who chose it.
+
+    Attributes:
+        by_run: run -> "fit" or "held_out".
+        note: one sentence on who chose the roles and how.
+        stretches: fit run -> first and last time of its held-out samples, s on its clock.
+    """
 
     by_run: Mapping[str, str]
     note: str
+    stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def fit(self) -> list[str]:
         return [name for name, role in self.by_run.items() if role == "fit"]
@@ -37,14 +54,34 @@ class Roles:
     def held_out(self) -> list[str]:
         return [name for name, role in self.by_run.items() if role == "held_out"]
 
+    def tested(self) -> list[str]:
+        """Returns the runs that are held out, as a whole or in a stretch."""
+        return [name for name, role in self.by_run.items() if role == "held_out" or name in self.stretches]
 
-def assign(dataset: Dataset, inputs: Mapping[str, NDArray[np.float64]]) -> Roles:
+    def samples(self, run: Run, role: str, name: str = "") -> Run:
+        """Returns a run with the outputs of its samples that have not this role blanked.
+
+        `name`: of the run that it was cut from, if any.
+        """
+        stretch = self.stretches.get(name or run.name)
+        if stretch is None:
+            return run
+        inside = (run.time >= stretch[0]) & (run.time <= stretch[1])
+        other = ~inside if role == "held_out" else inside
+        return replace(run, outputs={signal: np.where(other, np.nan, one) for signal, one in run.outputs.items()})
+
+
+def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = False) -> Roles:
     """Returns the role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
 
-    If the file holds a run out, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre:
-    straight, turn on the spot or curve, each as step or ramp; forward and backward are the same. Each group is ordered
-    by the size of the input, and the second of every three runs is held out. Replicates are always held out. The same
-    data set always gives the same roles.
+    If the file holds a run out, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre and
+    direction: straight, turn on the spot or curve, each as step or ramp, forward or backward, right or left. A model
+    that never saw a direction cannot tell friction from an asymmetry, so each group keeps runs in the fit, among them
+    the one of the largest input; see `_held_out_of`. Replicates are held out. The same data set always gives the same
+    roles.
+
+    Args:
+        stretches: the last part of a run whose manoeuvre occurs once may be held out; see `_last_drive`.
     """
     given = {run.name: run.role for run in dataset.runs if run.role is not None}
     if len(given) == len(dataset.runs):
@@ -53,28 +90,58 @@ def assign(dataset: Dataset, inputs: Mapping[str, NDArray[np.float64]]) -> Roles
         chosen = {run.name: run.role or "fit" for run in dataset.runs}
         return Roles(chosen, "The data set states which runs are held out; its other runs are fitted.")
     open_runs = [run for run in dataset.runs if run.role is None]
-    out = _choose(open_runs, inputs)
-    chosen = {run.name: run.role or ("held_out" if run.name in out else "fit") for run in dataset.runs}
-    if not out:
-        return Roles(chosen, "No run is held out: the data set names none, and each manoeuvre occurs once.")
-    return Roles(
-        chosen, f"The program held out {', '.join(n for n in chosen if n in out)}: one of three of each manoeuvre."
+    groups = _groups(open_runs, inputs)
+    out = {run.name for run in open_runs if run.replicate_of is not None}
+    out.update(name for group in groups for name in _held_out_of(group))
+    alone = {name for group in groups if not out & set(group) for name in group}
+    found = (
+        {}
+        if not stretches
+        else {
+            run.name: last
+            for run in open_runs
+            if run.name in alone and (last := _last_drive(run, np.nan_to_num(inputs[run.name]))) is not None
+        }
     )
+    chosen = {run.name: run.role or ("held_out" if run.name in out else "fit") for run in dataset.runs}
+    return Roles(chosen, _note([name for name in chosen if name in out], list(found)), found)
 
 
-def _choose(runs: list[Run], inputs: Mapping[str, NDArray[np.float64]]) -> set[str]:
-    out = {run.name for run in runs if run.replicate_of is not None}
+def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
+    """Returns one sentence on what the program held out."""
+    if not out and not stretches:
+        return "No run is held out: the data set names none, and each manoeuvre occurs once in a direction."
+    parts = []
+    if out:
+        parts.append(f"{', '.join(out)} (of each manoeuvre and direction up to one of three, never the largest input)")
+    if stretches:
+        parts.append(f"the last of the drive in {', '.join(stretches)} (whose manoeuvre occurs once)")
+    return f"The program held out {' and '.join(parts)}."
+
+
+def _groups(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[dict[str, float]]:
+    """Returns the runs that repeat no other one, by manoeuvre: run -> rms of its input, the smallest first."""
     groups: dict[str, list[tuple[float, str]]] = defaultdict(list)
     for run in runs:
-        if run.name not in out:
+        if run.replicate_of is None:
             driven = np.nan_to_num(inputs[run.name])
-            groups[_manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run.name))
-    for group in groups.values():
-        out.update(name for _, name in sorted(group)[1::3])
-    return out
+            groups[manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run.name))
+    return [{name: size for size, name in sorted(group)} for group in groups.values()]
 
 
-def _manoeuvre(driven: NDArray[np.float64]) -> str:
+def _held_out_of(group: Mapping[str, float]) -> list[str]:
+    """Returns which runs of one manoeuvre are held out: of three, the middle one; of more, every third, never the last.
+
+    Of two, the smaller one, if it is not much smaller: else it is the only one that shows how friction holds.
+    """
+    names, sizes = list(group), list(group.values())
+    if len(names) == 2:
+        return names[:1] if sizes[1] < _AS_LARGE * sizes[0] else []
+    return names[1:-1:3]
+
+
+def manoeuvre(driven: Array) -> str:
+    """Returns the kind of a manoeuvre and its direction, from the inputs (n, 1) or (n, 2) of a run, blanks as 0."""
     size = np.abs(driven).max(axis=1)
     moving = driven[size > 0.05 * max(float(size.max()), 1e-12)]
     if len(moving) == 0:
@@ -82,8 +149,36 @@ def _manoeuvre(driven: NDArray[np.float64]) -> str:
     size = np.abs(moving).max(axis=1)
     shape = "step" if size.std() < _STEP_SPREAD * size.mean() else "ramp"
     if driven.shape[1] == 1:
-        return shape
-    common, difference = np.abs(moving.sum(axis=1)).mean(), np.abs(moving[:, 0] - moving[:, 1]).mean()
+        return f"{shape} {_direction(moving[:, 0], 'forward', 'backward')}"
+    ahead, apart = moving.sum(axis=1), moving[:, 0] - moving[:, 1]
+    common, difference = np.abs(ahead).mean(), np.abs(apart).mean()
+    along, around = _direction(ahead, "forward", "backward"), _direction(apart, "right", "left")
     if min(common, difference) > _PURE * max(common, difference):
-        return f"curve {shape}"
-    return f"{'straight' if common > difference else 'spin'} {shape}"
+        return f"curve {shape} {along}, {_direction(ahead * apart, 'left', 'right')} wheel faster"
+    return f"straight {shape} {along}" if common > difference else f"spin {shape} {around}"
+
+
+def _direction(values: Array, positive: str, negative: str) -> str:
+    share = float(np.sum(values[values > 0])) / float(np.sum(np.abs(values)) or 1.0)
+    return positive if share > 1 - _ONE_WAY else negative if share < _ONE_WAY else "both ways"
+
+
+def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
+    """Returns from when to when the samples of a run are held out, s on its clock; None: none of them.
+
+    The fit keeps three quarters of the input's energy, and half of that in each direction. So it sees every part of the
+    manoeuvre, and nearly the largest input of a ramp. It also keeps what follows the drive: how the vehicle stops.
+    """
+    ahead, apart = driven.sum(axis=1), driven[:, 0] - driven[:, -1]
+    steps = np.gradient(run.time)
+    energy = np.sum(driven**2, axis=1) * steps
+    ways = [np.where(sign * values > 0, values**2, 0.0) * steps for values in (ahead, apart) for sign in (1, -1)]
+    total = float(energy.sum())
+    kept = [(energy, _KEPT)] + [(way, _KEPT_OF_DIRECTION) for way in ways if way.sum() > _ONE_WAY * total]
+    start = 1 + max(int(np.searchsorted(np.cumsum(way), share * float(way.sum()))) for way, share in kept)
+    if start >= len(energy) or energy[start:].sum() < _LEAST_END * total:
+        return None
+    last = int(np.flatnonzero(energy)[-1])
+    if run.time[last] - run.time[start] < _SHORTEST_S:
+        return None
+    return float(run.time[start]), float(run.time[last])

@@ -42,15 +42,23 @@ class BinnedOutputError(OutputError):
             from one candidate to the next, so they can be kept: see `keep_sensitivities`.
         coarse: simulates on a grid of a third of a bin, with the mean of the inputs over each step. That is exact
             enough for a search; what is reported is fitted at the measured samples.
+        samples: the data set with only the samples that are compared; None: all of `dataset` are.
     """
 
     def __init__(
-        self, dataset: Dataset, plan: Plan, runs: Sequence[str], *, threads: int = 2, coarse: bool = False
+        self,
+        dataset: Dataset,
+        plan: Plan,
+        runs: Sequence[str],
+        *,
+        threads: int = 2,
+        coarse: bool = False,
+        samples: Dataset | None = None,
     ) -> None:
         self.changes = _compared_by_change(dataset)
         grid = on_coarse_grid(dataset) if coarse else (Replay(dataset, motor_step=_MOTOR_STEP_S), Bins(BIN_S))
         replay, bins = grid[0], dataclasses.replace(grid[1], changes=self.changes)
-        super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=dataset)
+        super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=samples or dataset)
         self._dataset, self.matched = dataset, MODEL_ERROR_SHARE
         self.sample_noise = {signal: self._sample_noise(signal) for signal in self.signals}
         self.noise_floors = {signal: self._noise_floor(signal) for signal in self.signals}

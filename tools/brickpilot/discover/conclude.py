@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.finding import Experiment, Finding, NominalChange, Term, VerdictKind
 from brickpilot.discover.named_effects import named_effects
@@ -23,7 +22,6 @@ from brickpilot.discover.search import Searched
 from brickpilot.discover.terms import c_source
 from brickpilot.discover.terms.basis import PLACES
 from brickpilot.discover.verdict import Verdict
-from brickpilot.discover.windows import run_of
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.uncertainty import Estimate, assess
@@ -54,7 +52,7 @@ def conclude(
     everything = prepared.all_runs(plan)
     before, after = everything.losses(nominal_model), everything.losses(model)
     noise_sd = prepared.fine.sample_noise
-    by_role, by_signal = locate.gaps(prepared.dataset, simulated, prepared.roles.by_run, noise_sd)
+    by_role, by_signal = locate.gaps(prepared.dataset, simulated, prepared.roles, noise_sd)
     where = locate.places(everything, prepared.dataset, before, after, simulated["augmented"])
     return Finding(
         dataset=prepared.dataset,
@@ -68,11 +66,12 @@ def conclude(
         ranking=ranking(verdict, searched),
         whiteness=locate.whiteness(prepared.fine, prepared.fine.residual_of(model)),
         power=power.smallest(prepared.coarse, verdict.best, prepared.excitation),
-        term=None if composed is None else _term(composed, prepared, before, after, everything),
+        term=None if composed is None else _term(composed, prepared, nominal_model, model),
         nominal_model=nominal_model,
         augmented=model,
         simulated=simulated,
         roles=prepared.roles.by_run,
+        held_out_stretches=prepared.roles.stretches,
         faults=prepared.measured.faults,
         notes=_notes(prepared, verdict, kind),
         noise_sd=noise_sd,
@@ -108,19 +107,13 @@ def _term_name(dataset: Dataset) -> str:
     return "composed_for_" + ("_".join(re.findall("[a-z0-9]+", dataset.name.lower())) or "data")
 
 
-def _term(composed: Composed, prepared: Prepared, before: Array, after: Array, everything: BinnedOutputError) -> Term:
-    """Returns the composed term for the page and the files.
-
-    Args:
-        before, after: (samples,) losses of the nominal and of the augmented model, over `everything`.
-    """
-    held_out = [block for block in everything.blocks if prepared.roles.by_run[run_of(block.run)] == "held_out"]
-    noise = everything.noise_cost() / len(everything.measured)
-    gap = [
-        sum(float(one[block.place].sum() - noise * (block.place.stop - block.place.start)) for block in held_out)
-        for one in (before, after)
-    ]
-    removed = 1 - max(gap[1], 0.0) / gap[0] if held_out and gap[0] > 0 else float("nan")
+def _term(composed: Composed, prepared: Prepared, nominal: Model, augmented: Model) -> Term:
+    """Returns the composed term for the page and the files."""
+    held_out, removed = prepared.held_out(), float("nan")
+    if held_out is not None:
+        noise = held_out.noise_cost()
+        before, after = (float(held_out.losses(one).sum()) - noise for one in (nominal, augmented))
+        removed = 1 - max(after, 0.0) / before if before > 0 else removed
     found, name = composed.terms, _term_name(prepared.dataset)
     source = c_source.render(found.terms, found.settings, name=name, vehicle=prepared.dataset.vehicle)
     equation = found.equation

@@ -196,6 +196,7 @@ class Finding:
         ranking: every explanation that was fitted, the best first.
         power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
         notes: sentences on what was assumed, left out or not identifiable.
+        held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
     """
 
     dataset: Dataset
@@ -219,6 +220,7 @@ class Finding:
     noise_sd: Mapping[str, float]
     elapsed_s: float
     seed: int
+    held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of verdict.json."""
@@ -245,6 +247,7 @@ class Finding:
             "power": {name: dataclasses.asdict(one) for name, one in self.power.items()},
             "ranking": [dataclasses.asdict(rank) for rank in self.ranking],
             "roles": dict(self.roles),
+            "held_out_stretches": {name: list(span) for name, span in self.held_out_stretches.items()},
             "notes": list(self.notes),
             "elapsed_s": self.elapsed_s,
             "seed": self.seed,

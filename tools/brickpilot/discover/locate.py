@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.finding import Gap, Place, Whiteness
@@ -28,7 +29,7 @@ _LAGS = 20
 def gaps(
     dataset: Dataset,
     simulated: Mapping[str, Mapping[str, Outputs]],
-    roles: Mapping[str, str],
+    roles: Roles,
     noise_sd: Mapping[str, float],
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
@@ -37,20 +38,19 @@ def gaps(
     is taken from its first sample. All signals have the same weight, and so have all samples of a signal.
     """
 
-    def gap(run_names: Sequence[str], signals: Sequence[str]) -> Gap:
-        return Gap(
-            *(_rms(dataset, simulated[model], run_names, signals, noise_sd) for model in ("nominal", "augmented"))
-        )
+    def gap(runs: Sequence[Run], signals: Sequence[str]) -> Gap:
+        return Gap(*(_rms(runs, simulated[model], signals, noise_sd) for model in ("nominal", "augmented")))
 
-    names = [run.name for run in dataset.runs]
-    by_role = {role: gap([n for n in names if roles[n] == role], list(noise_sd)) for role in ("fit", "held_out")}
-    return by_role, {signal: gap(names, [signal]) for signal in noise_sd}
+    by_role = {
+        role: gap([roles.samples(run, role) for run in dataset.runs if run.name in names], list(noise_sd))
+        for role, names in (("fit", roles.fit()), ("held_out", roles.tested()))
+    }
+    return by_role, {signal: gap(dataset.runs, [signal]) for signal in noise_sd}
 
 
 def _rms(
-    dataset: Dataset,
+    runs: Sequence[Run],
     simulated: Mapping[str, Outputs],
-    names: Sequence[str],
     signals: Sequence[str],
     noise_sd: Mapping[str, float],
 ) -> float | None:
@@ -58,8 +58,8 @@ def _rms(
     for signal in signals:
         parts = [
             residual(run, signal, simulated[run.name][signal])
-            for run in dataset.runs
-            if run.name in names and signal in run.outputs and signal in simulated[run.name]
+            for run in runs
+            if signal in run.outputs and signal in simulated[run.name]
         ]
         left = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.empty(0)
         if len(left):

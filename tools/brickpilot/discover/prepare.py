@@ -63,10 +63,11 @@ class Prepared:
 
     def held_out(self) -> BinnedOutputError | None:
         """Returns the residual of the held-out runs with the scales of the fit runs; None if no run is held out."""
-        if not self.roles.held_out():
+        names = _tested(self.compared, self.roles)
+        if not names:
             return None
-        names = _with_role(self.compared, self.roles, "held_out")
-        error = BinnedOutputError(self.compared, self.plan, names, threads=self.jobs)
+        samples = part(self.compared, self.roles, "held_out")
+        error = BinnedOutputError(self.compared, self.plan, names, threads=self.jobs, samples=samples)
         error.adopt_scales(self.fine)
         return error
 
@@ -90,22 +91,22 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> P
     measured = against_model.leave_out(dataset, wrong)
     stated = with_default_sds(against_model.leave_out(stated, wrong))
     inputs = {run.name: motor_inputs(run, stated) for run in stated.runs}
-    roles = holdout.assign(stated, inputs)
+    roles = holdout.assign(stated, inputs, stretches=True)
     if not roles.fit():
         raise InputError("every run is held out: there is none to fit", file=measured.path, field="runs.role")
     ready = with_averaged_starts(with_rates(stated) if stated.vehicle == "motor" else stated, inputs)
     plan = parameters.plan(ready)
     windows = cut_into_windows(ready, inputs, _MOTOR_WINDOW_S) if ready.vehicle == "motor" else None
     compared = ready if windows is None else windows
-    fit_runs = _with_role(compared, roles, "fit")
+    fitted, fit_runs = part(compared, roles, "fit"), _with_role(compared, roles, "fit")
     return Prepared(
         measured=measured,
         dataset=ready,
         compared=compared,
         roles=roles,
         plan=plan,
-        coarse=BinnedOutputError(compared, plan, fit_runs, coarse=True, threads=jobs),
-        fine=BinnedOutputError(compared, plan, fit_runs, threads=jobs),
+        coarse=BinnedOutputError(compared, plan, fit_runs, coarse=True, threads=jobs, samples=fitted),
+        fine=BinnedOutputError(compared, plan, fit_runs, threads=jobs, samples=fitted),
         excitation=_excitation(stated, ready, inputs, windowed=windows is not None),
         seed=seed,
         jobs=jobs,
@@ -120,13 +121,13 @@ def prepare_windows(prepared: Prepared) -> Prepared | None:
     windows = cut_into_windows(ready, {run.name: motor_inputs(run, ready) for run in ready.runs}, _WINDOW_S)
     if windows is None:
         return None
-    fit_windows = _with_role(windows, prepared.roles, "fit")
+    fitted, fit_windows = part(windows, prepared.roles, "fit"), _with_role(windows, prepared.roles, "fit")
     some = fit_windows[:: -(-len(fit_windows) // _SEARCHED_WINDOWS)]
     return dataclasses.replace(
         prepared,
         compared=windows,
-        coarse=BinnedOutputError(windows, prepared.plan, some, coarse=True, threads=prepared.jobs),
-        fine=BinnedOutputError(windows, prepared.plan, fit_windows, threads=prepared.jobs),
+        coarse=BinnedOutputError(windows, prepared.plan, some, coarse=True, threads=prepared.jobs, samples=fitted),
+        fine=BinnedOutputError(windows, prepared.plan, fit_windows, threads=prepared.jobs, samples=fitted),
         excitation=dataclasses.replace(prepared.excitation, windowed=True),
     )
 
@@ -134,6 +135,20 @@ def prepare_windows(prepared: Prepared) -> Prepared | None:
 def _with_role(compared: Dataset, roles: holdout.Roles, role: str) -> list[str]:
     """Returns the names of the runs, or windows of runs, that have a role."""
     return [run.name for run in compared.runs if roles.by_run[run_of(run.name)] == role]
+
+
+def _tested(compared: Dataset, roles: holdout.Roles) -> list[str]:
+    """Returns the names of the runs, or windows of runs, of which samples are held out."""
+    tested = set(roles.tested())
+    return [run.name for run in compared.runs if run_of(run.name) in tested]
+
+
+def part(compared: Dataset, roles: holdout.Roles, role: str) -> Dataset:
+    """Returns the data set without the samples that have another role, where a run holds both."""
+    if not roles.stretches:
+        return compared
+    runs = tuple(roles.samples(run, role, run_of(run.name)) for run in compared.runs)
+    return dataclasses.replace(compared, runs=runs)
 
 
 def _contradictions(dataset: Dataset) -> tuple[Fault, ...]:

@@ -18,6 +18,8 @@ from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
+_LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, as a held-out stretch leaves, is left out
+
 
 @dataclass(frozen=True)
 class Block:
@@ -108,10 +110,12 @@ def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], sta
     mean = csr_array((1 / counts[place], (place, np.arange(len(rows)))))
     middle = np.asarray(mean @ time)
     if signal in bins.changes:
-        later = np.arange(len(filled) - 1)
-        change = csr_array((np.ones_like(later), (later, later + 1)), shape=(len(later), len(filled)))
-        change = change - csr_array((np.ones_like(later), (later, later)), shape=(len(later), len(filled)))
-        mean, middle, filled = csr_array(change @ mean), middle[1:], filled[1:]
+        apart = np.diff(filled)
+        later = np.flatnonzero(apart <= _LONGEST_HOLE * np.median(apart)) if len(apart) else np.empty(0, dtype=np.intp)
+        rows_of, shape = np.arange(len(later)), (len(later), len(filled))
+        change = csr_array((np.ones_like(later), (rows_of, later + 1)), shape=shape)
+        change = change - csr_array((np.ones_like(later), (rows_of, later)), shape=shape)
+        mean, middle, filled = csr_array(change @ mean), middle[later + 1], filled[later + 1]
     values = np.asarray(mean @ measured[rows])
     grid = bins.grids.get(run.name)
     if grid is None:

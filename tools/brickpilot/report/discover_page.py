@@ -112,7 +112,7 @@ def _warnings(finding: Finding) -> list[str]:
         found.append(
             f"Part of the data is damaged ({', '.join(kinds)}). These samples were left out; they are listed below."
         )
-    if "held_out" not in finding.roles.values():
+    if "held_out" not in finding.roles.values() and not finding.held_out_stretches:
         found.append("No run was held out, so nothing on this page is validated on data outside the fit.")
     return found
 
