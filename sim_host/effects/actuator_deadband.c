@@ -10,7 +10,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
         const double beyond = fabs(voltage) - value[0];
         if (beyond <= 0)
             vehicle->voltage[k] = 0;
-        else if (beyond > 0)
+        else if (beyond > 0 && value[1] < 0.5)
             vehicle->voltage[k] = copysign(beyond, voltage); /* a floating motor is NaN: neither branch is taken */
     }
 }
@@ -23,22 +23,31 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = 0,
      .maximum = 100,
      .preset = 0.5},
+    {.name = "whole",
+     .role = BP_ROLE_SWITCH,
+     .unit = "1",
+     .meaning = "0: the band is missing from larger commands too; 1: they arrive whole",
+     .minimum = 0,
+     .maximum = 1,
+     .preset = 0,
+     .variation = "larger commands arrive whole"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
 {
-    undoable->lost_voltage += value[0];
+    undoable->lost_voltage += value[1] < 0.5 ? value[0] : 0;
 }
 
 const effect_t effect_actuator_deadband = {
     .info = {.name = "actuator_deadband",
              .words = "a dead band of the drive around zero volts",
-             .summary = "The drive does nothing for small commands and gives less than commanded for larger ones.",
+             .summary =
+                 "The drive does nothing for small commands, and mostly gives less than commanded for larger ones.",
              .mechanism = "drive",
              .acts_on = "drive",
-             .equation = "V_motor = 0 for |V| <= voltage, otherwise V - sign(V) voltage",
+             .equation = "V_motor = 0 for |V| <= voltage, otherwise V - sign(V) voltage, or V where whole is 1",
              .source = "Tao & Kokotovic 1994, Adaptive control of plants with unknown dead-zones",
-             .parameter_count = 1,
+             .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},
     .undo = undo,

@@ -12,15 +12,19 @@
     EFFECT(start_delay) \
     EFFECT(input_delay) \
     EFFECT(battery_discharge) \
+    EFFECT(battery_fade) \
     EFFECT(battery_sag) \
     EFFECT(pwm_quantisation) \
     EFFECT(actuator_lag) \
     EFFECT(actuator_deadband) \
+    EFFECT(voltage_compression) \
     EFFECT(motor_asymmetry) \
     EFFECT(direction_asymmetry) \
     EFFECT(composed_term) \
     EFFECT(supply_saturation) \
     EFFECT(pwm_coast) \
+    EFFECT(zero_coast) \
+    EFFECT(dead_time) \
     EFFECT(torque_constant_asymmetry) \
     EFFECT(motor_heating) \
     EFFECT(torque_ripple) \
@@ -28,12 +32,16 @@
     EFFECT(gear_backlash) \
     EFFECT(coulomb_friction) \
     EFFECT(stiction_stribeck) \
+    EFFECT(load_friction) \
+    EFFECT(viscous_loss) \
     EFFECT(rolling_sqrt) \
     EFFECT(constant_offset) \
     EFFECT(carpet_nap) \
     EFFECT(caster_drag) \
     EFFECT(yaw_scrub) \
+    EFFECT(viscous_scrub) \
     EFFECT(curve_scrub) \
+    EFFECT(surge_drag) \
     EFFECT(quadratic_drag) \
     EFFECT(floor_slope) \
     EFFECT(com_forward_offset) \
@@ -42,6 +50,7 @@
     EFFECT(wheel_radius_mismatch) \
     EFFECT(wheel_slip) \
     EFFECT(side_slip) \
+    EFFECT(tyre_grip) \
     EFFECT(imu_lever_arm) \
     EFFECT(accel_misalignment) \
     EFFECT(imu_lag) \

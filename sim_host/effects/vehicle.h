@@ -80,6 +80,7 @@ typedef struct {
     double rim[2];      /* radius of either wheel over wheel_radius */
     tyre_t along;       /* each wheel's rolling; coupled profile only */
     tyre_t across;      /* the side force of both wheels together; coupled profile only */
+    int one_circle;     /* 1: `along` and `across` are those of each wheel, in every direction of its slip */
 } build_t;
 
 /* Dry friction is a bound: the most that may oppose one motion, and hold it at zero. Each motion has its own. */

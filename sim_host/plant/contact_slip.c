@@ -22,6 +22,28 @@ static double compliance(const tyre_t *tyre, double load, double slip)
     return sqrt(tyre->creep * tyre->creep + beyond * beyond);
 }
 
+/* How softly the tyres hold in a step. Where the grip is one circle, each wheel's slip along the track and sideways
+ * count together. */
+typedef struct {
+    double along[2]; /* m/(N s): slip speed over force of each wheel along the track */
+    double side;     /* kg: side impulse of both wheels over their common slip speed */
+} hold_t;
+
+static hold_t hold_of(const vehicle_t *vehicle, const double slip[2], double h)
+{
+    const build_t *build = &vehicle->build;
+    const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY], sway = vehicle->state.sway;
+    hold_t hold = {.side = 0};
+    for (int k = 0; k < 2 && build->along.creep > 0 && weight > 0; k++) {
+        const double speed = build->one_circle ? sqrt(slip[k] * slip[k] + sway * sway) : slip[k];
+        hold.along[k] = compliance(&build->along, 0.5 * weight, speed);
+        hold.side += build->one_circle ? h / hold.along[k] : 0;
+    }
+    if (build->across.creep > 0 && weight > 0 && !build->one_circle)
+        hold.side = h / compliance(&build->across, weight, sway);
+    return hold;
+}
+
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const bool rolls = !(vehicle->build.along.creep > 0);
@@ -58,8 +80,8 @@ static impulse_t impulse_of(const vehicle_t *vehicle, double h)
 }
 
 /* Computes how the body moves without tyre force along the track: its mass as the wheels feel it, with the sway
- * eliminated, and the speeds that it would reach. */
-static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h)
+ * eliminated, and the speeds that it would reach. `side`: of hold_t. */
+static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, double side)
 {
     const bp_state *state = &vehicle->state;
     const build_t *build = &vehicle->build;
@@ -69,8 +91,6 @@ static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h)
 
     wheels->body.sway_mass = 0;
     if (build->across.creep > 0) {
-        const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY];
-        const double side = weight > 0 ? h / compliance(&build->across, weight, state->sway) : 0;
         impulse.sway -= side * state->sway;
         wheels->body.sway_impulse = impulse.sway;
         wheels->body.sway_mass = build->mass + h * vehicle->drag_sway + side;
@@ -97,15 +117,16 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
     const build_t *build = &vehicle->build;
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];
     const double rim[2] = {radius * build->rim[0], radius * build->rim[1]};
-    const double load = 0.5 * build->mass * vehicle->parameter[PARAMETER_GRAVITY];
-    free_body(wheels, vehicle, h);
+    const double slip[2] = {rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate),
+                            rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate)};
+    const hold_t hold = hold_of(vehicle, slip, h);
+    free_body(wheels, vehicle, h, hold.side);
 
     wheels->body.grip = wheels->body.mass;
     if (build->along.creep > 0) {
-        const double left = rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate);
-        const double right = rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate);
-        const pair_t soft = {compliance(&build->along, load, left) / h, compliance(&build->along, load, right) / h, 0};
-        wheels->body.grip = load > 0 ? invert(add(soft, wheels->body.inverse)) : (pair_t){0, 0, 0};
+        const pair_t soft = {hold.along[0] / h, hold.along[1] / h, 0};
+        const bool carries = build->mass * vehicle->parameter[PARAMETER_GRAVITY] > 0;
+        wheels->body.grip = carries ? invert(add(soft, wheels->body.inverse)) : (pair_t){0, 0, 0};
     }
     const pair_t *grip_mass = &wheels->body.grip;
     wheels->inertia = (pair_t){.left = vehicle->motor[0].inertia + rim[0] * rim[0] * grip_mass->left,

@@ -25,6 +25,7 @@ class Effect:
         ranges: parameters that are drawn uniformly for each data set.
         kind: how `scaled` grows with the strength of the vehicle, so that the effect shows on each vehicle.
         grid: if above 0, scaled parameters are whole multiples of it.
+        absent: nominal values that the vehicle must not have, because the effect is the same.
     """
 
     visible: Mapping[str, float]
@@ -34,6 +35,7 @@ class Effect:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     kind: Kind = "plain"
     grid: float = 0.0
+    absent: tuple[str, ...] = ()
 
 
 def _one(parameter: str, value: float, *, signed: bool = False, kind: Kind = "plain") -> Effect:
@@ -112,6 +114,17 @@ LIBRARY: dict[str, Effect] = {
     "gyro_saturation": Effect({"limit": -0.9}, ("limit",), offset={"limit": 4.9}, kind="spin"),
     "encoder_scale": _one("error", 0.05, signed=True),
     "sensor_delay": _one("delay", 0.02),
+    "battery_fade": _one("rate", 0.01),
+    "voltage_compression": _one("compression", 0.15),
+    "zero_coast": Effect({"share": 0.45}, ("share",)),
+    "dead_time": _one("voltage", 0.2),
+    "load_friction": Effect({"share": 0.15, "braking": 0.0}, ("share",)),
+    "viscous_loss": Effect(
+        {"drag": 4e-4}, ("drag",), kind="torque", absent=("viscous_friction", "rolling_friction")
+    ),
+    "viscous_scrub": _one("drag", 0.002, kind="moment"),
+    "surge_drag": _one("drag", 1.0, kind="force"),
+    "tyre_grip": Effect({"creep": 0.1, "friction": 0.8}, ("creep",), ranges={"friction": (0.7, 1.0)}),
 }  # fmt: skip
 """Every effect of the library that these engines can make, with the library's names, parameters and signs."""
 

@@ -15,11 +15,13 @@ from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
 FLOOR = 0.01  # share of its voltage that an empty battery keeps
+ZERO = 0.01  # share of the battery's voltage up to which a command is zero to a drive that coasts
 
 EFFECTS = frozenset(
-    {"start_delay", "input_delay", "battery_discharge", "battery_sag", "odd_crosstalk", "pwm_quantisation",
-     "actuator_lag", "actuator_deadband", "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast",
-     "torque_constant_asymmetry", "motor_heating"}
+    {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
+     "pwm_quantisation", "actuator_lag", "actuator_deadband", "voltage_compression", "motor_asymmetry",
+     "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time", "torque_constant_asymmetry",
+     "motor_heating"}
 )  # fmt: skip
 """The effects that act only here, in the order in which a command passes them. The gain of direction_asymmetry too."""
 
@@ -64,10 +66,13 @@ class Electrics:
         self._fade, self._limit = p("odd_voltage_gain", "loss"), p("supply_saturation", "voltage", math.inf)
         self._pulses, self._brakes = "pwm_coast" in hidden, p("pwm_coast", "brakes") > 0.5
         self._tick = max(1, round(p("pwm_coast", "period") / step_s))
+        self._fading, self._compression = p("battery_fade", "rate"), p("voltage_compression", "compression")
+        self._coasting, self._dead = p("zero_coast", "share"), p("dead_time", "voltage")
         self._thermal = p("motor_heating", "thermal_resistance")
         self._heat_time = p("motor_heating", "time_constant", 1.0)
         self.heat = [0.0, 0.0]  # K above the surroundings, kept from run to run
         self.charge = 0.0  # C drawn since power-on
+        self.age = 0.0  # s since power-on
         self.battery = vehicle.battery_voltage
         self._drawn = 0.0
         self._decay = self._decays(vehicle.resistance)
@@ -75,7 +80,7 @@ class Electrics:
         self.start_run()
 
     def start_run(self) -> None:
-        """Sets everything to rest and no current. `heat` and `charge` stay."""
+        """Sets everything to rest and no current. `heat`, `charge` and `age` stay."""
         self.current = [0.0, 0.0]
         self._lagged = [0.0, 0.0]
         self._sum = [0.0, 0.0]
@@ -96,6 +101,8 @@ class Electrics:
             volts: list[float | None] = [command_left, command_right]
         else:
             volts = self._drive(command_left, command_right)
+            for side, speed in ((0, speed_left), (1, speed_right)):
+                volts[side] = self._switched(volts[side], self._emf_constant[side] * speed)
         resistance = self._vehicle.resistance
         torque, drawn = [0.0, 0.0], 0.0
         for side, speed in ((0, speed_left), (1, speed_right)):
@@ -120,13 +127,15 @@ class Electrics:
                     self.heat[side] += self._step * warmth / self._heat_time
             torque[side] = self._torque_constant[side] * mean
         self._drawn = drawn / self.battery
+        self.age += self._step
         self.charge += self._drawn * self._step
         return torque
 
     def _drive(self, command_left: float, command_right: float) -> list[float | None]:
         """Returns V at the motors (left, right); None: the motor floats."""
         full = self._vehicle.battery_voltage
-        self.battery = max(full - self._slope * self.charge - self._sag * self._drawn, FLOOR * full)
+        open_voltage = full - self._slope * self.charge - self._fading * self.age
+        self.battery = max(open_voltage - self._sag * self._drawn, FLOOR * full)
         share = self.battery / full
         commands = (command_left * share, command_right * share)
         volts: list[float | None] = [0.0, 0.0]
@@ -143,11 +152,21 @@ class Electrics:
             size = abs(value)
             if self._deadband:
                 size = max(size - self._deadband, 0.0)
+            size /= 1 + self._compression * size / full
             size *= self._gain[side] * (1 + self._by_direction if value > 0 else 1 - self._by_direction)
             size *= 1 - self._fade * size
             value = math.copysign(min(size, self._limit), value)
             volts[side] = self._pulse(side, value, fresh) if self._pulses else value
         return volts
+
+    def _switched(self, volts: float | None, emf: float) -> float | None:
+        """Returns V at a motor whose back EMF is `emf`, after what the drive's switches do."""
+        if volts is None:
+            return None
+        if self._coasting and abs(volts) <= ZERO * self._vehicle.battery_voltage:
+            volts += self._coasting * (emf - volts)
+        left = abs(volts - emf) - self._dead
+        return emf + math.copysign(left, volts - emf) if left > 0 else emf
 
     def _quantised(self, volts: float) -> float:
         quantum = self._quantum * self.battery

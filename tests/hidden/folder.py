@@ -31,7 +31,7 @@ def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
         true = getattr(recipe.vehicle, parameter.name)
         error, stated = random.normal(0.0, 1.0), random.uniform()
         out[parameter.name] = {"value": float(true * (1 + recipe.nominal_error * error))}
-        if recipe.nominal_error > 0 and stated < _SD_STATED:
+        if recipe.nominal_error > 0 and stated < _SD_STATED and true != 0:
             out[parameter.name]["sd"] = float(true * recipe.nominal_error)
     return out
 

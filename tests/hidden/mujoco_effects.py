@@ -50,6 +50,17 @@ def _rolling_sqrt(s: Step, p: Parameters) -> None:
         s.dry[i] += p["torque"] * math.sqrt(abs(s.speeds[i]))
 
 
+def _load_friction(s: Step, p: Parameters) -> None:
+    for i in (0, 1):
+        brakes = s.torque[i] * s.speeds[i] < 0
+        s.dry[i] += max(p["share"] + (p.get("braking", 0.0) if brakes else 0.0), 0.0) * abs(s.torque[i])
+
+
+def _viscous_loss(s: Step, p: Parameters) -> None:
+    for i in (0, 1):
+        s.load[i] -= p["drag"] * s.speeds[i]
+
+
 def _direction_asymmetry(s: Step, p: Parameters) -> None:
     """Acts as a torque. The gain of the effect acts in the drive."""
     for i in (0, 1):
@@ -82,6 +93,14 @@ def _torque_ripple(s: Step, p: Parameters) -> None:
 
 def _quadratic_drag(s: Step, p: Parameters) -> None:
     s.force -= p["drag"] * s.surge * abs(s.surge)
+
+
+def _surge_drag(s: Step, p: Parameters) -> None:
+    s.force -= p["drag"] * s.surge
+
+
+def _viscous_scrub(s: Step, p: Parameters) -> None:
+    s.moment -= p["drag"] * s.rate
 
 
 def _curve_scrub(s: Step, p: Parameters) -> None:
@@ -143,8 +162,8 @@ EFFECTS: dict[str, Callable[[Step, Parameters], None]] = {
     act.__name__[1:]: act
     for act in (
         _stiction_stribeck, _rolling_sqrt, _direction_asymmetry, _constant_offset, _cogging, _torque_ripple,
-        _quadratic_drag, _curve_scrub, _carpet_nap, _odd_periodic_force, _odd_friction_with_voltage, _odd_drag_patch,
-        _odd_angle_brake, _odd_cubic_drag, _odd_yaw_by_speed, _odd_turn_force, _odd_load_ramp, _odd_heading_spring,
-        _odd_tether,
+        _load_friction, _viscous_loss, _surge_drag, _viscous_scrub, _quadratic_drag, _curve_scrub, _carpet_nap,
+        _odd_periodic_force, _odd_friction_with_voltage, _odd_drag_patch, _odd_angle_brake, _odd_cubic_drag,
+        _odd_yaw_by_speed, _odd_turn_force, _odd_load_ramp, _odd_heading_spring, _odd_tether,
     )
 }  # fmt: skip

@@ -24,18 +24,19 @@ WHEEL_SHARE = 0.04  # of the vehicle's mass, each wheel
 
 EFFECTS = frozenset(
     {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
-     "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip"}
+     "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip", "tyre_grip"}
 )  # fmt: skip
 """The effects that are bodies, joints or contacts."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """A tyre that slips along, or across, while the other direction stays firm."""
+    """A tyre that slips along, or across, while the other direction stays firm; or in both alike."""
 
     across: bool
     creep: float  # m/(N s), of one tyre
     limit: float  # N, of one tyre
+    both: bool = False
 
 
 @dataclass
@@ -195,18 +196,20 @@ def _casters(hidden: Hidden, radius: float) -> list[tuple[float, float]]:
 
 
 def _slip(hidden: Hidden, mass: float) -> Slip | None:
-    if "wheel_slip" in hidden and "side_slip" in hidden:
-        raise ValueError("a contact has one soft direction: wheel_slip or side_slip, not both")
+    if len(hidden.keys() & {"wheel_slip", "side_slip", "tyre_grip"}) > 1:
+        raise ValueError("a contact has one law: wheel_slip, side_slip or tyre_grip")
     half = 0.5 * mass * GRAVITY
     if "wheel_slip" in hidden:
         return Slip(False, hidden["wheel_slip"]["creep"], hidden["wheel_slip"]["friction"] * half)
     if "side_slip" in hidden:
         return Slip(True, 2 * hidden["side_slip"]["creep"], hidden["side_slip"]["friction"] * half)
+    if "tyre_grip" in hidden:
+        return Slip(False, hidden["tyre_grip"]["creep"], hidden["tyre_grip"]["friction"] * half, both=True)
     return None
 
 
 def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
-    """Makes tangent 1 of the wheels' contacts soft, for the loads on them in `data`.
+    """Makes tangent 1 of the wheels' contacts soft, or both tangents, for the loads on them in `data`.
 
     A contact creeps at R / B times its force, with B its damping and R = R_normal / impratio in tangent 1.
     """
@@ -225,4 +228,4 @@ def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
     model.opt.impratio = resistance / (slip.creep * damping)
     friction = slip.limit / load
     for name in ("left", "right"):
-        model.pair(name).friction[:2] = friction, FIRM * friction
+        model.pair(name).friction[:2] = friction, friction if slip.both else FIRM * friction

@@ -50,6 +50,10 @@ def _battery_discharge(plant: Plant, p: Parameters) -> None:
     plant.supply_slope = p["slope"]
 
 
+def _battery_fade(plant: Plant, p: Parameters) -> None:
+    plant.supply_fade = p["rate"]
+
+
 def _battery_sag(plant: Plant, p: Parameters) -> None:
     plant.supply_resistance = p["resistance"]
 
@@ -90,6 +94,15 @@ def _actuator_deadband(plant: Plant, p: Parameters) -> None:
 
     def hook(plant: Plant) -> None:
         plant.voltage -= np.clip(plant.voltage, -half, half)
+
+    plant.drive.append(hook)
+
+
+def _voltage_compression(plant: Plant, p: Parameters) -> None:
+    per_volt = p["compression"] / plant.vehicle.battery_voltage
+
+    def hook(plant: Plant) -> None:
+        plant.voltage /= 1 + per_volt * np.abs(plant.voltage)
 
     plant.drive.append(hook)
 
@@ -152,6 +165,27 @@ def _pwm_coast(plant: Plant, p: Parameters) -> None:
             plant.current[floats] = 0.0
             pulse = np.where(floats, emf_constant * plant.flux * plant.rotor, pulse)
         volts[:] = pulse
+
+    plant.drive.append(hook)
+
+
+def _zero_coast(plant: Plant, p: Parameters) -> None:
+    share, zero, emf_constant = p["share"], 0.01 * plant.vehicle.battery_voltage, plant.vehicle.emf_constant
+
+    def hook(plant: Plant) -> None:
+        emf = emf_constant * plant.flux * plant.rotor
+        plant.voltage[:] = np.where(
+            np.abs(plant.voltage) <= zero, (1 - share) * plant.voltage + share * emf, plant.voltage
+        )
+
+    plant.drive.append(hook)
+
+
+def _dead_time(plant: Plant, p: Parameters) -> None:
+    lost, emf_constant = p["voltage"], plant.vehicle.emf_constant
+
+    def hook(plant: Plant) -> None:
+        plant.voltage -= np.clip(plant.voltage - emf_constant * plant.flux * plant.rotor, -lost, lost)
 
     plant.drive.append(hook)
 
@@ -229,6 +263,23 @@ def _rolling_sqrt(plant: Plant, p: Parameters) -> None:
     plant.bounds.append(hook)
 
 
+def _load_friction(plant: Plant, p: Parameters) -> None:
+    share, braking = p["share"], p.get("braking", 0.0)
+
+    def hook(plant: Plant) -> None:
+        torque = plant.vehicle.torque_constant * plant.flux * plant.current
+        plant.bound += np.maximum(share + braking * (torque * plant.wheel < 0), 0.0) * np.abs(torque)
+
+    plant.bounds.append(hook)
+
+
+def _viscous_loss(plant: Plant, p: Parameters) -> None:
+    def hook(plant: Plant) -> None:
+        plant.torque -= p["drag"] * plant.wheel
+
+    plant.loads.append(hook)
+
+
 def _constant_offset(plant: Plant, p: Parameters) -> None:
     torque = p["torque"] + p.get("difference", 0.0) * LEFT_RIGHT
 
@@ -279,6 +330,28 @@ def _side_slip(plant: Plant, p: Parameters) -> None:
 
     def hook(plant: Plant) -> None:
         plant.force[1] += limit(-plant.sway / creep, p["friction"] * plant.mass * GRAVITY)[0]
+
+    plant.loads.append(hook)
+
+
+def _tyre_grip(plant: Plant, p: Parameters) -> None:
+    """What the circle takes away from the linear creep along and across, each wheel by its own slip."""
+    creep = p["creep"]
+    plant.creep["wheel"], plant.creep["side"] = creep, 0.5 * creep
+    before, track = plant.memory(4), plant.vehicle.half_track
+
+    def hook(plant: Plant) -> None:
+        most = 0.5 * p["friction"] * plant.mass * GRAVITY
+        along = (plant.radius * plant.wheel - (plant.surge + track * LEFT_RIGHT * plant.yaw)) / creep
+        across = np.broadcast_to(-plant.sway / creep, along.shape)
+        kept = 1 / np.sqrt(1 + (along**2 + across**2) / most**2)
+        now = np.concatenate([along, across]) * (np.concatenate([kept, kept]) - 1)
+        missing = 1.5 * now - 0.5 * before
+        before[:] = now
+        plant.torque -= plant.radius * missing[:2]
+        plant.force[0] += missing[0] + missing[1]
+        plant.force[1] += missing[2] + missing[3]
+        plant.force[2] += track * (missing[0] - missing[1])
 
     plant.loads.append(hook)
 
@@ -334,6 +407,20 @@ def _quadratic_drag(plant: Plant, p: Parameters) -> None:
     plant.loads.append(hook)
 
 
+def _surge_drag(plant: Plant, p: Parameters) -> None:
+    def hook(plant: Plant) -> None:
+        plant.force[0] -= p["drag"] * plant.surge
+
+    plant.loads.append(hook)
+
+
+def _viscous_scrub(plant: Plant, p: Parameters) -> None:
+    def hook(plant: Plant) -> None:
+        plant.force[2] -= p["drag"] * plant.yaw
+
+    plant.loads.append(hook)
+
+
 def _floor_slope(plant: Plant, p: Parameters) -> None:
     plant.downhill = (p["slope_x"], p["slope_y"])
 
@@ -369,16 +456,20 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "start_delay": _start_delay,
     "input_delay": _input_delay,
     "battery_discharge": _battery_discharge,
+    "battery_fade": _battery_fade,
     "battery_sag": _battery_sag,
     "odd_crosstalk": odd.crosstalk,
     "pwm_quantisation": _pwm_quantisation,
     "actuator_lag": _actuator_lag,
     "actuator_deadband": _actuator_deadband,
+    "voltage_compression": _voltage_compression,
     "motor_asymmetry": _motor_asymmetry,
     "direction_asymmetry": _direction_asymmetry,
     "odd_voltage_gain": odd.voltage_gain,
     "supply_saturation": _supply_saturation,
     "pwm_coast": _pwm_coast,
+    "zero_coast": _zero_coast,
+    "dead_time": _dead_time,
     "torque_constant_asymmetry": _torque_constant_asymmetry,
     "motor_heating": _motor_heating,
     "torque_ripple": _torque_ripple,
@@ -386,12 +477,16 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "gear_backlash": _gear_backlash,
     "coulomb_friction": _coulomb_friction,
     "stiction_stribeck": _stiction_stribeck,
+    "load_friction": _load_friction,
+    "viscous_loss": _viscous_loss,
     "rolling_sqrt": _rolling_sqrt,
     "constant_offset": _constant_offset,
     "carpet_nap": _carpet_nap,
     "caster_drag": _caster_drag,
     "yaw_scrub": _yaw_scrub,
+    "viscous_scrub": _viscous_scrub,
     "curve_scrub": _curve_scrub,
+    "surge_drag": _surge_drag,
     "quadratic_drag": _quadratic_drag,
     "floor_slope": _floor_slope,
     "com_forward_offset": _com_forward_offset,
@@ -400,6 +495,7 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "wheel_radius_mismatch": _wheel_radius_mismatch,
     "wheel_slip": _wheel_slip,
     "side_slip": _side_slip,
+    "tyre_grip": _tyre_grip,
     "odd_periodic_force": odd.periodic_force,
     "odd_friction_with_voltage": odd.friction_with_voltage,
     "odd_drag_patch": odd.drag_patch,

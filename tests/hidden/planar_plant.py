@@ -96,7 +96,7 @@ class Plant:
         self.flux = np.ones((2, 1))
         self.creep: dict[str, float] = {}  # m/(N s) along ("wheel") and across ("side"), in place of a brush
         self.rotor_share = 0.0  # of the wheel's inertia, before the play; 0: no play
-        self.supply_slope = self.supply_resistance = 0.0
+        self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
         self.command_delay = self.late_start = 0.0
         self.against = np.zeros((2, 2, runs))  # wheels' dry friction against forward, backward; left, right
@@ -153,7 +153,8 @@ class Plant:
         self.voltage, self.torque, self.gear, self.force = (inputs[s] for s in (VOLTAGE, TORQUE, GEAR, FORCE))
         self.position = np.zeros((2, self.runs))
         self.charge, self.heat = charge.copy(), heat.copy()
-        self.supply = np.maximum(self.vehicle.battery_voltage - self.supply_slope * charge, self.supply_floor)
+        fallen = self.supply_slope * charge + self.supply_fade * self.age
+        self.supply = np.maximum(self.vehicle.battery_voltage - fallen, self.supply_floor)
         self.supply_current = np.zeros(self.runs)
         self.is_dry = bool(self.bounds) or bool(self.against.any())
         self.rolled = self.step / RELAXATION_M * self.radius
@@ -278,13 +279,14 @@ class Plant:
     def _draw(self, running: NDArray[np.bool_]) -> None:
         """Applies the supply, the drive, and the current of both motors."""
         nominal = self.vehicle.battery_voltage
-        if self.supply_slope or self.supply_resistance:
-            wanted = nominal - self.supply_slope * self.charge - self.supply_resistance * self.supply_current
+        if self.supply_slope or self.supply_resistance or self.supply_fade:
+            fallen = self.supply_slope * self.charge + self.supply_fade * (self.age + self.time)
+            wanted = nominal - fallen - self.supply_resistance * self.supply_current
             self.supply += (self.step / SUPPLY_FILTER_S) * (np.maximum(wanted, self.supply_floor) - self.supply)
             self.voltage *= self.supply / nominal
         for hook in self.drive:
             hook(self)
-        if self.supply_slope or self.supply_resistance:
+        if self.supply_slope or self.supply_resistance or self.supply_fade:
             self.supply_current = (self.voltage * self.current).sum(axis=0) / self.supply
             self.charge += self.step * running * self.supply_current
         if self.heating:

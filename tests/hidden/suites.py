@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -46,6 +47,7 @@ def _recipe(
     """`stream` seeds what is driven and hidden, `noise_seed` what is measured and believed of it."""
     random = np.random.default_rng(stream)
     vehicle = specimen(_KINDS[kind % len(_KINDS)], random)
+    vehicle = replace(vehicle, **{value: 0.0 for effect, _ in hidden for value in effects.TABLE[effect].absent})
     runs = varied(twelve(), random)
     drawn = {effect: effects.draw(effect, size, vehicle, random) for effect, size in hidden}
     return Recipe(

@@ -200,7 +200,13 @@ def test_chosen_runs_are_simulated_as_they_are_among_all_runs(tmp_path):
 def test_candidates_are_all_effects_that_the_model_lacks():
     base = dataclasses.replace(robot(), effects={"gyro_bias": {"bias": 0.1}})
     names = {one.effect for one in candidates(base)}
-    assert names == {one.name for one in catalogue.effects()} - {"gyro_bias", "composed_term"}
+    assert names == {one.name for one in catalogue.effects()} - {"gyro_bias", "composed_term", "viscous_loss"}
+
+
+def test_an_effect_that_repeats_a_nominal_value_is_missing_where_that_is_zero():
+    dry = dataclasses.replace(robot(), parameters={**robot().parameters, "viscous_friction": 0.0})
+    assert "viscous_loss" in {one.effect for one in candidates(dry)}
+    assert "viscous_loss" not in {one.effect for one in candidates(robot())}
 
 
 def test_optional_parameters_are_freed_one_at_a_time():

@@ -122,6 +122,49 @@ def test_a_ball_that_drags_and_a_tyre_that_slips_have_their_closed_forms() -> No
     assert curve.sway[-1] == pytest.approx(side, rel=0.05)
 
 
+def test_a_tyre_of_one_circle_slips_alike_in_both_directions() -> None:
+    grip = {"creep": 0.05, "friction": 0.9}
+    slope = {"slope_x": -0.1, "slope_y": 0.0}
+    uphill = drive(BENCH, (0, 6, 6), floor_slope=slope, tyre_grip=grip)
+    push = 0.5 * BENCH.mass * GRAVITY * 0.1  # N of each tyre, uphill
+    slip = BENCH.wheel_radius * uphill.wheel_speed_left[-1] - uphill.surge[-1]
+    assert slip == pytest.approx(0.05 * push, rel=0.03)
+    curve = drive(BENCH, (0, 6, 3), tyre_grip=grip)
+    side = -0.05 * 0.5 * BENCH.mass * curve.surge[-1] * curve.yaw_rate[-1]
+    assert curve.sway[-1] == pytest.approx(side, rel=0.05)
+
+
+def test_drives_that_coast_lose_or_compress_have_their_closed_forms() -> None:
+    dead = drive(BENCH, (0, 6, -6), dead_time={"voltage": 0.5})
+    assert dead.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 5.5), rel=1e-3)
+    bent = drive(BENCH, (0, 6, 6), voltage_compression={"compression": 0.5})
+    assert bent.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 4.5), rel=1e-3)
+    coasting = drive(BENCH, (0, 6, 6), (2.5, 0, 0), zero_coast={"share": 0.6}, seconds=5.0)
+    inertia = BENCH.wheel_inertia + 0.5 * BENCH.mass * BENCH.wheel_radius**2
+    loss = BENCH.wheel_damping() + 0.4 * BENCH.torque_constant * BENCH.emf_constant / BENCH.resistance
+    fallen = coasting.wheel_speed_left[3000] / coasting.wheel_speed_left[2510]
+    assert fallen == pytest.approx(math.exp(-0.49 * loss / inertia), rel=0.01)
+    faded = drive(BENCH, (0, 0, 0), seconds=5.0, battery_fade={"rate": 0.1})
+    assert faded.battery[-1] == pytest.approx(BENCH.battery_voltage - 0.5, abs=1e-3)
+
+
+def test_losses_in_proportion_have_their_closed_forms() -> None:
+    conductance = BENCH.torque_constant / BENCH.resistance
+    geared = drive(BENCH, (0, 6, 6), load_friction={"share": 0.2})
+    expected = 0.8 * conductance * 6 / (BENCH.wheel_damping() + 0.8 * conductance * BENCH.emf_constant)
+    assert geared.wheel_speed_left[-1] == pytest.approx(expected, rel=2e-3)
+    dragged = drive(BENCH, (0, 6, 6), surge_drag={"drag": 1.0})
+    viscous = replace(BENCH, viscous_friction=BENCH.viscous_friction + 0.5 * BENCH.wheel_radius**2)
+    assert dragged.wheel_speed_left[-1] == pytest.approx(speed_at(viscous, 6), rel=1e-3)
+    oiled = drive(BENCH, (0, 6, -6), viscous_loss={"drag": 3e-4})
+    viscous = replace(BENCH, viscous_friction=BENCH.viscous_friction + 3e-4)
+    assert oiled.wheel_speed_left[-1] == pytest.approx(speed_at(viscous, 6), rel=1e-3)
+    scrubbed = drive(BENCH, (0, 6, -6), viscous_scrub={"drag": 0.002})
+    added = 0.002 * (BENCH.wheel_radius / BENCH.half_track) ** 2 / 2
+    viscous = replace(BENCH, viscous_friction=BENCH.viscous_friction + added)
+    assert scrubbed.wheel_speed_left[-1] == pytest.approx(speed_at(viscous, 6), rel=1e-3)
+
+
 def test_backlash_carries_momentum_and_settles_on_the_same_speed() -> None:
     track = drive(BENCH, (0, 6, 6), gear_backlash={"gap": 0.2, "rotor_share": 0.6})
     assert track.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 6), rel=1e-3)
@@ -140,7 +183,7 @@ def test_nothing_that_is_misspelt_is_hidden() -> None:
     with pytest.raises(ValueError, match="coulomb"):
         drive(BENCH, (0, 6, 6), coulomb={"torque": 0.01})
     slip = {"creep": 0.1, "friction": 0.8}
-    with pytest.raises(ValueError, match="not both"):
+    with pytest.raises(ValueError, match="one law"):
         drive(BENCH, (0, 6, 6), wheel_slip=slip, side_slip=slip)
 
 

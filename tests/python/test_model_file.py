@@ -24,7 +24,7 @@ def test_packaged_robot_is_the_plants_preset() -> None:
 
 
 def test_a_saved_model_is_read_back_exactly(tmp_path: Path) -> None:
-    effects = {"coulomb_friction": {"torque": 0.1 + 0.2}, "actuator_deadband": {"voltage": 1 / 3}}
+    effects = {"coulomb_friction": {"torque": 0.1 + 0.2}, "battery_sag": {"resistance": 1 / 3}}
     before = dataclasses.replace(
         rcx(), name="näme = [odd]", parameters={**rcx().parameters, "mass": 2 / 3}, effects=effects
     )

@@ -213,6 +213,7 @@ def _sagging(volts):
 FLUX = [
     CONDUCTANCE * k * 4.5 / (BENCH.wheel_damping() + CONDUCTANCE * k * k * BENCH.emf_constant) for k in (1.05, 0.95)
 ]
+GEARED = BENCH.wheel_damping() + 0.8 * CONDUCTANCE * BENCH.emf_constant
 LOADED = BENCH.wheel_damping(0.9) + CONDUCTANCE * BENCH.emf_constant
 STEADY = {
     "coulomb": ({"coulomb_friction": {"torque": 0.006}}, *_straight(lambda w: 0.006)),
@@ -247,6 +248,16 @@ STEADY = {
     "scrub": ({"yaw_scrub": {"moment": 0.012}}, *_spin(lambda w: 0.012 * RADIUS / (2 * TRACK))),
     "along the pile": ({"carpet_nap": {"force_x": 0.5, "force_y": 0.0}}, *_straight(lambda w: 0.0)),
     "against the pile": ({"carpet_nap": {"force_x": -0.5, "force_y": 0.0}}, *_straight(lambda w: 0.5 * RADIUS / 2)),
+    "compressed": (
+        {"voltage_compression": {"compression": 0.5}}, (6, -3), (6 / (1 + 3 / 9) * FREE, -3 / (1 + 1.5 / 9) * FREE)
+    ),
+    "dead time": ({"dead_time": {"voltage": 0.5}}, (4.5, -4.5), (4 * FREE, -4 * FREE)),
+    "load": ({"load_friction": {"share": 0.2}}, (4.5, 4.5), (4.5 * 0.8 * CONDUCTANCE / GEARED,) * 2),
+    "viscous": ({"viscous_loss": {"drag": 3e-4}}, *_straight(lambda w: 3e-4 * w)),
+    "linear drag": ({"surge_drag": {"drag": 1.0}}, *_straight(lambda w: RADIUS * w * RADIUS / 2)),
+    "viscous scrub": (
+        {"viscous_scrub": {"drag": 0.002}}, *_spin(lambda w: 0.002 * RADIUS * w / TRACK * RADIUS / (2 * TRACK))
+    ),
     "payload": (
         {"payload_mass": {"mass": 0.3, "forward": 0.0, "right": 0.0}}, (4.5, 4.5), (4.5 * CONDUCTANCE / LOADED,) * 2
     ),
@@ -319,6 +330,38 @@ def test_the_vehicle_drifts_as_its_side_law_says():
     force, most = BENCH.mass * track.surge[-1] * track.yaw_rate[-1], friction * BENCH.mass * GRAVITY
     assert 0.3 < force / most < 0.99
     assert track.sway[-1] == pytest.approx(-creep * force / math.sqrt(1 - (force / most) ** 2), rel=1e-3)
+
+
+def test_tyres_of_one_circle_hold_less_sideways_where_they_push():
+    creep, friction, drag = 0.1, 0.12, 0.5
+    hidden = {"tyre_grip": {"creep": creep, "friction": friction}, "quadratic_drag": {"drag": drag}}
+    track = drive(hidden, hold(9, 6, 12.0))[0]
+    most = friction * BENCH.mass * GRAVITY / 2
+    u, v, r = track.surge[-1], track.sway[-1], track.yaw_rate[-1]
+    wheels = np.array([track.wheel_speed_left[-1], track.wheel_speed_right[-1]])
+    along = RADIUS * wheels - (u + TRACK * r * np.array([1, -1]))
+    held = 1 / np.sqrt(creep**2 + (np.hypot(along, v) / most) ** 2)
+    assert 0.5 < np.max(held * np.hypot(along, v)) / most < 0.999
+    assert np.sum(held * along) == pytest.approx(drag * u**2 - BENCH.mass * v * r, rel=2e-3)
+    assert np.sum(-held * v) == pytest.approx(drag * v * abs(v) + BENCH.mass * u * r, rel=2e-3)
+
+
+def test_a_share_of_the_braking_is_missing_at_zero_command():
+    def stops(share):
+        run = steps("run", 4.0, (0, 6, 6), (3, 0, 0))
+        track = drive({"zero_coast": {"share": share}}, run)[0]
+        return -math.log(track.wheel_speed_left[3200] / track.wheel_speed_left[3010]) / 0.19
+
+    inertia = BENCH.wheel_inertia + 0.5 * BENCH.mass * RADIUS**2
+    for share in (0.0, 0.4, 1.0):
+        loss = BENCH.wheel_damping() + (1 - share) * CONDUCTANCE * BENCH.emf_constant
+        assert stops(share) == pytest.approx(loss / inertia, rel=0.01)
+
+
+def test_a_battery_fades_with_the_time_since_power_on():
+    tracks = drive({"battery_fade": {"rate": 0.1}}, *(steps(name, 2.0, (0, 0, 0)) for name in ("a", "b")))
+    assert tracks[0].battery[-1] == pytest.approx(9 - 0.2, abs=1e-3)
+    assert tracks[1].battery[-1] == pytest.approx(9 - 0.4, abs=1e-3)
 
 
 def test_curve_scrub_brakes_by_a_share_of_the_side_force():

@@ -50,9 +50,9 @@ static void test_the_first_step_is_exact_without_inductance(void)
 /* The motors do not draw what a dead band takes of the voltage. */
 static void test_the_rest_of_the_drive_is_heeded(void)
 {
-    const double resistance = 8, deadband = 3;
+    const double resistance = 8, deadband[] = {3, 0};
     use("battery_sag", &resistance);
-    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(affected, "actuator_deadband", &deadband));
+    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(affected, "actuator_deadband", deadband));
     set("wheel_inertia", 1e4);
     start(affected, NULL);
     go(9, -9, 0.3);

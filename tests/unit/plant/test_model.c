@@ -53,9 +53,9 @@ static void test_model_of_a_motor_has_no_load_until_one_is_set(void)
 
 static void test_model_keeps_effects_in_the_order_of_the_table(void)
 {
-    const double value = 0.25;
-    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(model, "coulomb_friction", &value));
-    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(model, "actuator_deadband", &value));
+    const double value[] = {0.25, 0};
+    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(model, "coulomb_friction", value));
+    TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(model, "actuator_deadband", value));
     TEST_ASSERT_EQUAL_INT(2, model->effect_count);
     TEST_ASSERT_EQUAL_STRING("actuator_deadband", model->effect[0].effect->info.name);
     TEST_ASSERT_EQUAL_STRING("coulomb_friction", model->effect[1].effect->info.name);

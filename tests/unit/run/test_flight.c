@@ -134,10 +134,10 @@ static void test_flight_with_a_compensation_of_zero_is_the_same_byte_for_byte(vo
 static void test_flight_that_compensates_a_dead_band_drives_as_the_robot_without_one(void)
 {
     static const bp_setting DEADBAND = {WIRE_PARAMETER_REQUEST_PARAMETER_DEADBAND_CHOICE, 500};
-    const double deadband = 0.5;
+    const double deadband[] = {0.5, 0};
     flight.sensors = BP_SENSORS_IDEAL;
     TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
-    bp_model_add_effect(model, "actuator_deadband", &deadband);
+    bp_model_add_effect(model, "actuator_deadband", deadband);
     flight.motors = again;
     flight.settings = &DEADBAND;
     flight.setting_count = 1;

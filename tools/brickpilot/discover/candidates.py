@@ -42,11 +42,17 @@ def candidates(base: Model) -> list[Candidate]:
     for info in catalogue.effects():
         if info.name in base.effects or info.composed or (info.acts_on == "supply" and _has_current_loop(base)):
             continue
-        usable = [one for one in info.parameters if base.vehicle == "diff_drive" or not one.odd]
+        usable = [one for one in info.parameters if _adds_something(one, base)]
         for free in _sets_of_parameters(usable):
             off = {one.name: one.preset if one.role == "shape" else 0.0 for one in usable if one.name not in free}
             found.append(Candidate(info.name, free, off))
     return found
+
+
+def _adds_something(one: ParameterInfo, base: Model) -> bool:
+    """Returns whether a parameter can say more than `base` does: it has two sides, and nothing that does the same."""
+    sided = base.vehicle == "diff_drive" or not one.odd
+    return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
 
 def _has_current_loop(base: Model) -> bool:

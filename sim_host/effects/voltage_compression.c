@@ -1,0 +1,39 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)memory;
+    const double per_volt = value[0] / vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    for (int k = 0; k < vehicle_wheels(vehicle); k++)
+        vehicle->voltage[k] /= 1 + per_volt * fabs(vehicle->voltage[k]);
+}
+
+/* At -0.9 the gain at full voltage is ten times that at none, and still finite. */
+static const bp_parameter_info PARAMETERS[] = {
+    {.name = "compression",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "gain without voltage over gain at the battery's nominal voltage, less 1",
+     .minimum = -0.9,
+     .maximum = 10,
+     .preset = 0.2},
+};
+
+const effect_t effect_voltage_compression = {
+    .info = {.name = "voltage_compression",
+             .words = "a drive whose gain falls as the command grows",
+             .summary = "The drive gives a smaller share of a large command than of a small one.",
+             .mechanism = "drive",
+             .acts_on = "drive",
+             .equation = "V_motor = V / (1 + compression |V| / V_battery), V_battery nominal",
+             .source = "gain compression of a saturating stage as the plainest rational function of its input; pulse "
+                       "width to speed of drives that coast bends in this way: Krishnan 2001, Electric Motor Drives, "
+                       "discontinuous current",
+             .parameter_count = 1,
+             .parameters = PARAMETERS,
+             .variant_of = "supply_saturation",
+             .variation = "gradual"},
+    .hook = {[SITE_DRIVE] = drive},
+};

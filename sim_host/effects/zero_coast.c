@@ -1,0 +1,61 @@
+#include "effects/effect.h"
+
+#include <math.h>
+
+/* Share of the battery's nominal voltage up to which a command counts as zero: a command that a lag leaves behind is
+ * never exactly 0. */
+static const double ZERO = 0.01;
+
+typedef struct {
+    double speed[2]; /* rad/s at the start of the last motor step */
+} before_t;
+
+static void start(const double *value, double *memory, vehicle_t *vehicle)
+{
+    (void)value;
+    before_t *before = (before_t *)memory;
+    for (int k = 0; k < 2; k++)
+        before->speed[k] = vehicle->state.wheel_speed[k];
+}
+
+/* A motor that feels its own back EMF draws no current. So a share of it takes away that share of the braking, and the
+ * response is linear in it. */
+static void drive(const double *value, double *memory, vehicle_t *vehicle)
+{
+    before_t *before = (before_t *)memory;
+    const double zero = ZERO * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
+        const double speed = vehicle->state.wheel_speed[k];
+        const double middle = speed + 0.5 * (speed - before->speed[k]);
+        before->speed[k] = speed;
+        if (fabs(vehicle->voltage[k]) <= zero) /* a floating motor is NaN and stays so */
+            vehicle->voltage[k] += value[0] * (vehicle->motor[k].emf_constant * middle - vehicle->voltage[k]);
+    }
+}
+
+static const bp_parameter_info PARAMETERS[] = {
+    {.name = "share",
+     .role = BP_ROLE_SIZE,
+     .unit = "1",
+     .meaning = "share of the shorted motor's braking that is missing; 1: the motor floats",
+     .minimum = 0,
+     .maximum = 1,
+     .preset = 0.8},
+};
+
+const effect_t effect_zero_coast = {
+    .info = {.name = "zero_coast",
+             .words = "motors that coast at zero command",
+             .summary = "At zero command the drive lets the motors coast, in full or in part, and does not short them.",
+             .mechanism = "drive",
+             .acts_on = "drive",
+             .equation = "V_motor = V + share (K_e w - V) where |V| <= 1 % of the nominal battery voltage, otherwise V",
+             .source = "brake and coast of a motor drive, National Semiconductor LMD18200 data sheet, 1998: shorted or "
+                       "open at zero command; a share in between stands for a drive that does both in turn",
+             .parameter_count = 1,
+             .parameters = PARAMETERS,
+             .variant_of = "pwm_coast",
+             .variation = "at zero command alone"},
+    .memory_count = sizeof(before_t) / sizeof(double),
+    .hook = {[SITE_START] = start, [SITE_DRIVE] = drive},
+};
