@@ -15,6 +15,7 @@ from brickpilot.discover import locate
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
+    Evidence,
     Experiment,
     Finding,
     Manoeuvre,
@@ -37,7 +38,7 @@ MINUS, DASH = "\N{MINUS SIGN}", "\N{EN DASH}"
 VERDICTS = ("none", "named", "ambiguous", "unknown")
 
 TORQUE = Parameter(0.0061, "N m", (0.0058, 0.0064))
-FRICTION = Effect("coulomb_friction", "wheel", "T_f = -torque sign(w)", 0.99, {"torque": TORQUE})
+FRICTION = Effect("coulomb_friction", "bearing", "wheel", "T_f = -torque sign(w)", 0.99, {"torque": TORQUE})
 DEADBAND = Equivalent("actuator_deadband", {"voltage": Parameter(0.43, "V", None)}, 3.2)
 PAIR = Equivalent(
     "rolling_sqrt + gyro_bias",
@@ -95,6 +96,8 @@ def finding(data: Dataset, kind: str) -> Finding:
     return Finding(
         dataset=data,
         verdict=kind,
+        mechanism=None if kind == "none" else "bearing",
+        evidence=None if kind == "none" else Evidence("held_out", 0.99, 0.98, 1.0, "Held-out runs confirm it."),
         effects=effects.get(kind, ()),
         where=() if kind == "none" else where,
         gap=by_role,

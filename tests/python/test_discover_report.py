@@ -86,7 +86,9 @@ def test_values_that_were_not_stated_are_shown_as_fitted(found):
 
 
 def test_two_effects_are_both_named(found):
-    bias = Effect("gyro_bias", "sensor", "r + bias", 0.9, {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))})
+    bias = Effect(
+        "gyro_bias", "sensor", "sensor", "r + bias", 0.9, {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))}
+    )
     sentence = verdict(dataclasses.replace(found["named"], effects=(FRICTION, bias))).replace("\N{NO-BREAK SPACE}", " ")
     assert sentence.startswith(
         "The simulator lacks two effects: dry friction at the wheels (coulomb_friction), 6.1 mN m"

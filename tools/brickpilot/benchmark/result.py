@@ -97,10 +97,11 @@ def verdict_fields(found: Finding) -> dict[str, Any]:
                 ],
             }
             for effect in full["effects"]
+            if effect["claimed"]
         ],
         "term": None
         if found.term is None
-        else {"equation": found.term.equation, "removed_held_out": _finite(found.term.removed_held_out)},
+        else {"equation": found.term.equation, "removed_held_out": found.term.removed_held_out},
     }
 
 

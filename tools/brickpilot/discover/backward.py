@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.evidence import held_out_change
 from brickpilot.discover.fitting import FittedModel, refine, without_effect
-from brickpilot.discover.gates import HELD_OUT_SHARE, gains_enough
+from brickpilot.discover.gates import gains_enough
 
 
 def prune(
@@ -13,7 +14,7 @@ def prune(
     """Returns `found` without the effects that the others make needless, fitted again. At least one effect stays.
 
     Args:
-        held_out: an effect that does not help on the held-out runs is needless, however well it fits.
+        held_out: an effect that the held-out runs contradict is needless, however well it fits.
     """
     while len(found.chosen) > 1:
         shorter = refine(error, [without_effect(found, name) for name in found.names], jobs)
@@ -27,11 +28,10 @@ def prune(
 def passes_gates(
     error: BinnedOutputError, before: FittedModel, after: FittedModel, held_out: BinnedOutputError | None
 ) -> bool:
-    """Returns whether `after` gains enough over the smaller model `before`, on fit runs and on held-out runs."""
+    """Returns whether `after` gains enough over the smaller model `before`, and no held-out run contradicts it.
+
+    Held-out runs that do not excite what `after` adds say nothing about it.
+    """
     if not gains_enough(before.penalised_cost, after.penalised_cost, error.floor_cost()):
         return False
-    if held_out is None:
-        return True
-    fall = 1 - held_out.losses(after.model).sum() / max(float(held_out.losses(before.model).sum()), 1e-12)
-    expected = 1 - after.losses.sum() / max(float(before.losses.sum()), 1e-12)
-    return bool(fall > HELD_OUT_SHARE * expected)
+    return held_out is None or not held_out_change(held_out, before.model, after.model).is_contradicted

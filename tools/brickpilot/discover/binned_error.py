@@ -25,7 +25,7 @@ from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.rates import MOTOR_RATE_OF
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.robust import HUBER_THRESHOLD, noise_sd
+from brickpilot.fit.robust import noise_sd, pseudo_huber_loss
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ class BinnedOutputError(OutputError):
 
     def losses(self, model: Model) -> Array:
         """Returns (samples,): what each sample adds to the cost, without priors."""
-        return HUBER_THRESHOLD**2 * (np.sqrt(1 + (self.residual_of(model) / HUBER_THRESHOLD) ** 2) - 1)
+        return pseudo_huber_loss(self.residual_of(model))
 
     def prior_rows(self, point: Array) -> tuple[Array, Array]:
         """Returns the residual of the priors at `point`, and its (parameters, parameters) slopes."""

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.discover.compose import Composed
 from brickpilot.discover.finding import Experiment, Manoeuvre
 from brickpilot.discover.gates import SEPARATES_NOISE_SD, SEPARATES_SIGNAL_SHARE
 from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
+from brickpilot.discover.written import Written
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 _STEP_S = 0.01
 
 
-def plan_experiment(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Experiment | None:
-    """Returns the experiment that separates the rivals of an ambiguous verdict; None for other verdicts."""
-    if composed is not None or verdict.kind != "ambiguous":
+def plan_experiment(prepared: Prepared, verdict: Verdict, written: Written) -> Experiment | None:
+    """Returns the experiment that separates the best explanation from its rivals; None if it has none."""
+    if written.composed is not None or not verdict.rivals:
         return None
     rivals = {" + ".join(one.names): one.model for one in (verdict.best, *verdict.rivals)}
     noise_sd = prepared.fine.sample_noise

@@ -13,6 +13,7 @@ from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
 
 VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
+EvidenceKind = Literal["held_out", "fitted_only"]
 
 
 @dataclass(frozen=True)
@@ -41,18 +42,24 @@ class Equivalent:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect that is named.
+    """One effect of the best explanation.
 
     Attributes:
+        mechanism: the kind of cause; see `EffectInfo.mechanism`.
         confidence: how often it comes first when stretches of the runs are drawn again, 0..1.
+        removed: the share of the cost above that of noise that the explanation removes on the fit runs, 0..1.
+        claimed: the verdict says that it is there. False: it explains the fit runs best, and nothing proves it.
         equivalents: the explanations that the data cannot tell from it.
     """
 
     name: str
+    mechanism: str
     acts_on: str
     equation: str
     confidence: float
     parameters: Mapping[str, Parameter]
+    removed: float = 1.0
+    claimed: bool = True
     equivalents: tuple[Equivalent, ...] = ()
 
 
@@ -79,6 +86,26 @@ class Gap:
 
     before: float | None
     after: float | None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What proves the augmented model. It is measured last, on the model as its file says.
+
+    Attributes:
+        kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
+        removed_fit, removed_held_out: the share of the cost above that of noise that it removes, at most 1; below 0
+            the model is worse. None: no such runs, or no cost above noise.
+        draws: how often the cost on held-out runs falls when stretches of them are drawn again, 0..1; None: no such
+            runs.
+        sentence: what this means, for a reader.
+    """
+
+    kind: EvidenceKind
+    removed_fit: float | None
+    removed_held_out: float | None
+    draws: float | None
+    sentence: str
 
 
 @dataclass(frozen=True)
@@ -172,7 +199,7 @@ class Term:
         place: where it acts.
         equation, html: the equation as plain text and as MathML.
         file_name, source: its C file.
-        removed_held_out: the share of the gap on held-out runs that it removes; NaN if no run is held out.
+        removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
     place: str
@@ -180,7 +207,7 @@ class Term:
     html: str
     file_name: str
     source: str
-    removed_held_out: float
+    removed_held_out: float | None
 
 
 @dataclass(frozen=True)
@@ -188,7 +215,10 @@ class Finding:
     """All that discovery says about a data set.
 
     Attributes:
-        effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`.
+        effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
+            `unknown` the best names, which are not claimed.
+        mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
+        evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
@@ -201,6 +231,8 @@ class Finding:
 
     dataset: Dataset
     verdict: VerdictKind
+    mechanism: str | None
+    evidence: Evidence | None
     effects: tuple[Effect, ...]
     where: tuple[Place, ...]
     gap: Mapping[str, Gap]
@@ -226,6 +258,9 @@ class Finding:
         """Returns the object of verdict.json."""
         return {
             "verdict": self.verdict,
+            "mechanism": self.mechanism,
+            "evidence": None if self.evidence is None else self.evidence.kind,
+            "proof": None if self.evidence is None else dataclasses.asdict(self.evidence),
             "effects": [_effect_json(effect) for effect in self.effects],
             "where": [dataclasses.asdict(place) for place in self.where],
             "gap": {

@@ -67,7 +67,8 @@ STRAIN_RELEASED = 2.0
 """That share is not asked for if the new effect brings a strained value below 1 / this of the strained limit."""
 
 HELD_OUT_SHARE = 0.25
-"""An effect has to remove this part of its share on the held-out runs too: they are few, so noise may hide the rest."""
+"""On held-out runs the cost has to fall by this share of what the effect changes there. 1: the effect is exactly right;
+below 0: the runs are better without it. A law that is a little wrong or noise may hide the rest."""
 
 PROMISED_SHARE = 0.3
 """A screened candidate that promises a smaller share of the required gain is not fitted. It saw one size."""
@@ -122,6 +123,9 @@ UNEXPLAINED = 1.6
 
 INDISPENSABLE = 1.25
 """A size without an interval stays if the cost without it is so many times as high: only its unit is unknown."""
+
+WORTH_LISTING = 0.1
+"""For `unknown`, the best explanation is listed, without a claim, if it removes this share of the cost above noise."""
 
 # A composed term. Its gates are those of an effect, and these.
 

@@ -5,41 +5,87 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from brickpilot import catalogue
-from brickpilot.discover.compose import Composed
-from brickpilot.discover.finding import Effect, Equivalent, Parameter, VerdictKind
+from brickpilot.discover import gates
+from brickpilot.discover.finding import Effect, Equivalent, Parameter
+from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
+from brickpilot.discover.written import Written
 from brickpilot.fit.parameters import value_of
-from brickpilot.fit.uncertainty import Estimate
+from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model, unit_on
 
+_MECHANISM_OF_PLACE = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
+"""Mechanism of a composed term by the place where it acts; at any other place it is a sensor's."""
 
-def named_effects(
-    verdict: Verdict, kind: VerdictKind, composed: Composed | None, estimates: Mapping[str, Estimate], model: Model
-) -> tuple[Effect, ...]:
-    """Returns the effects that are named. Beside a composed term only those whose intervals exclude zero are.
 
-    Args:
-        estimates: "effect.parameter" -> estimate, of all free parameters of `model`.
+def named_effects(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[Effect, ...]:
+    """Returns the effects of the best explanation; they are claimed where the evidence allows it.
+
+    Beside a composed term, effects are claimed whose intervals exclude zero. For `unknown`, the best explanation is
+    listed if it removes enough of the gap to be worth a reader's time.
     """
-    if kind == "none" or (composed is not None and composed.alone):
+    found = verdict.best if verdict.best.chosen else verdict.unclaimed
+    if written.kind == "none" or found is None:
         return ()
-    effects = _effects(verdict, estimates, model)
-    return tuple(one for one in effects if kind != "unknown" or _excludes_zero(one))
+    confidence = verdict.confidence
+    if written.evidence is not None and written.evidence.draws is not None:
+        confidence = min(confidence, written.evidence.draws)
+    if written.kind in ("named", "ambiguous"):
+        return _effects(verdict, found, written.estimates, written.model, confidence, claimed=True)
+    if verdict.removed_by(found) < gates.WORTH_LISTING:
+        return ()
+    beside = written.composed is not None and not written.composed.alone
+    if beside:
+        effects = _effects(verdict, found, written.estimates, written.model, confidence, claimed=True)
+        return tuple(one for one in effects if _excludes_zero(one))
+    estimates = assess(prepared.fine.with_plan(found.plan), found.model, found.plan.free).estimates
+    return _effects(verdict, found, estimates, found.model, confidence, claimed=False)
 
 
-def _effects(verdict: Verdict, estimates: Mapping[str, Estimate], model: Model) -> tuple[Effect, ...]:
-    """Returns the effects of the best explanation; the rivals stand with the first one."""
+def mechanism(effects: tuple[Effect, ...], written: Written) -> str | None:
+    """Returns the kind of cause that explains most: that of the composed term, else that of the first effect."""
+    if written.kind == "none":
+        return None
+    if written.composed is not None and (written.composed.alone or not effects):
+        place = written.composed.terms.places[0]
+        return _MECHANISM_OF_PLACE.get(place, "sensor")
+    return effects[0].mechanism if effects else None
+
+
+def _effects(
+    verdict: Verdict,
+    found: FittedModel,
+    estimates: Mapping[str, Estimate],
+    model: Model,
+    confidence: float,
+    *,
+    claimed: bool,
+) -> tuple[Effect, ...]:
+    """Returns the effects of `found`; the rivals stand with the first one."""
     equivalents = _equivalents(verdict)
-    found = []
-    for candidate in verdict.best.chosen:
+    effects = []
+    for candidate in found.chosen:
         info = catalogue.effect(candidate.effect)
         values = {}
         for name in candidate.free:
             estimate = estimates[f"{candidate.effect}.{name}"]
             values[name] = Parameter(estimate.value, _unit(model, candidate.effect, name), estimate.ci95)
-        found.append(Effect(candidate.effect, info.acts_on, info.equation, verdict.confidence, values, equivalents))
+        effects.append(
+            Effect(
+                name=candidate.effect,
+                mechanism=info.mechanism,
+                acts_on=info.acts_on,
+                equation=info.equation,
+                confidence=confidence,
+                parameters=values,
+                removed=verdict.removed_by(found),
+                claimed=claimed,
+                equivalents=equivalents,
+            )
+        )
         equivalents = ()
-    return tuple(found)
+    return tuple(effects)
 
 
 def _equivalents(verdict: Verdict) -> tuple[Equivalent, ...]:

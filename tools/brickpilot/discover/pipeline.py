@@ -7,6 +7,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     search           -> Searched      the best set of effects, and every set that was tried
     judge            -> Verdict       none, named, ambiguous or unknown, with the rivals     (verdict.py)
     compose          -> Composed      a term without a name, where it explains more than the named effects
+    write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
     conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
 
@@ -29,6 +30,7 @@ from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
+from brickpilot.discover.written import Written, write
 from brickpilot.fit.descent import Counter, Progress
 from brickpilot.vehicle.model import Model
 
@@ -73,8 +75,9 @@ def discover(
     explained = _explain_in_windows(explained, tell)
     composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
     tell("computing intervals and the next experiment")
-    experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, composed)
-    finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, composed, experiment)
+    written: Written = write(explained.prepared, explained.verdict, composed)
+    experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
+    finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment)
     return dataclasses.replace(finding, elapsed_s=round(time.perf_counter() - began, 2))
 
 

@@ -38,6 +38,7 @@ class Verdict:
         ranked: all explanations that were fitted again, the best first, with `best`.
         noise: the cost that noise alone would leave.
         confidence: how often `best` comes first when stretches of time are drawn again, 0..1.
+        unclaimed: where nothing passed the gates, the explanation that fits the fit runs best; None: there is none.
     """
 
     kind: VerdictKind
@@ -47,6 +48,7 @@ class Verdict:
     ranked: tuple[FittedModel, ...]
     noise: float
     confidence: float
+    unclaimed: FittedModel | None = None
 
     @property
     def adequate(self) -> bool:
@@ -56,7 +58,11 @@ class Verdict:
     @property
     def removed(self) -> float:
         """The share of the cost above that of noise that the best explanation takes away."""
-        return (self.nominal.cost - self.best.cost) / max(self.nominal.cost - self.noise, 1e-9)
+        return self.removed_by(self.best)
+
+    def removed_by(self, one: FittedModel) -> float:
+        """Returns the share of the cost above that of noise that an explanation takes away, 0..1."""
+        return float(np.clip((self.nominal.cost - one.cost) / max(self.nominal.cost - self.noise, 1e-9), 0.0, 1.0))
 
 
 def judge(prepared: Prepared, searched: Searched) -> Verdict:
@@ -71,10 +77,14 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
         return Verdict(nothing, nominal, nominal, (), (), noise, 1.0)
     best = _first(refine(error, [searched.best], jobs), searched.best)
     best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
-    if not best.chosen or not passes_gates(error, nominal, best, held_out):
-        return Verdict(nothing, nominal, nominal, (), (best,), noise, 1.0)
-    ranked = tuple(best_first([best, *refine(error, _near_best(searched, best), jobs)]))
-    first, near = _rank(error, best, ranked, jobs)
+    found = [one for one in [best, *refine(error, _near_best(searched, best), jobs)] if one.chosen]
+    ranked = tuple(best_first(found))
+    passing = [one for one in ranked if passes_gates(error, nominal, one, held_out)]
+    determined = list(_determined(error, best, passing, jobs))
+    if not determined:
+        unclaimed = ranked[0] if ranked else None
+        return Verdict(nothing, nominal, nominal, (), ranked, noise, 1.0, unclaimed)
+    first, near = _rank(error, determined)
     best, rivals = near[0], _rivals(error, near, jobs)
     later = [one for one in ranked if one.penalised_cost >= first.penalised_cost and _is_another(one, best)]
     confidence = _confidence(error, best, [nominal, *later])
@@ -102,14 +112,11 @@ def _near_best(searched: Searched, best: FittedModel) -> list[FittedModel]:
     return list(found.values())[:_REFITTED]
 
 
-def _rank(
-    error: BinnedOutputError, best: FittedModel, ranked: Sequence[FittedModel], jobs: int
-) -> tuple[FittedModel, list[FittedModel]]:
-    """Returns the first explanation whose parameters the data determine, and all of those within its margin."""
-    determined = _determined(error, best, ranked, jobs)
-    first = next(determined)
+def _rank(error: BinnedOutputError, determined: Sequence[FittedModel]) -> tuple[FittedModel, list[FittedModel]]:
+    """Returns the first of `determined`, and those within its margin without needless effects."""
+    first = determined[0]
     limit = gates.rival_margin(first.penalised_cost, first.cost, error.floor_cost())
-    return first, _simplest([first, *takewhile(lambda one: one.penalised_cost <= limit, determined)])
+    return first, _simplest(list(takewhile(lambda one: one.penalised_cost <= limit, determined)))
 
 
 def _determined(

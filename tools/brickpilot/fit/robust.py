@@ -35,6 +35,11 @@ def pseudo_huber(scaled: Array) -> RobustResidual:
     return RobustResidual(scaled * shrink, 1 / (root * shrink))
 
 
+def pseudo_huber_loss(scaled: Array) -> Array:
+    """Returns the loss phi^2 / 2 of each residual over its scale; see `pseudo_huber`."""
+    return np.asarray(HUBER_THRESHOLD**2 * (np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2) - 1))
+
+
 def robust_size(error: Array) -> float:
     """Returns the rms of `error` without its outliers (Huber's proposal 2)."""
     size = 1.4826 * float(np.median(np.abs(error)))

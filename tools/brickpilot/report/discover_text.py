@@ -95,21 +95,34 @@ def _ambiguous(finding: Finding) -> str:
 
 
 def _unknown(finding: Finding) -> str:
-    found = _with_sizes(finding.effects)
+    found = _with_sizes([one for one in finding.effects if one.claimed])
     sentence = "Something is missing, and no effect of the library explains it."
-    if found:
+    if unclaimed := [one for one in finding.effects if not one.claimed]:
+        sentence = _suspected(finding, unclaimed)
+    elif found:
         sentence = f"The simulator lacks {found}. Something else is missing too, and no effect of the library fits it."
     if finding.term is None:
         change = _proved_change(finding)
         return f"{sentence} With the named effects, {change}." if found else f"{sentence} {change.capitalize()}."
     equation = finding.term.equation.partition(". ")[0]  # the page explains its symbols further down
     role, gap = _proof(finding)
-    if role != _HELD_OUT:
+    if role != _HELD_OUT or finding.term.removed_held_out is None:
         return f"{sentence} A composed term, {equation}, is added. With it, {_proved_change(finding)}."
     removed = percent(finding.term.removed_held_out)
     return (
         f"{sentence} A composed term, {equation}, explains {removed} of the gap above the noise on {role}. "
         f"With it, the gap {gap_change(gap.before, gap.after)}."
+    )
+
+
+def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
+    """Returns what explains the fit runs best, and why it is not claimed."""
+    names = listed([explanation(one.name) for one in unclaimed])
+    removed = percent(unclaimed[0].removed)
+    reason = finding.evidence.sentence if finding.evidence is not None else "It does not gain enough to be claimed."
+    return (
+        f"Something is missing, most likely in the {finding.mechanism}. On the fit runs, {names} "
+        f"{'explain' if len(unclaimed) > 1 else 'explains'} {removed} of the gap above the noise. {reason}"
     )
 
 
