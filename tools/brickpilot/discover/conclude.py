@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.compose import Composed
 from brickpilot.discover.finding import Experiment, Finding, NominalChange, Term
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
@@ -34,7 +33,7 @@ def conclude(
     prepared: Prepared, searched: Searched, verdict: Verdict, written: Written, experiment: Experiment | None
 ) -> Finding:
     """Returns the finding. Its `elapsed_s` is 0; the pipeline knows the time."""
-    nominal_model, composed = verdict.nominal.model, written.composed
+    nominal_model = verdict.nominal.model
     everything = prepared.all_runs(written.plan)
     before, after = everything.losses(nominal_model), everything.losses(written.model)
     where = locate.places(everything, prepared.dataset, before, after, written.simulated["augmented"])
@@ -53,9 +52,7 @@ def conclude(
         ranking=ranking(verdict, searched),
         whiteness=locate.whiteness(prepared.fine, prepared.fine.residual_of(written.model)),
         power=power.smallest(prepared.coarse, verdict.best, prepared.excitation),
-        term=None
-        if composed is None
-        else _term(composed, written, _term_name(prepared.dataset), prepared.dataset.vehicle),
+        term=_term(prepared.dataset, written),
         nominal_model=nominal_model,
         augmented=written.model,
         simulated=written.simulated,
@@ -74,10 +71,12 @@ def _term_name(dataset: Dataset) -> str:
     return "composed_for_" + ("_".join(re.findall("[a-z0-9]+", dataset.name.lower())) or "data")
 
 
-def _term(composed: Composed, written: Written, name: str, vehicle: str) -> Term:
-    """Returns the composed term for the page and the files."""
-    found = composed.terms
-    source = c_source.render(found.terms, found.settings, name=name, vehicle=vehicle)
+def _term(dataset: Dataset, written: Written) -> Term | None:
+    """Returns the composed term for the page and the files; None if the model holds none."""
+    if written.composed is None:
+        return None
+    found, name = written.composed.terms, _term_name(dataset)
+    source = c_source.render(found.terms, found.settings, name=name, vehicle=dataset.vehicle)
     equation = found.equation
     return Term(
         ", ".join(PLACES[place] for place in found.places),
