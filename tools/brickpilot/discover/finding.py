@@ -17,12 +17,34 @@ EvidenceKind = Literal["held_out", "fitted_only"]
 
 
 @dataclass(frozen=True)
+class Identified:
+    """A size in what the data identify, such as the voltage that makes up for a friction torque.
+
+    Attributes:
+        quantity: what it is, such as "voltage".
+        formula: how it follows from the parameter, in the paper's symbols.
+    """
+
+    quantity: str
+    formula: str
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Parameter:
-    """A fitted value, SI. `ci95`: (low, high); None if the data do not determine it."""
+    """A fitted value, SI.
+
+    Attributes:
+        ci95: (low, high); None if the data do not determine it.
+        identified: then, the form in which they do; None: in none.
+    """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None
+    identified: Identified | None = None
 
 
 @dataclass(frozen=True)

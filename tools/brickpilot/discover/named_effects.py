@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from brickpilot import catalogue
 from brickpilot.discover import gates
-from brickpilot.discover.finding import Effect, Equivalent, Parameter
+from brickpilot.discover.finding import Effect, Equivalent, Identified, Parameter
 from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
@@ -70,7 +70,8 @@ def _effects(
         values = {}
         for name in candidate.free:
             estimate = estimates[f"{candidate.effect}.{name}"]
-            values[name] = Parameter(estimate.value, _unit(model, candidate.effect, name), estimate.ci95)
+            unit = _unit(model, candidate.effect, name)
+            values[name] = Parameter(estimate.value, unit, estimate.ci95, _identified(estimate))
         effects.append(
             Effect(
                 name=candidate.effect,
@@ -103,6 +104,15 @@ def _equivalents(verdict: Verdict) -> tuple[Equivalent, ...]:
         )
         for one in verdict.rivals
     )
+
+
+def _identified(estimate: Estimate) -> Identified | None:
+    found = estimate.identified
+    if found is None:
+        return None
+    sign = 1.0 if estimate.value >= 0 else -1.0
+    low, high = sorted(sign * end for end in found.ci95)
+    return Identified(found.name, found.formula, sign * found.value, found.unit, (low, high))
 
 
 def _excludes_zero(effect: Effect) -> bool:

@@ -8,6 +8,7 @@ simulated signals by their rms.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from brickpilot.fit.combinations import FORMULAS, Formula
+from brickpilot.fit.identified import forms
 from brickpilot.fit.output_error import OutputError, finite
 from brickpilot.fit.parameters import WIDE_SD, Free, value_of, with_values
 from brickpilot.vehicle.model import Model
@@ -28,24 +30,9 @@ _NARROWED = 0.9  # of the prior's sd: below it, the data have added information
 _FAR = 0.3  # of the natural size: from here on a parameter is far above zero
 _MEMBER = 0.02  # share of a parameter that lies in directions that are not identifiable
 _STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not smooth on smaller steps
+_SLOPE_ERROR = 1e-2  # relative: of finite differences of a plant with dry friction
 _FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
 _STRETCHES = 20  # of time, at least, whose spread gives the intervals
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One fitted parameter, SI.
-
-    Attributes:
-        ci95: (low, high); None where the parameter is neither identifiable nor stated.
-        basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-    """
-
-    value: float
-    unit: str
-    ci95: tuple[float, float] | None
-    identifiable: bool
-    basis: str
 
 
 @dataclass(frozen=True)
@@ -57,6 +44,25 @@ class Combination:
     unit: str
     value: float
     ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted parameter, SI.
+
+    Attributes:
+        ci95: (low, high); None where the parameter is neither identifiable nor stated.
+        basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
+        identified: where the data do not determine the value of an effect's parameter, the form in which they do;
+            None: there is none.
+    """
+
+    value: float
+    unit: str
+    ci95: tuple[float, float] | None
+    identifiable: bool
+    basis: str
+    identified: Combination | None = None
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,7 @@ class _Linear:
     def data_information(self) -> Array:
         """(parameters, parameters), in the parameters' units."""
         raw = self.slopes.T @ (self.slopes * self.stiffness[:, np.newaxis])
-        return np.asarray(raw * np.outer(self.sizes, self.sizes))
+        return _above_slope_errors(raw * np.outer(self.sizes, self.sizes))
 
 
 def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncertainty:
@@ -114,11 +120,29 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
         one.name: _estimate(one, float(v), float(s), float(size), quantile, relative=bool(log))
         for one, v, s, size, log in zip(free, linear.values, sd, linear.sizes, linear.relative, strict=True)
     }
+    known = _known(model)
+    for name in [one.name for one in free if one.effect is not None and estimates[one.name].ci95 is None]:
+        found = (_combination(one, known, free, linear.sizes, covariance, quantile) for one in forms(name))
+        identified = next((one for one in found if one is not None), None)
+        estimates[name] = dataclasses.replace(estimates[name], identified=identified)
     information = linear.data_information + np.diag((linear.sizes / linear.prior_sd) ** 2)
     groups, traceless = _groups(information, [one.name for one in free])
     vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
     combinations = _combinations(model, free, linear.sizes, covariance, quantile) if vague else ()
     return Uncertainty(estimates, groups, traceless, combinations)
+
+
+def _above_slope_errors(information: Array) -> Array:
+    """Returns `information` without what errors of the slopes may have made.
+
+    Where only combinations of parameters change the signals, their slopes cancel along one direction. Finite
+    differences across the stops of dry friction do not cancel exactly, and on many samples the remainder would look
+    like knowledge.
+    """
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = np.where(values > _SLOPE_ERROR**2, values, 0.0)
+    return np.asarray((vectors * kept) @ vectors.T * np.outer(size, size))
 
 
 def _linearised(problem: OutputError, model: Model, free: tuple[Free, ...]) -> _Linear:
@@ -215,19 +239,44 @@ def _groups(information: Array, names: list[str]) -> tuple[tuple[tuple[str, ...]
 def _combinations(
     model: Model, free: tuple[Free, ...], sizes: Array, covariance: Array, quantile: float
 ) -> tuple[Combination, ...]:
-    found = []
+    known = _known(model)
+    found = (_combination(one, known, free, sizes, covariance, quantile) for one in FORMULAS[model.vehicle])
+    return tuple(one for one in found if one is not None)
+
+
+def _known(model: Model) -> dict[str, float]:
+    """Returns all values of a model, by "mass" or "effect.parameter"."""
     known = dict(model.parameters)
-    known |= {f"{effect}.{name}": value for effect, table in model.effects.items() for name, value in table.items()}
-    for formula in FORMULAS[model.vehicle]:
+    return known | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
+
+
+def _combination(
+    formula: Formula,
+    known: Mapping[str, float],
+    free: tuple[Free, ...],
+    sizes: Array,
+    covariance: Array,
+    quantile: float,
+) -> Combination | None:
+    """Returns the value of a formula with its interval; None where the data do not determine it either."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = _finite_value(formula, known)
+    if value is None or value <= 0:
+        return None
+    gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
+    sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # may be below 0 by rounding
+    if np.count_nonzero(gradient) <= 1 or sd > _KNOWN_SD:
+        return None
+    factor = float(np.exp(quantile * sd))
+    return Combination(formula.name, formula.text, formula.unit, value, (value / factor, value * factor))
+
+
+def _finite_value(formula: Formula, known: Mapping[str, float]) -> float | None:
+    try:
         value = formula.value_at(known)
-        if not np.isfinite(value) or value <= 0:
-            continue
-        gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
-        sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # may be below 0 by rounding
-        if np.count_nonzero(gradient) > 1 and sd <= _KNOWN_SD:
-            factor = float(np.exp(quantile * sd))
-            found.append(Combination(formula.name, formula.text, formula.unit, value, (value / factor, value * factor)))
-    return tuple(found)
+    except ZeroDivisionError:
+        return None
+    return value if np.isfinite(value) else None
 
 
 def _log_slope(formula: Formula, known: Mapping[str, float], free: Free, size: float) -> float:

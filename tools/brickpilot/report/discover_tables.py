@@ -11,7 +11,7 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
 from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank
 from brickpilot.report import discover_plots
-from brickpilot.report.discover_text import alternatives, explanation, say, words
+from brickpilot.report.discover_text import alternatives, explanation, say, shown_size, words
 from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
 from brickpilot.vehicle.model import Model, unit_on
 
@@ -45,13 +45,14 @@ def effect(one: Effect) -> dict[str, Any]:
 
 
 def _parameter(name: str, one: Parameter) -> dict[str, Any]:
-    ends = one.ci95
-    whisker = None
+    known = one.identified if one.ci95 is None and one.identified is not None else one
+    ends, whisker = known.ci95, None
     if ends is not None and all(np.isfinite(ends)):
         far = 1.05 * max(abs(ends[0]), abs(ends[1])) or 1.0
         inside = (-far if ends[0] < 0 else 0.0, far if ends[1] > 0 else 0.0)
-        whisker = discover_plots.interval(ends[0], one.value, ends[1], inside=inside)
-    return {"name": say(name), "shown": quantity(one.value, one.unit, ends), "whisker": whisker}
+        whisker = discover_plots.interval(ends[0], known.value, ends[1], inside=inside)
+    shown_name = say(name) if known is one or one.identified is None else f"{say(name)}, as {one.identified.quantity}"
+    return {"name": shown_name, "shown": shown_size(one), "whisker": whisker}
 
 
 def equivalents(finding: Finding) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
 from brickpilot.discover.finding import Effect, Finding, Gap, Parameter
-from brickpilot.report.quantities import gap_text, percent, quantity
+from brickpilot.report.quantities import Shown, gap_text, percent, quantity
 
 OVER_NOISE = 1.1
 """A gap above this, in multiples of the noise, is reported as remaining."""
@@ -52,8 +52,14 @@ def gap_change(before: float | None, after: float | None) -> str:
 
 def sizes(parameters: Mapping[str, Parameter]) -> str:
     """Returns the values of an effect in a row; a single value stands without its name."""
-    shown = {name: str(quantity(one.value, one.unit, one.ci95)) for name, one in parameters.items()}
+    shown = {name: str(shown_size(one)) for name, one in parameters.items()}
     return next(iter(shown.values())) if len(shown) == 1 else listed([f"{say(k)} {v}" for k, v in shown.items()])
+
+
+def shown_size(one: Parameter) -> Shown:
+    """Returns a size with its interval: in the parameter's own unit, or in the form that the data identify."""
+    known = one.identified if one.ci95 is None and one.identified is not None else one
+    return quantity(known.value, known.unit, known.ci95)
 
 
 def alternatives(effects: Sequence[Effect]) -> list[str]:
