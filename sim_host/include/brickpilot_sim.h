@@ -147,8 +147,10 @@ typedef struct {
     double body_step;  /* s, upper limit; 0: [rates] body_step */
     double
         *output; /* filled: samples x (number of output names), without noise; NaN: this vehicle has no such signal */
-    bp_state final; /* filled */
-    int status;     /* filled: 0 or BP_E_ */
+    const int *columns; /* NULL: all outputs, sample by sample. Else indices in bp_output_name(), output by output */
+    int column_count;   /* of `columns` */
+    bp_state final;     /* filled */
+    int status;         /* filled: 0 or BP_E_ */
 } bp_run;
 
 /* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs

@@ -14,6 +14,18 @@ typedef struct {
     pthread_mutex_t lock;
 } queue_t;
 
+static void keep_outputs(const plant_t *plant, const bp_run *run, ptrdiff_t sample)
+{
+    double row[OUTPUT_COUNT];
+    if (run->columns == NULL) {
+        plant_outputs(plant, run->output + sample * OUTPUT_COUNT);
+        return;
+    }
+    plant_outputs(plant, row);
+    for (int i = 0; i < run->column_count; i++)
+        run->output[(ptrdiff_t)i * run->samples + sample] = row[run->columns[i]];
+}
+
 static int simulate(plant_t *plant, const bp_run *run)
 {
     const int inputs = run->model->vehicle == BP_MOTOR ? 1 : 2;
@@ -22,14 +34,14 @@ static int simulate(plant_t *plant, const bp_run *run)
     int status = plant_start(plant, run->model, &run->initial, run->motor_step, run->body_step);
     if (status != 0)
         return status;
-    plant_outputs(plant, run->output);
+    keep_outputs(plant, run, 0);
     for (int k = 0; k + 1 < run->samples; k++) {
         const double *given = run->input + (ptrdiff_t)k * inputs;
         const double input[2] = {given[0], inputs == 2 ? given[1] : 0};
         status = plant_advance(plant, input, run->time[k + 1] - run->time[k]);
         if (status != 0)
             return status;
-        plant_outputs(plant, run->output + (ptrdiff_t)(k + 1) * OUTPUT_COUNT);
+        keep_outputs(plant, run, k + 1);
     }
     return 0;
 }

@@ -49,6 +49,27 @@ class Block:
         return values[self.known] if self.averages is None else np.asarray(self.averages @ values)
 
 
+def stack(blocks: Sequence[Block], starts: Mapping[tuple[str, str], int], length: int) -> csr_array:
+    """Returns the matrix that takes one row of `Replay.stacked` to the values of all blocks.
+
+    Args:
+        starts, length: as `Replay.layout` gives them.
+    """
+    data, columns, ends = [], [], [np.zeros(1, dtype=np.int64)]
+    for block in blocks:
+        picked = block.averages
+        if picked is None:
+            rows = np.flatnonzero(block.known)
+            picked = csr_array(
+                (np.ones(len(rows)), rows, np.arange(len(rows) + 1)), shape=(len(rows), len(block.known))
+            )
+        data.append(picked.data)
+        columns.append(picked.indices + starts[block.run, block.signal])
+        ends.append(picked.indptr[1:] + ends[-1][-1])
+    pointers = np.concatenate(ends)
+    return csr_array((np.concatenate(data), np.concatenate(columns), pointers), shape=(len(pointers) - 1, length))
+
+
 @dataclass(frozen=True)
 class Bins:
     """How blocks average: over bins of `width` s from each run's start.

@@ -31,6 +31,9 @@ _SECANT_STEPS = 4
 # Measured signals that make up a state and that a sensor effect may change.
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
+_GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
+"""The nominal parameters that a state made of measured values depends on: see `_state_of`."""
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -57,16 +60,36 @@ class Reading:
 def initial_states(starts: Sequence[tuple[Run, Model]]) -> list[State]:
     """Returns the state at the first sample of each run under each model.
 
-    A value is what the file states, else what the first sample measured, else 0.
+    A value is what the file states, else what the first sample measured, else 0. Models that give one state share it.
     """
-    readings = []
-    for run, model in starts:
-        measured = {name: float(values[0]) for name, values in run.outputs.items()}
-        for summed, rate in RATE_OF.items():
-            if summed in run.outputs and rate not in run.outputs:
-                measured[rate] = _starting_rate(run.time, run.outputs[summed])
-        readings.append(reading(measured, model, stated=run.initial or {}))
-    return solve(readings)
+    measured = {id(run): _first_sample(run) for run in {id(run): run for run, _ in starts}.values()}
+    shared: dict[tuple[object, ...], State] = {}
+    states, unsolved = [State()] * len(starts), []
+    for k, (run, model) in enumerate(starts):
+        if _has_sensor_effect(model):
+            unsolved.append(k)
+            continue
+        key = (id(run), model.vehicle, *(model.parameters.get(name) for name in _GEOMETRY))
+        if key not in shared:
+            shared[key] = reading(measured[id(run)], model, stated=run.initial or {}).state(np.empty(0))
+        states[k] = shared[key]
+    readings = [reading(measured[id(starts[k][0])], starts[k][1], stated=starts[k][0].initial or {}) for k in unsolved]
+    for k, state in zip(unsolved, solve(readings), strict=True):
+        states[k] = state
+    return states
+
+
+def _first_sample(run: Run) -> dict[str, float]:
+    """Returns what was measured at a run's first sample, and the rates of signals that sum up."""
+    measured = {name: float(values[0]) for name, values in run.outputs.items()}
+    for summed, rate in RATE_OF.items():
+        if summed in run.outputs and rate not in run.outputs:
+            measured[rate] = _starting_rate(run.time, run.outputs[summed])
+    return measured
+
+
+def _has_sensor_effect(model: Model) -> bool:
+    return any(_changes_readings(name, model.vehicle) for name in model.effects)
 
 
 def reading(
@@ -79,8 +102,7 @@ def reading(
     """Returns what is known at a sample. `measured` are readings, NaN where blank; `stated` are true values."""
     known = {name: value for name, value in measured.items() if np.isfinite(value)} | dict(stated)
     read = tuple(name for name in known if name in _SENSOR_SIGNALS and name not in stated)
-    has_sensor_effect = any(_changes_readings(name, model.vehicle) for name in model.effects)
-    return Reading(known, read if has_sensor_effect else (), model, age)
+    return Reading(known, read if _has_sensor_effect(model) else (), model, age)
 
 
 def solve(readings: Sequence[Reading]) -> list[State]:

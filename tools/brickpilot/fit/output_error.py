@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
-from brickpilot.fit.blocks import Bins, blocks
+from brickpilot.fit.blocks import Bins, blocks, stack
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.replay import Replay
 from brickpilot.fit.robust import HUBER_THRESHOLD, correlation_time, noise_sd, pseudo_huber, robust_size
 from brickpilot.vehicle.model import Model
 
@@ -84,6 +84,7 @@ class OutputError:
         self.blocks, self.notes = blocks(measured or replay.dataset, plan.model, set(runs), bins)
         self.measured = np.concatenate([block.measured for block in self.blocks])
         self.signals = list(dict.fromkeys(block.signal for block in self.blocks))
+        self._values = stack(self.blocks, *replay.layout(self._runs, self.signals))
         self.scales = {signal: self._first_scale(signal) for signal in self.signals}
         self.holds_priors, self.matched = True, 0.0
         self._cache: tuple[bytes, Array] | None = None
@@ -91,12 +92,12 @@ class OutputError:
     def predict(self, models: Sequence[Model]) -> Array:
         """Returns (models, samples): the simulated values of all compared samples; NaN where a model diverges."""
         try:
-            outputs = self._simulate(self._replay, models)
+            rows = self._simulate(self._replay, models)
         except SimulationError:
             if len(models) > 1:
                 return np.vstack([self.predict([model]) for model in models])
             return np.full((1, len(self.measured)), np.nan)
-        return np.array([np.concatenate([b.pick(one[b.run][b.signal]) for b in self.blocks]) for one in outputs])
+        return np.array([self._values @ row for row in rows])
 
     def residual(self, point: Array) -> Array:
         """Returns (samples + parameters,): the robust residual and the prior's."""
@@ -107,9 +108,7 @@ class OutputError:
         """Returns the derivative of `residual`, by one batch of forward differences."""
         robust = pseudo_huber(self._scaled(point))
         weight = -robust.slope / (self._sizes() * self._taus() ** 0.5)
-        steps = np.eye(len(point)) * _STEP
-        prior = np.array([(self._prior(point + step) - self._prior(point)) / _STEP for step in steps])
-        return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], prior.T.reshape(-1, len(point))])
+        return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], self._prior_slopes(point)])
 
     def sensitivity(self, point: Array) -> Array:
         """Returns (samples, parameters): the change of the simulated signals per coordinate, in their SI units."""
@@ -160,8 +159,7 @@ class OutputError:
         moved = []
         for signal in self.signals:
             replay = self._replay.nudged(signal, self.scales[signal].noise)
-            outputs = self._simulate(replay, [model])[0]
-            moved.append(np.concatenate([b.pick(outputs[b.run][b.signal]) for b in self.blocks]) - base)
+            moved.append(self._values @ self._simulate(replay, [model])[0] - base)
         return np.array(moved)
 
     def by_run(self, values: Array) -> Array:
@@ -176,8 +174,8 @@ class OutputError:
         """Returns (samples,): the rms of the signal that the sample belongs to."""
         return self._by_signal({signal: self._rms(signal) for signal in self.signals})
 
-    def _simulate(self, replay: Replay, models: Sequence[Model]) -> list[dict[str, Outputs]]:
-        return replay.simulate(models, only=self._runs, threads=self._threads, signals=self.signals)
+    def _simulate(self, replay: Replay, models: Sequence[Model]) -> list[Array]:
+        return replay.stacked(models, only=self._runs, threads=self._threads, signals=self.signals)
 
     def _simulated(self, point: Array) -> Array:
         key = point.tobytes()
@@ -197,6 +195,13 @@ class OutputError:
             else:
                 terms.append((float(x) - float(x0)) / _ANCHOR_SD)
         return np.array(terms)
+
+    def _prior_slopes(self, point: Array) -> Array:
+        """Returns (parameters, parameters), column by column as the sensitivities are stored.
+
+        Each prior depends on its own coordinate alone.
+        """
+        return np.diag((self._prior(point + _STEP) - self._prior(point)) / _STEP).T
 
     def _inward(self, point: Array, index: int) -> Array:
         """Returns a step of one coordinate that stays within its bounds."""

@@ -20,7 +20,7 @@ from brickpilot.fit import initial_state
 from brickpilot.fit.rates import measured_rates
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model, output_names
-from brickpilot.vehicle.plant import OpenLoopRun, State
+from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
@@ -71,7 +71,43 @@ class Replay:
                 too.
             signals: the outputs to keep; None: all that the vehicle has.
         """
-        results: list[dict[str, Outputs]] = [{} for _ in models]
+        simulated = self._simulate(models, only, threads, signals)
+        return [{name: run.outputs for name, run in runs.items()} for runs in simulated]
+
+    def stacked(
+        self,
+        models: Sequence[Model],
+        *,
+        only: Collection[str],
+        threads: int = 2,
+        signals: Collection[str] | None = None,
+    ) -> list[Array]:
+        """Simulates as `simulate` does, and returns for each model its outputs in one row: see `layout`."""
+        runs = [run.name for run in self.dataset.runs if run.name in only]
+        simulated = self._simulate(models, only, threads, signals)
+        return [np.concatenate([one[name].columns.ravel() for name in runs]) for one in simulated]
+
+    def layout(self, only: Collection[str], signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
+        """Returns (run, signal) -> the place of its first sample in a row of `stacked`; and the length of a row."""
+        places, place = {}, 0
+        for run in self.dataset.runs:
+            for signal in plant.wanted_names(frozenset(signals)) if run.name in only else ():
+                places[run.name, signal] = place
+                place += len(run.time)
+        return places, place
+
+    def _simulate(
+        self,
+        models: Sequence[Model],
+        only: Collection[str] | None,
+        threads: int,
+        signals: Collection[str] | None,
+    ) -> list[dict[str, Simulated]]:
+        """Returns for each model run name -> what was simulated.
+
+        Models whose charge or heat carries over need one run after the other; the others all runs at once.
+        """
+        results: list[dict[str, Simulated]] = [{} for _ in models]
         runs = self._aged(only)
         carry_over = [
             index
@@ -79,23 +115,27 @@ class Replay:
             if any(effect.carries_over for effect in catalogue.effects_of(model.effects))
         ]
         others = [index for index in range(len(models)) if index not in carry_over]
-        # Models whose charge or heat carries over need one run after the other; the others all runs at once.
         batches = [(carry_over, [one]) for one in runs]
         batches.append((others, [one for one in runs if only is None or one[0].name in only]))
+        steps = [self._motor_step(model) for model in models]
         carried = [State()] * len(models)
         for chosen, batch in batches:
             if not chosen:
                 continue
             pairs = [(run, age, index) for run, age in batch for index in chosen]
             measured = initial_state.initial_states([(run, models[index]) for run, _, index in pairs])
-            jobs = []
+            jobs, ready = [], dict[tuple[int, int], State]()
             for (run, age, index), state in zip(pairs, measured, strict=True):
                 left = carried[index]
-                start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
-                jobs.append((models[index], self._open_loop(run, slice(None), start, models[index])))
+                start = ready.get((id(state), id(left)))
+                if start is None:
+                    start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
+                    ready[id(state), id(left)] = start
+                jobs.append((models[index], self._open_loop(run, slice(None), start, steps[index])))
             for (run, _, index), one in zip(pairs, plant.simulate(jobs, threads, signals=signals), strict=True):
-                results[index][run.name] = one.outputs
-                carried[index] = one.final
+                results[index][run.name] = one
+                if chosen is carry_over:
+                    carried[index] = one.final
         return results
 
     def _aged(self, only: Collection[str] | None) -> list[tuple[Run, float]]:
@@ -128,7 +168,7 @@ class Replay:
         measured. A window that would start at a blank is left out, and so is what remains at the end of a run. Age is
         the time since the first run began; charge and heat are zero.
         """
-        given = output_names(model)
+        given, step = output_names(model), self._motor_step(model)
         stretches: list[tuple[str, slice]] = []
         batch: list[tuple[Model, OpenLoopRun]] = []
         age = 0.0
@@ -143,7 +183,7 @@ class Replay:
                 now = age + float(run.time[stretch.start] - run.time[0])
                 (start,) = initial_state.solve([initial_state.reading(here, model, age=now)])
                 stretches.append((run.name, stretch))
-                batch.append((model, self._open_loop(run, stretch, start, model)))
+                batch.append((model, self._open_loop(run, stretch, start, step)))
             age += float(run.time[-1] - run.time[0])
         found: dict[str, list[Window]] = {run.name: [] for run in self.dataset.runs}
         for (name, stretch), one in zip(
@@ -152,16 +192,18 @@ class Replay:
             found[name].append(Window(stretch, one.outputs))
         return found
 
-    def _open_loop(self, run: Run, stretch: slice, start: State, model: Model) -> OpenLoopRun:
-        motor_step, body_step = self._steps
+    def _motor_step(self, model: Model) -> float:
+        """Returns the upper limit of the motor step, s: that of the replay, or of an effect that is faster."""
         needed = [one.motor_step for one in catalogue.effects_of(model.effects) if one.motor_step > 0]
-        motor_step = min([motor_step, *needed])
+        return min([self._steps[0], *needed])
+
+    def _open_loop(self, run: Run, stretch: slice, start: State, motor_step: float) -> OpenLoopRun:
         return OpenLoopRun(
             time=run.time[stretch],
             inputs=self.inputs[run.name][stretch],
             initial=start,
             motor_step=motor_step,
-            body_step=body_step,
+            body_step=self._steps[1],
         )
 
 

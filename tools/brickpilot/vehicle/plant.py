@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.int32]
 
 TROUBLE = {  # status of the C interface -> what it means
     -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
@@ -79,12 +81,26 @@ class Simulated:
     """The result of a simulation.
 
     Attributes:
-        outputs: signal -> (n,), SI, without noise, for the signals that this vehicle has.
-        final: state at the last sample.
+        names: the signals that were wanted, in the table's order: `wanted_names`.
+        columns: (names, n), SI, without noise; NaN where this vehicle has no such signal.
+        last: the last state, as the compiled plant holds it.
     """
 
-    outputs: dict[str, Array]
-    final: State
+    names: tuple[str, ...]
+    columns: Array
+    last: np.void
+
+    @cached_property
+    def outputs(self) -> dict[str, Array]:
+        """Signal -> (n,), for the signals that this vehicle has."""
+        return {name: column for name, column in zip(self.names, self.columns, strict=True) if column[0] == column[0]}
+
+    @cached_property
+    def final(self) -> State:
+        """State at the last sample."""
+        fields: Any = self.last.item()
+        values: list[Any] = [one if isinstance(one, float) else tuple(one.tolist()) for one in fields]
+        return State(*values)
 
 
 def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
@@ -174,21 +190,10 @@ def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
             setattr(target, name, value)
 
 
-def _read_state(source: Any) -> State:
-    values: dict[str, Any] = {name: getattr(source, name) for name in State.__dataclass_fields__}
-    for pair in ("current", "wheel_speed", "wheel_angle", "heat"):
-        values[pair] = (values[pair][0], values[pair][1])
-    return State(**values)
-
-
 def fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
     """Fills the C request `bp_run` and returns what must stay alive while it is used."""
     ffi = interface()[0]
-    columns = 1 if model.vehicle == "motor" else 2
-    time = np.ascontiguousarray(run.time, dtype=np.float64)
-    inputs = np.ascontiguousarray(run.inputs, dtype=np.float64)
-    if time.ndim != 1 or inputs.shape != (len(time), columns):
-        raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
+    time, inputs = _checked(run, 1 if model.vehicle == "motor" else 2)
     request.model = built
     request.samples = len(time)
     request.motor_step = run.motor_step
@@ -197,6 +202,46 @@ def fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: A
     request.time, request.input, request.output = buffers
     _fill_state(request.initial, run.initial)
     return buffers
+
+
+@cache
+def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
+    """Returns the outputs of the table that are in `signals`, in its order; None: all."""
+    return tuple(name for name, _ in output_table() if signals is None or name in signals)
+
+
+@cache
+def _columns_of(names: tuple[str, ...]) -> Array32:
+    """Returns where the outputs `names` stand in the table."""
+    table = [name for name, _ in output_table()]
+    return np.array([table.index(name) for name in names], dtype=np.int32)
+
+
+@cache
+def _layout(name: str) -> np.dtype[np.void]:
+    """Returns the layout of a structure of the C interface."""
+    layout: np.dtype[np.void] = np.dtype(_layout_of(interface()[0].typeof(name)))
+    return layout
+
+
+def _layout_of(kind: Any) -> Any:
+    if kind.kind == "struct":
+        names, fields = zip(*kind.fields, strict=True)
+        formats, offsets = [_layout_of(field.type) for field in fields], [field.offset for field in fields]
+        size = interface()[0].sizeof(kind)
+        return {"names": names, "formats": formats, "offsets": offsets, "itemsize": size}
+    if kind.kind == "array":
+        return (_layout_of(kind.item), (kind.length,))
+    return np.uintp if kind.kind == "pointer" else {"double": np.float64, "int": np.intc}[kind.cname]
+
+
+_state_values = attrgetter(*State.__dataclass_fields__)
+"""The fields of a `State` as a tuple: those of `bp_state`, in its order."""
+
+
+def _initial(state: State | Mapping[str, Any]) -> tuple[Any, ...]:
+    values: tuple[Any, ...] = _state_values(state if isinstance(state, State) else State(**state))
+    return values
 
 
 def simulate(
@@ -216,24 +261,38 @@ def simulate(
     if not jobs:
         return []
     ffi, library = interface()
-    names = [name for name, _ in output_table()]
-    requests = ffi.new("bp_run[]", len(jobs))
-    built: dict[int, Any] = {}
-    rows = [np.empty((len(run.time), len(names))) for _, run in jobs]
-    alive: list[Any] = []
-    for index, (model, run) in enumerate(jobs):
-        if id(model) not in built:
-            built[id(model)] = build(model)
-        alive.append(fill_run(requests[index], built[id(model)], model, run, rows[index]))
-    library.bp_simulate(requests, len(jobs), threads)
-    results: list[Simulated] = []
-    for index, (model, _) in enumerate(jobs):
-        status = requests[index].status
-        if status:
-            raise SimulationError(f"{model.name}, run {index}: {TROUBLE.get(status, status)}", index, status)
-        present = ~np.isnan(rows[index][0])  # the plant gives NaN for what the other kind of vehicle has
-        wanted = [k for k, name in enumerate(names) if present[k] and (signals is None or name in signals)]
-        columns = rows[index].T[wanted]
-        kept = {names[k]: column for k, column in zip(wanted, columns, strict=True)}
-        results.append(Simulated(kept, _read_state(requests[index].final)))
-    return results
+    names = wanted_names(None if signals is None else frozenset(signals))
+    built = {id(model): build(model) for model in {id(model): model for model, _ in jobs}.values()}
+    models = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
+    inputs = [_checked(run, 1 if model.vehicle == "motor" else 2) for model, run in jobs]
+    ends = np.cumsum([len(time) * len(names) for time, _ in inputs]).tolist()
+    values = np.empty(ends[-1])
+    first, wanted, nothing = _address(values), _columns_of(names), _initial(State())
+    rows = [
+        (models[id(model)], len(time), _address(time), _address(volts), _initial(run.initial), run.motor_step,
+         run.body_step, first + 8 * start, _address(wanted), len(names), nothing, 0)
+        for (model, run), (time, volts), start in zip(jobs, inputs, [0, *ends], strict=False)
+    ]  # fmt: skip
+    requests = np.array(rows, dtype=_layout("bp_run"))
+    library.bp_simulate(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads)
+    failed = np.flatnonzero(requests["status"])
+    if len(failed):
+        index = int(failed[0])
+        status = int(requests["status"][index])
+        raise SimulationError(f"{jobs[index][0].name}, run {index}: {TROUBLE.get(status, status)}", index, status)
+    kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
+    return [Simulated(names, one, last) for one, last in zip(kept, requests["final"], strict=True)]
+
+
+def _checked(run: OpenLoopRun, columns: int) -> tuple[Array, Array]:
+    """Returns time and inputs as C reads them."""
+    time = np.ascontiguousarray(run.time, dtype=np.float64)
+    inputs = np.ascontiguousarray(run.inputs, dtype=np.float64)
+    if time.ndim != 1 or inputs.shape != (len(time), columns):
+        raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
+    return time, inputs
+
+
+def _address(array: Array | Array32) -> int:
+    place: int = array.__array_interface__["data"][0]
+    return place
