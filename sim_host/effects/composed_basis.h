@@ -12,6 +12,9 @@
  *   patch  1 on a strip across x and 0 beside it, with smooth edges: 1 / (1 + ((x - patch_x) / patch_half_width)^8)
  *   sprung the push of a sprung mass, per mass: q = p^2 z + 2 damping p z' with
  *          z'' + q = -u' (or -r') and p = 2 pi frequency
+ *
+ * The factor of the place raises the power by one: a gain V * V is a law in V^3, a loss w * w one in w^3, and a loss 1
+ * is linear.
  */
 #ifndef BRICKPILOT_EFFECTS_COMPOSED_BASIS_H
 #define BRICKPILOT_EFFECTS_COMPOSED_BASIS_H
@@ -33,6 +36,7 @@
     X(cos_time, "V", -1, 0, cos(2 * PI * frequency * t))
 
 #define COMPOSED_WHEEL_LOSS(X) \
+    X(linear, "N m s/rad", -1, 0, 1) \
     X(abs_w, "N m s^2/rad^2", -1, 0, fabs(w)) \
     X(w2, "N m s^3/rad^3", -1, 0, w * w) \
     X(w, "N m s^2/rad^2", -1, 0, w) \
@@ -66,6 +70,7 @@
     X(patch, "N", -1, 0, patch)
 
 #define COMPOSED_SURGE_LOSS(X) \
+    X(linear, "N s/m", -1, 0, 1) \
     X(abs_u, "N s^2/m^2", -1, 0, fabs(u)) \
     X(u2, "N s^3/m^3", -1, 0, u * u) \
     X(u, "N s^2/m^2", -1, 0, u) \
@@ -97,6 +102,7 @@
     X(patch, "N m", -1, 0, patch)
 
 #define COMPOSED_YAW_LOSS(X) \
+    X(linear, "N m s/rad", -1, 0, 1) \
     X(abs_r, "N m s^2/rad^2", -1, 0, fabs(r)) \
     X(r2, "N m s^3/rad^3", -1, 0, r * r) \
     X(r, "N m s^2/rad^2", -1, 1, r) \

@@ -18,9 +18,10 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import c_source
+from brickpilot.discover.terms.atoms import Atom, strip_atom
 from brickpilot.discover.terms.basis import EFFECT, Term, basis, parameters, settings_of, terms_of
 from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.fit import FINE, fit
+from brickpilot.discover.terms.fit import FINE, Fit, fit
 from brickpilot.discover.terms.problem import with_terms
 from brickpilot.discover.terms.search import ComposedTerms, find_terms
 from brickpilot.fit.parameters import Free, value_of, with_values
@@ -203,8 +204,6 @@ def test_equivalent_terms_are_named_as_rivals() -> None:
 
 
 def test_a_fit_ends_at_the_truth_from_several_starts() -> None:
-    from brickpilot.discover.terms.atoms import Atom
-
     data = by_plant(composed_term={"surge_push_sprung": 0.08, "frequency": 2.0, "damping": 0.1})
     start = with_terms(data.base, {"surge_push_sprung": 0.05, "frequency": 2.15, "damping": 0.15})
     atom = Atom((BASIS["surge_push_sprung"],), (("frequency", 2.15), ("damping", 0.15)))
@@ -214,6 +213,25 @@ def test_a_fit_ends_at_the_truth_from_several_starts() -> None:
     assert table["surge_push_sprung"] == pytest.approx(0.08, rel=0.05)
     assert table["frequency"] == pytest.approx(2.0, rel=0.01)
     assert abs(table["surge_push_sprung"] - 0.08) < 4 * found.sds["surge_push_sprung"]
+
+
+def test_a_strip_of_the_floor_has_to_explain_more_than_a_plain_term() -> None:
+    plain = Fit((Atom((BASIS["surge_loss_linear"],)),), {}, (), {}, robot(), 5000.0)
+    atom = strip_atom("surge_loss_patch", 0.5, 0.2)
+    strip = dataclasses.replace(plain, atoms=(atom,), tuned=atom.tuned, cost=4900.0)
+    assert strip.penalised_cost > plain.penalised_cost
+    assert dataclasses.replace(strip, cost=4800.0).penalised_cost < plain.penalised_cost
+
+
+@pytest.mark.parametrize("name", ["yaw_loss_linear", "wheel_loss_diff_linear"])
+def test_plain_linear_losses_are_terms(name: str) -> None:
+    size = {"yaw_loss_linear": 0.004, "wheel_loss_diff_linear": 3e-4}[name]
+    assert coefficient(find_terms(by_plant(composed_term={name: size})), name) == pytest.approx(size, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "power"), [("drive_gain_v2", "V³"), ("wheel_loss_w2", "w³")])
+def test_cubes_of_voltage_and_wheel_speed_are_terms(name: str, power: str) -> None:
+    assert power in equation([Term(BASIS[name], 0.5)], {}).text
 
 
 def test_the_basis_is_the_plants_table() -> None:

@@ -167,6 +167,9 @@ static void test_terms_that_have_a_name_agree_with_it(void)
     assert_same_as("coulomb_friction", 0.006, "wheel_dry_constant", 0.006, 0);
     assert_same_as("rolling_sqrt", 0.002, "wheel_dry_root_w", 0.002, 0);
     assert_same_as("quadratic_drag", 0.5, "surge_loss_abs_u", 0.5, 0);
+    assert_same_as("surge_drag", 0.5, "surge_loss_linear", 0.5, 0);
+    assert_same_as("viscous_scrub", 0.005, "yaw_loss_linear", 0.005, 0);
+    assert_same_as("viscous_loss", 4e-4, "wheel_loss_linear", 4e-4, 0);
     assert_same_as("yaw_scrub", 0.012, "yaw_dry_constant", 0.012, 0);
     assert_same_as("cogging", 0.01, "wheel_push_sin_angle", -0.01, 1e-12);
 }
@@ -195,7 +198,8 @@ static void test_a_loss_even_in_the_speed_brakes_one_way_and_gives_nothing_the_o
 
 static void test_negative_losses_take_away_no_more_than_there_are(void)
 {
-    static const char *const NAME[] = {"wheel_loss_abs_w", "surge_loss_abs_u", "yaw_loss_abs_r"};
+    static const char *const NAME[] = {"wheel_loss_abs_w",  "surge_loss_abs_u",  "yaw_loss_abs_r",
+                                       "wheel_loss_linear", "surge_loss_linear", "yaw_loss_linear"};
     for (size_t i = 0; i < sizeof NAME / sizeof NAME[0]; i++) {
         fresh(BP_DIFF_DRIVE, BP_COUPLED);
         set("viscous_friction", 1e-3);

@@ -147,6 +147,10 @@ TERM_SENSOR_COST = 12.0
 TERM_RIVAL_MARGIN = 24.0
 """Terms within so much penalised cost of the best are its rivals: as much as two parameters have to gain."""
 
+TERM_EQUALS_EFFECT = 0.95
+"""A composed term equals an effect whose simulated change, fitted to that of the term, has at least this cosine to it:
+it then leaves less than a tenth (1 - 0.95^2) of what the term does. Set without data."""
+
 MOST_TERMS = 3
 """A composed law has no more terms: the basis is large, and a law that a reader can check is short."""
 
@@ -181,6 +185,15 @@ def required_gain(after: float, floor_cost: float) -> float:
 def gains_enough(before: float, after: float, floor_cost: float) -> bool:
     """Returns whether a fall of the penalised cost is more than clean data of a richer plant ever show."""
     return before - after > required_gain(after, floor_cost)
+
+
+def strip_cost(cost: float) -> float:
+    """Returns the penalty for a term on a strip of the floor, in a fit that leaves `cost`.
+
+    Place and width of a strip are picked from hundreds of windows, so one of them fits any disturbance that a run
+    repeats at a place. It has to be better than a plain term by more than rivals may differ. No number of its own.
+    """
+    return max(TERM_RIVAL_MARGIN, RIVAL_MARGIN_SHARE * cost)
 
 
 def rival_margin(best_penalised: float, best_cost: float, floor_cost: float) -> float:

@@ -44,6 +44,11 @@ class Atom:
         """The settings that are fitted: all but the clock, which is one of two."""
         return tuple(name for name, _ in self.settings if name != "clock")
 
+    @property
+    def is_strip(self) -> bool:
+        """Whether it acts on a strip of the floor only."""
+        return bool(set(_STRIP) & set(self.tuned))
+
     def agrees(self, settings: Mapping[str, float]) -> bool:
         """Returns whether none of its settings contradicts `settings`."""
         return all(settings.get(name, value) == value for name, value in self.settings)

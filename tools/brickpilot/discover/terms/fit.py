@@ -14,6 +14,7 @@ from brickpilot.discover.gates import (
     TERM_PLACE_COST,
     TERM_SECOND_PLACE_COST,
     TERM_SENSOR_COST,
+    strip_cost,
 )
 from brickpilot.discover.terms.atoms import Atom
 from brickpilot.discover.terms.basis import EFFECT
@@ -61,11 +62,12 @@ class Fit:
 
     @property
     def penalised_cost(self) -> float:
-        """The cost with the penalties for its parameters and for the places where it acts."""
+        """The cost with the penalties for its parameters, for the places where it acts, and for strips of the floor."""
         places = {atom.place for atom in self.atoms}
         extra = TERM_SECOND_PLACE_COST * max(len(places) - 1, 0) + sum(
             TERM_PLACE_COST.get(place, TERM_SENSOR_COST) for place in places
         )
+        extra += strip_cost(self.cost) if any(atom.is_strip for atom in self.atoms) else 0.0
         return self.cost + PARAMETER_COST * (sum(len(atom.terms) for atom in self.atoms) + len(self.tuned)) + extra
 
 
