@@ -8,6 +8,7 @@
     score.py           what one result counts
     claims.py          what discovery is asked to show, as shares and figures over many results
     table.py           the whole table; table_text.py prints it
+    feedforward_fit.py the peer for real logs: kS, kV, kA and delays, fitted by free-run simulation
     sindy.py           the peer: PySINDy on the same sets, with a named library
     sindy_rows.py      the rows of its regression
     sindy_library.py   the columns of its regression: effects as text books write them
