@@ -209,6 +209,34 @@ def test_an_effect_that_repeats_a_nominal_value_is_missing_where_that_is_zero():
     assert "viscous_loss" not in {one.effect for one in candidates(robot())}
 
 
+@pytest.mark.parametrize(
+    ("measured", "absent", "present"),
+    [
+        ({"wheel_speed_left", "wheel_speed_right"}, {"gyro", "imu", "accel"}, {"encoder"}),
+        ({"yaw_angle"}, {"accel", "encoder"}, {"gyro", "imu"}),
+        ({"accel_surge"}, {"gyro", "encoder"}, {"accel", "imu"}),
+    ],
+)
+def test_an_effect_on_a_sensor_that_was_not_measured_is_no_candidate(measured, absent, present):
+    kinds = {one.name.split("_")[0] for one in catalogue.effects() if one.acts_on == "sensor"}
+    assert absent | present < kinds
+    found = {one.effect for one in candidates(robot(), measured)}
+    assert not any(name.startswith(tuple(absent - {"imu"})) for name in found)
+    assert all(any(name.startswith(kind) for name in found) for kind in present)
+    assert ("imu_lag" in found) == ("imu" in present)
+    assert {one.effect for one in candidates(robot())} - found <= {
+        one.name for one in catalogue.effects() if one.acts_on == "sensor"
+    }
+
+
+def test_a_position_is_delayed_by_its_sensor():
+    axis = motor(mass=95.0, viscous_friction=200.0, force_per_volt=35.0)
+    for measured in ({"position"}, {"velocity"}, {"angle"}):
+        found = {one.effect for one in candidates(axis, measured)}
+        assert "sensor_delay" in found
+        assert not any(name.startswith("gyro") for name in found)
+
+
 def test_optional_parameters_are_freed_one_at_a_time():
     free = [one.free for one in candidates(robot()) if one.effect == "direction_asymmetry"]
     assert ("torque",) in free

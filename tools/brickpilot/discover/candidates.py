@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.plant import OpenLoopRun, State
 
 _COMMAND = "voltage"  # the limited signal that is a command, not a reading
 
@@ -36,11 +41,17 @@ class Candidate:
         return Plan(model, (*base.free, *added), ())
 
 
-def candidates(base: Model) -> list[Candidate]:
-    """Returns every effect that `base` lacks, once for each set of parameters worth freeing."""
+def candidates(base: Model, measured: Collection[str] | None = None) -> list[Candidate]:
+    """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
+
+    Args:
+        measured: the signals that are compared; an effect on sensors that gave none of them is no candidate. None: all.
+    """
     found = []
     for info in catalogue.effects():
         if info.name in base.effects or info.composed or (info.acts_on == "supply" and _has_current_loop(base)):
+            continue
+        if info.acts_on == "sensor" and measured is not None and not readings_of(info.name, base.vehicle) & {*measured}:
             continue
         usable = [one for one in info.parameters if _adds_something(one, base)]
         for free in _sets_of_parameters(usable):
@@ -53,6 +64,22 @@ def _adds_something(one: ParameterInfo, base: Model) -> bool:
     """Returns whether a parameter can say more than `base` does: it has two sides, and nothing that does the same."""
     sided = base.vehicle == "diff_drive" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
+
+
+@cache
+def readings_of(effect: str, vehicle: str) -> frozenset[str]:
+    """Returns the signals that an effect on sensors changes, from a lively run of the compiled plant with it."""
+    time = np.arange(0.0, 1.0, 0.01)
+    wave = 9.0 * np.sign(np.sin(9.0 * time))
+    inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]
+    fast = State(surge=0.5, yaw_rate=20.0, wheel_speed=(40.0, 10.0), wheel_angle=(2.0, 1.0))
+    table = {one.name: one.preset or one.trial for one in catalogue.effect(effect).parameters}
+    with_metres = catalogue.presets(vehicle) | {"wheel_radius": catalogue.parameter("wheel_radius").preset}
+    base = Model("lively", vehicle, "coupled", with_metres)
+    run = OpenLoopRun(time=time, inputs=inputs, initial=fast)
+    models = (base, dataclasses.replace(base, effects={effect: table}))
+    plain, changed = (one.outputs for one in plant.simulate([(model, run) for model in models]))
+    return frozenset(name for name in plain.keys() & changed.keys() if np.any(plain[name] != changed[name]))
 
 
 def _has_current_loop(base: Model) -> bool:

@@ -24,7 +24,7 @@ def smallest(error: BinnedOutputError, best: FittedModel, excitation: Excitation
     gate = required_gain(best.cost, error.floor_cost())
     found: dict[str, tuple[float, Visible]] = {}
     for candidate, values, strength in signature_strengths(
-        here, best.point, candidates(best.model), excitation=excitation
+        here, best.point, candidates(best.model, here.signals), excitation=excitation
     ):
         name = candidate.free[0]
         size = abs(values[name]) * math.sqrt(gate / max(strength, 1e-12))

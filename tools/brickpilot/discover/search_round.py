@@ -70,7 +70,7 @@ def _fit_screened(
     here = error.with_plan(current.plan)
     here.keep_sensitivities(point, len(point))
     first: dict[tuple[str, tuple[str, ...]], Trial] = {}
-    for trial in screen(here, point, candidates(current.model), excitation=excitation):
+    for trial in screen(here, point, candidates(current.model, here.signals), excitation=excitation):
         if _is_promising(trial, error.floor_cost()):
             first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
 
