@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 _REST_S = 0.5  # at the start of a run at rest: the longest time that is averaged
 MOVING_SAMPLES = 12
 """So many samples are fitted by a line where a run starts in motion."""
+_LEAST_KNOWN = 4  # of these, for a line
+_HELD_S = 0.1  # within which the first sample of a held channel is looked for
 _TREND_SD = 3.0  # a slope beyond so many of its sd is motion
 
 
@@ -54,10 +56,13 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
         outputs = dict(run.outputs)
         rest = _samples_at_rest(run, inputs[run.name])
         for name, values in outputs.items():
-            if name in SUMMED or name.startswith("accel") or not np.isfinite(values[0]):
+            moving = MOVING_SAMPLES
+            if not np.isfinite(values[0]):  # a held channel: its next sample is a few rows away
+                moving = max(moving, int(np.searchsorted(run.time, run.time[0] + _HELD_S)))
+            if name in SUMMED or name.startswith("accel") or not np.isfinite(values[:moving]).any():
                 continue
             first = np.array(values)
-            first[0] = _first_value(run.time, values, rest)
+            first[0] = _first_value(run.time, values, rest, moving)
             first.flags.writeable = False
             outputs[name] = first
         runs.append(dataclasses.replace(run, outputs=outputs))
@@ -71,12 +76,12 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
     return min(count, int(np.searchsorted(run.time, run.time[0] + _REST_S)))
 
 
-def _first_value(time: Array, values: Array, rest: int) -> float:
-    """Returns an estimate of the first of `values` (n,) from it and those after it."""
-    known = np.flatnonzero(np.isfinite(values[: max(rest, MOVING_SAMPLES)]))
-    for count in (rest, MOVING_SAMPLES):
+def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
+    """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
+    known = np.flatnonzero(np.isfinite(values[: max(rest, moving)]))
+    for count in (rest, moving):
         chosen = known[known < count]
-        if len(chosen) < 4:
+        if len(chosen) < _LEAST_KNOWN:
             continue
         clock = time[chosen] - time[0]
         slope, at_start = np.polyfit(clock, values[chosen], 1)
@@ -84,6 +89,6 @@ def _first_value(time: Array, values: Array, rest: int) -> float:
         sd = float(np.std(residual, ddof=2)) / max(float(np.sqrt(np.sum((clock - clock.mean()) ** 2))), 1e-300)
         if count == rest and abs(slope) < _TREND_SD * sd + 1e-300:
             return float(np.mean(values[chosen]))
-        if count == MOVING_SAMPLES:
+        if count == moving:
             return float(at_start)
-    return float(values[0])
+    return float(values[known[0]])

@@ -15,6 +15,7 @@ from brickpilot.discover.start_state import MOVING_SAMPLES, with_averaged_starts
 
 Array = NDArray[np.float64]
 
+_HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
 _ANGLE_AND_RATE = (
     ("wheel_angle_left", "wheel_speed_left"),
@@ -72,13 +73,23 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float) -> Iterator
         )
 
 
+def _without_holes(time: Array, values: Array | None) -> Array | None:
+    """Returns the values with short holes filled, as between held samples; None if a hole is long."""
+    known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
+    if values is None or len(known) < 2 or len(known) == len(values):
+        return values if len(known) else None
+    holes = np.diff(time[np.concatenate([[0], known, [len(time) - 1]])])
+    return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= _HOLE_S else None
+
+
 def wheel_angles(run: Run) -> dict[str, Array] | None:
     """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one."""
     found = {}
     for angle, rate in _ANGLE_AND_RATE:
-        if angle in run.outputs and np.isfinite(run.outputs[angle]).all():
-            found[angle] = run.outputs[angle]
-        elif rate in run.outputs and np.isfinite(run.outputs[rate]).all():
-            found[angle] = cumulative_trapezoid(run.outputs[rate], run.time, initial=0)
+        angles, rates = (_without_holes(run.time, run.outputs.get(name)) for name in (angle, rate))
+        if angles is not None:
+            found[angle] = angles
+        elif rates is not None:
+            found[angle] = cumulative_trapezoid(rates, run.time, initial=0)
     one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
     return None if one_of_two else found or None

@@ -18,6 +18,7 @@ from brickpilot.data.audit.blame import Contradiction
 from brickpilot.data.audit.channels import contradictions
 from brickpilot.data.audit.clock import clock_faults
 from brickpilot.data.audit.fault import Fault, Kind, channel_note, range_note, rows_note
+from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import blank, jumps
 from brickpilot.data.audit.view import AcrossRuns, RunView, stretches
 from brickpilot.data.description import Signal
@@ -68,10 +69,7 @@ def audit(
         nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
     """
     resolution = {name: _resolution(name, runs, signals) for name in runs[0].outputs} if runs else {}
-    views = [
-        RunView(run.time, run.inputs, {name: values.copy() for name, values in run.outputs.items()}, resolution)
-        for run in runs
-    ]
+    views = [_view(run, resolution) for run in runs]
     faults, notes = _damaged_rows(runs, views, signals, frame)
     for found, its_notes in (
         _wrong_channels(runs, views, nominal or {}),
@@ -80,10 +78,35 @@ def audit(
     ):
         faults += found
         notes += its_notes
+    notes += _keep_samples(runs, views)
     outputs = {run.name: dict(view.outputs) for run, view in zip(runs, views, strict=True)}
     order = {run.name: number for number, run in enumerate(runs)}
     faults.sort(key=lambda one: (order[one.run], one.from_s, one.signal))
     return Audited(outputs, tuple(faults), tuple(notes))
+
+
+def _view(run: MeasuredRun, resolution: Mapping[str, float]) -> RunView:
+    outputs = {name: values.copy() for name, values in run.outputs.items()}
+    return RunView(run.time, run.inputs, outputs, resolution, held(run.time, run.outputs, resolution))
+
+
+def _keep_samples(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> list[str]:
+    """Blanks the rows that repeat a held sample; returns one note for all runs with the same channels."""
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for number, view in enumerate(views):
+        for name, one in view.held.items():
+            view.outputs[name][~one.fresh] = np.nan
+        if view.held:
+            alike.setdefault(tuple(view.held), []).append(number)
+    return [
+        held_note(
+            [runs[k].name for k in numbers],
+            len(runs),
+            {name: float(np.median([views[k].held[name].beat for k in numbers])) for name in names},
+            float(np.median([views[k].interval for k in numbers])),
+        )
+        for names, numbers in alike.items()
+    ]
 
 
 def _damaged_rows(

@@ -78,7 +78,7 @@ def _scale(residual: Vector, resolution: float) -> float:
 def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
-    known = np.flatnonzero(np.isfinite(values))
+    known = view.sampled(name)
     if len(known) < LEAST_SAMPLES:
         return found
     time, level = view.time[known], values[known]
@@ -187,12 +187,16 @@ def _near_input_step(view: RunView) -> Mask:
 
 
 def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
-    """Returns the line through each sample's neighbours, the distances from it, and the scale of these."""
-    values, time = view.outputs[name], view.time
-    line = np.full_like(values, np.nan)
+    """Returns the line through each sample's neighbours, the distances from it, and the scale of these.
+
+    Both are NaN in rows that are blank or repeat a sample, and beside a blank.
+    """
+    line = np.full_like(view.outputs[name], np.nan)
+    rows = view.sampled(name) if name in view.held else np.arange(len(view.time))
+    values, time = view.outputs[name][rows], view.time[rows]
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    line[1:-1] = values[:-2] + share * (values[2:] - values[:-2])
-    away = np.abs(values - line)
+    line[rows[1:-1]] = values[:-2] + share * (values[2:] - values[:-2])
+    away = np.abs(view.outputs[name] - line)
     known = away[np.isfinite(away)]
     return line, away, _scale(known, view.resolution[name]) if known.size else np.inf
 

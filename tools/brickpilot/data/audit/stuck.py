@@ -33,6 +33,8 @@ _STALE = 0.75  # share of repeats from which a rate is no evidence: it stands it
 _FAR = 0.25  # of the range, beyond its ends
 _NOW_AND_THEN = 0.02  # share of samples
 _BATTERY = "battery_voltage"
+_GROWS = 1.25  # the second speed of a shaft that starts, over its first
+_STARTS = 0.2  # of its fastest: the first speed that a shaft shows after it stood
 
 
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
@@ -91,8 +93,12 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
     """Finds stretches of one value that the signal's noise, its rate or a jump at the end rules out."""
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
+    samples = np.zeros(len(values), dtype=bool)
+    samples[view.sampled(name)] = True
     for start, last in stretches(_repeats(values), LEAST_FROZEN - 1):
         stop = last + 1
+        if np.count_nonzero(samples[start:stop]) < LEAST_FROZEN or _stands(view, name, start, stop):
+            continue
         if (
             _contradicts_rate(view, name, start, stop)
             or standstill.is_frozen(view, name, start, stop, across)
@@ -103,6 +109,21 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
         ):
             found[start:stop] = True
     return found
+
+
+def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
+    """Whether a rate is zero and comes from near zero and leaves to near zero, as that of a shaft that stands.
+
+    The speed of an encoder has no noise there, however much it has in motion. If a run begins so, its first speed may
+    be large as long as it goes on to grow: a sensor that wakes up shows the speed that it missed, and stays there.
+    """
+    values = view.outputs[name]
+    if name not in RATE_OF.values() or values[start] != 0.0:
+        return False
+    if start == 0 and stop + 1 < len(values) and values[stop + 1] / values[stop] > _GROWS:
+        return True
+    around = [abs(values[at]) for at in (start - 1, stop) if 0 <= at < len(values) and np.isfinite(values[at])]
+    return bool(around) and max(around) < _STARTS * float(np.nanmax(np.abs(values)))
 
 
 def at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
@@ -149,15 +170,15 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
     if not analogue and (name in SUMMED or level == 0.0) and not across.is_noise(name):
         return False
-    elsewhere = [one.outputs[name] for one in across.views if one is not view]
-    elsewhere += [view.outputs[name][:start], view.outputs[name][stop:]]
+    elsewhere = [one.once(name) for one in across.views if one is not view]
+    elsewhere += [view.once(name, slice(0, start)), view.once(name, slice(stop, None))]
     usual = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
     # `once`: the length of a stretch that is expected once
     once = np.log(usual.samples) / -np.log(usual.share) if 0.0 < usual.share <= _DITHERS else np.inf
     if not analogue and level != 0.0:
         turning = _repetition([np.abs(values) >= 0.5 * abs(level) for values in elsewhere], elsewhere)
         once = min(once, float(turning.longest)) if turning.share <= _DITHERS else once
-    return bool(stop - start >= max(LEAST_FROZEN, _UNLIKELY * once))
+    return bool(len(view.once(name, slice(start, stop))) >= max(LEAST_FROZEN, _UNLIKELY * once))
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brickpilot.data.audit.held import Held
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,12 +23,29 @@ _REPEATS = 0.02  # share of repeats of a channel that changes with every sample
 
 @dataclass(frozen=True, eq=False)
 class RunView:
-    """One run under audit. `outputs` are blanked as faults are found; `resolution`: by signal, SI."""
+    """One run under audit.
+
+    Attributes:
+        outputs: blanked as faults are found.
+        resolution: by signal, SI.
+        held: the channels that hold each sample for several rows (`held`).
+    """
 
     time: Vector
     inputs: Mapping[str, Vector]
     outputs: dict[str, Vector]
     resolution: Mapping[str, float]
+    held: Mapping[str, Held] = field(default_factory=dict)
+
+    def sampled(self, name: str) -> NDArray[np.intp]:
+        """Returns the rows with a known sample of a channel, without those that repeat one."""
+        known = np.isfinite(self.outputs[name])
+        return np.flatnonzero(known & self.held[name].fresh if name in self.held else known)
+
+    def once(self, name: str, part: slice = slice(None)) -> Vector:
+        """Returns the values of a channel in a part of the run, each held sample once."""
+        values = self.outputs[name][part]
+        return values[self.held[name].fresh[part]] if name in self.held else values
 
     @cached_property
     def drives(self) -> Mapping[str, Vector]:

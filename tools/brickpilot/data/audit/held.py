@@ -1,0 +1,139 @@
+"""Finds channels that hold each sample for several rows, because they are logged faster than they are sampled.
+
+A row that only repeats such a sample is no new data. It looks like a frozen sensor for a few rows, and like noise that
+is smaller than it is. Inputs are commands: they rightly hold until the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_LEAST_CHANGES = 20
+_LEAST_ROWS = 1.5  # mean rows for each sample
+_SHORTER = 0.6  # of the beat: two changes nearer to each other come from two samples
+_SELDOM = 0.05  # share of changes that may be so near to each other
+_ROW = 1.1  # rows: a change is logged so late at most
+_REGULAR = 0.9  # share of changes that are whole beats apart
+_STEPS = 2.5  # resolutions: a coarse channel at constant speed also changes at a beat, by one step each time
+_TOGETHER = 0.9  # share of the changes of a coarse channel that fall on those of another channel
+_SAME_BEAT = 0.1  # relative difference
+
+
+@dataclass(frozen=True)
+class Held:
+    """How one channel of a run is held.
+
+    Attributes:
+        beat: s from sample to sample.
+        fresh: (n,) true in the rows in which a sample is new; all others repeat it.
+    """
+
+    beat: float
+    fresh: Mask
+
+
+def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
+    """Returns the channels of one run that are held, by name.
+
+    A channel is held if its value changes at a common beat of several rows, and by more than one step of its
+    resolution. A coarse channel that only changes together with such a channel is held as well. A sample may repeat the
+    value of the one before it, as at rest, so a beat without a change counts as a new sample too.
+    """
+    row = float(np.median(np.diff(time)))
+    changed = {name: _changes(values) for name, values in outputs.items()}
+    beats = {
+        name: beat
+        for name, mask in changed.items()
+        if (beat := _beat(time, mask, row)) is not None and _steps(outputs[name], mask) > _STEPS * resolution[name]
+    }
+    grids = _grids(beats, changed)
+    found: dict[str, Held] = {}
+    for name, mask in changed.items():
+        if name in beats:
+            beat, grid = grids[name]
+        else:
+            others = [one for one in grids.values() if _falls_on(mask, one[1])]
+            if not others:
+                continue
+            beat, grid = others[0]
+        found[name] = Held(beat, _fresh(time, grid, beat, row))
+    return found
+
+
+def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: float) -> str:
+    """Describes the held channels of some runs: `beats`, channel -> s; `row`: s from row to row."""
+    where = "all runs" if len(runs) == of else f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} runs"
+    low, high = 1e3 * min(beats.values()), 1e3 * max(beats.values())
+    every = f"{low:.3g} ms" if high < 1.1 * low else f"{low:.3g} to {high:.3g} ms"
+    return (
+        f"{where}: {', '.join(beats)} hold a sample for {every} and are logged every {1e3 * row:.3g} ms; "
+        "each sample is used once, in its first row"
+    )
+
+
+def _changes(values: Vector) -> Mask:
+    """Returns the rows whose value differs from the known one before; the first known row is one."""
+    mask = np.zeros(len(values), dtype=bool)
+    known = np.flatnonzero(np.isfinite(values))
+    mask[known] = np.diff(values[known], prepend=np.nan) != 0.0
+    return mask
+
+
+def _steps(values: Vector, changed: Mask) -> float:
+    """Returns the median size of the changes."""
+    return float(np.median(np.abs(np.diff(values[changed]))))
+
+
+def _beat(time: Vector, changed: Mask, row: float) -> float | None:
+    """Returns the time between two changes, if it is one for the whole run and longer than a row; else None."""
+    at = np.flatnonzero(changed)
+    if len(at) < _LEAST_CHANGES:
+        return None
+    apart = np.diff(time[at])
+    short = apart <= 1.5 * float(np.median(apart))
+    beat = float(np.mean(apart[short]))  # rows round each one, their mean is exact
+    if beat < _LEAST_ROWS * row or np.mean(apart < min(_SHORTER * beat, beat - _ROW * row)) > _SELDOM:
+        return None
+    beats = np.maximum(np.round(apart / beat), 1.0)
+    if beat < 2 * row and np.mean(beats == 1.0) < _REGULAR:
+        return None
+    return beat if np.mean(np.abs(apart - beats * beat) <= _ROW * row) > _REGULAR else None
+
+
+def _grids(beats: Mapping[str, float], changed: Mapping[str, Mask]) -> dict[str, tuple[float, Mask]]:
+    """Returns channel -> its beat, and the rows in which it or a channel of the same device changes."""
+    found: dict[str, tuple[float, Mask]] = {}
+    for name, beat in beats.items():
+        device = [
+            other
+            for other, its in beats.items()
+            if abs(its - beat) < _SAME_BEAT * beat and _falls_on(changed[other], changed[name])
+        ]
+        grid = np.logical_or.reduce([changed[other] for other in device])
+        found[name] = beat, grid
+    return found
+
+
+def _falls_on(mask: Mask, grid: Mask) -> bool:
+    count = int(np.count_nonzero(mask))
+    return count >= _LEAST_CHANGES and bool(np.count_nonzero(mask & grid) > _TOGETHER * count)
+
+
+def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
+    """Returns the rows of `grid`, and those a whole beat after one where none is nearer."""
+    fresh = grid.copy()
+    at = np.append(np.flatnonzero(grid), len(time))
+    for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):
+        last = start
+        for later in range(start + 1, stop):
+            enough = stop == len(time) or time[stop] - time[later] > beat - _ROW * row
+            if time[later] - time[last] > beat - 0.5 * row and enough:
+                fresh[later], last = True, later
+    return fresh
