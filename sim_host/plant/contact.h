@@ -13,9 +13,13 @@ typedef struct {
      * force and pose. */
     void (*finish)(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *before, double step);
 
-    /* Before and after each motor step of h s, where the body moves on its own: `grip` sets the wheels' inertia and
-     * load as the tyres give way, `follow` the body's speeds. Both are NULL where the wheels carry the body along. */
+    /* Where the body moves on its own, for each motor step of h s; NULL where the wheels carry the body along.
+     * `expect` guesses how fast the tyres will slip at its end. `grip` sets the wheels' inertia and load as the tyres
+     * give way then. After the step, `overloads` is true where a tyre bore more than it can, and corrects the guess: the
+     * step is then to be repeated from `grip` on. `follow` sets the body's speeds. */
+    void (*expect)(wheels_t *wheels, const vehicle_t *vehicle);
     void (*grip)(wheels_t *wheels, vehicle_t *vehicle, double h);
+    bool (*overloads)(wheels_t *wheels, const vehicle_t *vehicle, double h);
     void (*follow)(wheels_t *wheels, vehicle_t *vehicle, double h);
 } contact_t;
 

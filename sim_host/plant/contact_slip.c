@@ -3,6 +3,9 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
+/* Force over what a tyre can bear from which a step is repeated. */
+static const double OVERLOAD = 1.05;
+
 static pair_t add(pair_t a, pair_t b)
 {
     return (pair_t){a.left + b.left, a.right + b.right, a.cross + b.cross};
@@ -29,19 +32,37 @@ typedef struct {
     double side;     /* kg: side impulse of both wheels over their common slip speed */
 } hold_t;
 
-static hold_t hold_of(const vehicle_t *vehicle, const double slip[2], double h)
+static hold_t hold_of(const vehicle_t *vehicle, const slip_t *slip, double h)
 {
     const build_t *build = &vehicle->build;
-    const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY], sway = vehicle->state.sway;
+    const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY], sway = slip->sway;
     hold_t hold = {.side = 0};
     for (int k = 0; k < 2 && build->along.creep > 0 && weight > 0; k++) {
-        const double speed = build->one_circle ? sqrt(slip[k] * slip[k] + sway * sway) : slip[k];
+        const double speed = build->one_circle ? sqrt(slip->along[k] * slip->along[k] + sway * sway) : slip->along[k];
         hold.along[k] = compliance(&build->along, 0.5 * weight, speed);
         hold.side += build->one_circle ? h / hold.along[k] : 0;
     }
     if (build->across.creep > 0 && weight > 0 && !build->one_circle)
         hold.side = h / compliance(&build->across, weight, sway);
     return hold;
+}
+
+/* The force over a step belongs to the slip at its end; with that at its start the method would be of first order. The
+ * slip is extrapolated from the starts of this step and the last. */
+static void expect(wheels_t *wheels, const vehicle_t *vehicle)
+{
+    const bp_state *state = &vehicle->state;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double *rim = vehicle->build.rim;
+    const slip_t now = {{radius * rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate),
+                         radius * rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate)},
+                        state->sway};
+    const slip_t before = wheels->body.has_slip ? wheels->body.slip : now;
+    wheels->body.slip = now;
+    wheels->body.has_slip = true;
+    wheels->body.ahead.along[0] = 2 * now.along[0] - before.along[0];
+    wheels->body.ahead.along[1] = 2 * now.along[1] - before.along[1];
+    wheels->body.ahead.sway = 2 * now.sway - before.sway;
 }
 
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
@@ -115,16 +136,16 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
 {
     const bp_state *state = &vehicle->state;
     const build_t *build = &vehicle->build;
-    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], b = vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
     const double rim[2] = {radius * build->rim[0], radius * build->rim[1]};
-    const double slip[2] = {rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate),
-                            rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate)};
-    const hold_t hold = hold_of(vehicle, slip, h);
+    const hold_t hold = hold_of(vehicle, &wheels->body.ahead, h);
     free_body(wheels, vehicle, h, hold.side);
 
     wheels->body.grip = wheels->body.mass;
     if (build->along.creep > 0) {
         const pair_t soft = {hold.along[0] / h, hold.along[1] / h, 0};
+        wheels->body.soft[0] = soft.left;
+        wheels->body.soft[1] = soft.right;
         const bool carries = build->mass * vehicle->parameter[PARAMETER_GRAVITY] > 0;
         wheels->body.grip = carries ? invert(add(soft, wheels->body.inverse)) : (pair_t){0, 0, 0};
     }
@@ -136,6 +157,31 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
                               wheels->body.free[1] - rim[1] * state->wheel_speed[1]};
     wheels->load[0] = rim[0] * (grip_mass->left * behind[0] + grip_mass->cross * behind[1]) / h;
     wheels->load[1] = rim[1] * (grip_mass->right * behind[1] + grip_mass->cross * behind[0]) / h;
+}
+
+/* A tyre that loses its hold was expected to stick, and bore what no tyre can. It slips by what that force makes of it,
+ * and so it holds less: by as much as it was overloaded, in each repetition. */
+static bool overloads(wheels_t *wheels, const vehicle_t *vehicle, double h)
+{
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    const pair_t *grip_mass = &wheels->body.grip;
+    if (!(vehicle->build.along.creep > 0))
+        return false;
+    const double ahead[2] = {radius * vehicle->build.rim[0] * vehicle->state.wheel_speed[0] - wheels->body.free[0],
+                             radius * vehicle->build.rim[1] * vehicle->state.wheel_speed[1] - wheels->body.free[1]};
+    const double impulse[2] = {grip_mass->left * ahead[0] + grip_mass->cross * ahead[1],
+                               grip_mass->right * ahead[1] + grip_mass->cross * ahead[0]};
+    slip_t reached = wheels->body.ahead;
+    for (int k = 0; k < 2; k++)
+        reached.along[k] = wheels->body.soft[k] * impulse[k];
+    const hold_t hold = hold_of(vehicle, &reached, h);
+    bool over = false;
+    for (int k = 0; k < 2; k++) {
+        const bool this_one = hold.along[k] > OVERLOAD * h * wheels->body.soft[k];
+        wheels->body.ahead.along[k] = this_one ? reached.along[k] : wheels->body.ahead.along[k];
+        over = over || this_one;
+    }
+    return over;
 }
 
 /* Computes the body's ground speeds with the tyres' impulses and the body's own dry friction. */
@@ -185,4 +231,5 @@ static void finish(const wheels_t *wheels, vehicle_t *vehicle, const bp_state *b
     body_move(&vehicle->state, wheels->body.travel_surge, wheels->body.travel_sway, wheels->body.turn);
 }
 
-const contact_t contact_slip = {.prepare = prepare, .finish = finish, .grip = grip, .follow = follow};
+const contact_t contact_slip = {
+    .prepare = prepare, .finish = finish, .expect = expect, .grip = grip, .overloads = overloads, .follow = follow};

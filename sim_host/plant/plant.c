@@ -12,6 +12,9 @@
  * none. */
 static const double STEP_SLACK = 1e-6;
 
+/* How often a motor step is done at most, to find how fast tyres slip that lose their hold in it. */
+enum { SLIP_TRIES = 4 };
+
 static void run_hooks(plant_t *plant, site_t site)
 {
     for (int i = 0; i < plant->hook_count[site]; i++) {
@@ -201,6 +204,27 @@ static bool floating_changed(const plant_t *plant)
     return isnan(voltage[0]) != wheels->floats[0] || isnan(voltage[1]) != wheels->floats[1];
 }
 
+/* One motor step of wheels and a body that moves on its own. */
+static void slipping_step(plant_t *plant, const contact_t *contact, double h)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    wheels_t *wheels = &plant->wheels;
+    const bp_state before = vehicle->state;
+    const double energy[2] = {wheels->energy[0], wheels->energy[1]};
+    contact->expect(wheels, vehicle);
+    for (int tries = 0; tries < SLIP_TRIES; tries++) {
+        vehicle->state = before;
+        wheels->energy[0] = energy[0];
+        wheels->energy[1] = energy[1];
+        contact->grip(wheels, vehicle, h);
+        wheels_join(wheels);
+        wheels_step(wheels, vehicle);
+        if (!contact->overloads(wheels, vehicle, h))
+            break;
+    }
+    contact->follow(wheels, vehicle, h);
+}
+
 static void motor_steps(plant_t *plant, const contact_t *contact, const double input[2], double h, int count)
 {
     vehicle_t *vehicle = &plant->vehicle;
@@ -221,13 +245,10 @@ static void motor_steps(plant_t *plant, const contact_t *contact, const double i
             memset(vehicle->dry, 0, sizeof vehicle->dry);
             run_hooks(plant, SITE_WHEEL);
         }
-        if (body_moves_alone) {
-            contact->grip(&plant->wheels, vehicle, h);
-            wheels_join(&plant->wheels);
-        }
-        wheels_step(&plant->wheels, vehicle);
         if (body_moves_alone)
-            contact->follow(&plant->wheels, vehicle, h);
+            slipping_step(plant, contact, h);
+        else
+            wheels_step(&plant->wheels, vehicle);
     }
 }
 

@@ -11,6 +11,12 @@
 #include "plant/dry.h"
 #include "plant/motor.h"
 
+/* Speeds of the tyres over the floor, m/s. */
+typedef struct {
+    double along[2]; /* of each wheel's rim ahead of the body */
+    double sway;     /* of both */
+} slip_t;
+
 typedef struct {
     /* Set by the contact for a body step. */
     pair_t inertia; /* kg m^2: M */
@@ -30,6 +36,10 @@ typedef struct {
         double sway_mass;                 /* kg */
         double travel_surge, travel_sway; /* m, since the body step began */
         double turn;                      /* rad */
+        slip_t slip;                      /* at the start of the motor step; only where has_slip */
+        bool has_slip;
+        slip_t ahead;   /* at the end of the motor step, as it is expected: the tyres hold as they do there */
+        double soft[2]; /* 1/kg: slip speed over impulse of each tyre in this step, with `ahead` */
     } body;
 
     /* Set by wheels_prepare(). */
