@@ -34,20 +34,31 @@ static phi_t phi_functions(double a)
     return phi;
 }
 
-void motor_prepare(motor_step_t *step, const motor_t *motor, double h, bool floats, double stiffness)
+static void settle(motor_step_t *step, const motor_t *motor, double h)
 {
-    *step = (motor_step_t){0};
-    if (floats)
-        return;
     const double resistance = motor->resistance;
     const phi_t phi = motor->inductance > 0 ? phi_functions(h * resistance / motor->inductance) : QUASI_STATIC;
 
-    step->emf_constant = motor->emf_constant;
-    step->torque_constant = motor->torque_constant;
-    step->torque_per_volt = motor->torque_per_volt;
     step->decay = 1 - phi.a_phi_1;
     step->gain = phi.a_phi_1 / resistance;
     step->mean_decay = phi.phi_1;
     step->mean_gain = phi.a_phi_2 / resistance;
-    step->mean_ramp = (phi.a_phi_3 + stiffness * (1 - phi.a_phi_3)) / resistance;
+    step->a_phi_3 = phi.a_phi_3;
+    step->of_step = h;
+    step->of_resistance = resistance;
+    step->of_inductance = motor->inductance;
+}
+
+void motor_prepare(motor_step_t *step, const motor_t *motor, double h, bool floats, double stiffness)
+{
+    if (floats) {
+        *step = (motor_step_t){0};
+        return;
+    }
+    if (step->of_step != h || step->of_resistance != motor->resistance || step->of_inductance != motor->inductance)
+        settle(step, motor, h);
+    step->emf_constant = motor->emf_constant;
+    step->torque_constant = motor->torque_constant;
+    step->torque_per_volt = motor->torque_per_volt;
+    step->mean_ramp = (step->a_phi_3 + stiffness * (1 - step->a_phi_3)) / motor->resistance;
 }

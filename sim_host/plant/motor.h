@@ -23,9 +23,15 @@ typedef struct {
     double mean_decay; /* phi_1 */
     double mean_gain;  /* (1 - phi_1) / R */
     double mean_ramp;  /* (1/2 - phi_2) / R, more where the step is stiff */
+
+    /* What the coefficients above were computed for, but mean_ramp; and a phi_3 with it. */
+    double of_step, of_resistance, of_inductance;
+    double a_phi_3;
 } motor_step_t;
 
-/* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. */
+/* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. `step` is
+ * all zero, or was prepared before: what depends on step, resistance and inductance alone is computed when one of them
+ * has changed. */
 void motor_prepare(motor_step_t *step, const motor_t *motor, double h, bool floats, double stiffness);
 
 /* The mean current over the step for a constant speed. The caller adds the part that the change of speed makes. */

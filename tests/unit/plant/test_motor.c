@@ -53,7 +53,7 @@ static void test_motor_without_inductance_follows_the_voltage_at_once(void)
 static void test_motor_coefficients_are_continuous_in_the_step(void)
 {
     const double meeting = 0.5 * 0.01 / 20;
-    motor_step_t below, above;
+    motor_step_t below = {0}, above = {0};
     motor_prepare(&below, &MOTOR, meeting * (1 - 1e-12), false, 0);
     motor_prepare(&above, &MOTOR, meeting * (1 + 1e-12), false, 0);
     TEST_ASSERT_DOUBLE_WITHIN(1e-11, above.decay, below.decay);
