@@ -10,7 +10,7 @@ import numpy as np
 
 from hidden.recipe import BENCH, Vehicle
 
-Kind = Literal["plain", "torque", "force", "moment", "mass", "spin"]
+Kind = Literal["plain", "torque", "force", "moment", "mass", "spin", "voltage", "resistance", "current", "grip"]
 
 
 @dataclass(frozen=True)
@@ -161,15 +161,22 @@ def strength(kind: Kind, vehicle: Vehicle) -> float:
 
     ratio = torque(vehicle) / torque(BENCH)
     force = ratio * BENCH.wheel_radius / vehicle.wheel_radius
+    voltage, resistance = vehicle.battery_voltage / BENCH.battery_voltage, vehicle.resistance / BENCH.resistance
     return {
         "plain": 1.0, "torque": ratio, "force": force, "moment": force * vehicle.half_track / BENCH.half_track,
         "mass": vehicle.mass / BENCH.mass, "spin": spin(vehicle) / spin(BENCH),
+        "voltage": voltage, "resistance": resistance, "current": voltage / resistance,
+        "grip": force * BENCH.mass / vehicle.mass,
     }[kind]  # fmt: skip
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
     """Returns parameters of effect `name` at about `size` times the visible ones, with random sign and spread."""
-    effect = TABLE[name]
+    return drawn(TABLE[name], size, vehicle, random)
+
+
+def drawn(effect: Effect, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
+    """Returns the parameters of `effect`, as `draw` does."""
     spread, sign = random.uniform(1.0, 1.15), random.choice((-1.0, 1.0))
     places = random.uniform(size=len(effect.ranges))
     values = {parameter: float(value) for parameter, value in effect.visible.items()}

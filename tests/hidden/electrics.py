@@ -11,6 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hidden import electrics_laws
+from hidden.by_run import delays, place
+from hidden.electrics_laws import Circuit
 from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
@@ -21,14 +24,25 @@ EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
      "pwm_quantisation", "actuator_lag", "actuator_deadband", "voltage_compression", "motor_asymmetry",
      "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time", "torque_constant_asymmetry",
-     "motor_heating"}
+     "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
 """The effects that act only here, in the order in which a command passes them. The gain of direction_asymmetry too."""
 
 
-def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float) -> NDArray[np.float64]:
-    """Returns what reaches the drive of `commands` (n, V, one per step): late (`input_delay`), or held at the start."""
+def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, number: int = 0) -> NDArray[np.float64]:
+    """Returns what reaches the drive of `commands` (n, V, one per step): late (`input_delay`), or held at the start.
+
+    Args:
+        number: of the run.
+    """
     out = commands
+    frames = hidden.get("command_jitter")
+    if frames:
+        sent = (
+            np.arange(len(out))
+            - delays((np.arange(len(out)) + 0.5) * step_s, number, frames["delay"], frames["jitter"]) / step_s
+        )
+        out = np.where(sent >= 0, out[np.clip(np.floor(sent), 0, None).astype(np.int64)], 0.0)
     delay = hidden.get("input_delay", {}).get("delay", 0.0)
     if delay > 0:
         grid = np.arange(len(out)) * step_s
@@ -37,6 +51,9 @@ def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float) -> ND
         padded = np.concatenate([np.zeros(whole + 1), out])
         out = (1 - part) * padded[1 : len(grid) + 1] + part * padded[: len(grid)]
     held = hidden.get("start_delay", {}).get("delay", 0.0)
+    by_run = hidden.get("start_delay_by_run")
+    if by_run:
+        held = by_run["delay"] * (1 + by_run["spread"] * place(number))
     if held > 0:
         missing = np.clip(held / step_s - np.arange(len(out)), 0.0, 1.0)
         out = out * (1 - missing)
@@ -68,9 +85,12 @@ class Electrics:
         self._tick = max(1, round(p("pwm_coast", "period") / step_s))
         self._fading, self._compression = p("battery_fade", "rate"), p("voltage_compression", "compression")
         self._coasting, self._dead = p("zero_coast", "share"), p("dead_time", "voltage")
-        self._thermal = p("motor_heating", "thermal_resistance")
-        self._heat_time = p("motor_heating", "time_constant", 1.0)
-        self.heat = [0.0, 0.0]  # K above the surroundings, kept from run to run
+        self._stages = electrics_laws.heat_stages(hidden)
+        self.heat = [[0.0] * len(self._stages), [0.0] * len(self._stages)]  # K by side and stage, from run to run
+        self._saturation = (p("one_motor_saturates", "loss"), 0.0)
+        self._circuit = Circuit(vehicle, step_s)
+        self._falls = [(act, hidden[name]) for name, act in electrics_laws.SUPPLY.items() if name in hidden]
+        self._drives = [(act, hidden[name]) for name, act in electrics_laws.DRIVE.items() if name in hidden]
         self.charge = 0.0  # C drawn since power-on
         self.age = 0.0  # s since power-on
         self.battery = vehicle.battery_voltage
@@ -87,6 +107,7 @@ class Electrics:
         self._on = [True, True]
         self._count = 0
         self._drawn = 0.0
+        self._circuit.start_run()
 
     def _decays(self, resistance: float) -> tuple[float, float]:
         """Returns the share of a current's distance from its goal after a step, and its mean over the step."""
@@ -111,8 +132,8 @@ class Electrics:
                 self.current[side] = 0.0
                 mean = 0.0
             else:
-                if self._thermal:
-                    hot = resistance * (1 + COPPER * self.heat[side])
+                if self._stages:
+                    hot = resistance * (1 + COPPER * sum(self.heat[side]))
                     left, average = self._decays(hot)
                 else:
                     hot = resistance
@@ -122,10 +143,10 @@ class Electrics:
                 self.current[side] = goal + apart * left
                 mean = goal + apart * average
                 drawn += applied * mean
-                if self._thermal:
-                    warmth = self._thermal * hot * mean * mean - self.heat[side]
-                    self.heat[side] += self._step * warmth / self._heat_time
-            torque[side] = self._torque_constant[side] * mean
+                for k, (thermal, lasting) in enumerate(self._stages):
+                    warmth = thermal * hot * mean * mean - self.heat[side][k]
+                    self.heat[side][k] += self._step * warmth / lasting
+            torque[side] = self._torque_constant[side] * mean / (1 + self._saturation[side] * abs(mean))
         self._drawn = drawn / self.battery
         self.age += self._step
         self.charge += self._drawn * self._step
@@ -135,7 +156,11 @@ class Electrics:
         """Returns V at the motors (left, right); None: the motor floats."""
         full = self._vehicle.battery_voltage
         open_voltage = full - self._slope * self.charge - self._fading * self.age
+        c = self._circuit
+        c.drawn, c.commands, c.current, c.age = self._drawn, (command_left, command_right), self.current, self.age
+        open_voltage -= sum(act(c, p) for act, p in self._falls)
         self.battery = max(open_voltage - self._sag * self._drawn, FLOOR * full)
+        c.battery = self.battery
         share = self.battery / full
         commands = (command_left * share, command_right * share)
         volts: list[float | None] = [0.0, 0.0]
@@ -156,8 +181,15 @@ class Electrics:
             size *= self._gain[side] * (1 + self._by_direction if value > 0 else 1 - self._by_direction)
             size *= 1 - self._fade * size
             value = math.copysign(min(size, self._limit), value)
-            volts[side] = self._pulse(side, value, fresh) if self._pulses else value
+            volts[side] = self._pulse(side, value, fresh) if self._pulses else self._by_other_laws(side, value)
         return volts
+
+    def _by_other_laws(self, side: int, volts: float) -> float | None:
+        value: float | None = volts
+        for act, p in self._drives:
+            if value is not None:
+                value = act(self._circuit, p, side, value)
+        return value
 
     def _switched(self, volts: float | None, emf: float) -> float | None:
         """Returns V at a motor whose back EMF is `emf`, after what the drive's switches do."""

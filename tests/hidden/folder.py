@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hidden import measure
+from hidden import measure, other_laws
 from hidden.recipe import Floats, Recipe, Vehicle
 
 UNITS = {
@@ -20,7 +20,7 @@ UNITS = {
     "wheel_speed_left": "rad/s", "wheel_speed_right": "rad/s",
 }  # fmt: skip
 _TURNS = {"accel_sway", "yaw_rate"}  # change sign between FRD and FLU
-_SD_STATED = 0.5  # share of the nominal values whose sd is stated
+_SD_STATED = {"none": 0.0, "half": 0.5, "all": 1.0}  # share of the nominal values whose sd is stated
 
 
 def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
@@ -30,8 +30,10 @@ def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
     for parameter in fields(Vehicle):
         true = getattr(recipe.vehicle, parameter.name)
         error, stated = random.normal(0.0, 1.0), random.uniform()
-        out[parameter.name] = {"value": float(true * (1 + recipe.nominal_error * error))}
-        if recipe.nominal_error > 0 and stated < _SD_STATED and true != 0:
+        wrong = recipe.wrong.get(parameter.name)
+        off = recipe.nominal_error * error if wrong is None else wrong
+        out[parameter.name] = {"value": float(true * (1 + off))}
+        if recipe.nominal_error > 0 and true != 0 and (wrong is not None or stated < _SD_STATED[recipe.sds]):
             out[parameter.name]["sd"] = float(true * recipe.nominal_error)
     return out
 
@@ -56,11 +58,14 @@ def write(recipe: Recipe, parent: Path) -> Path:
                 _table(recipe, run.held(recipe.sample_s), logged), encoding="ascii"
             )
         (scratch / "dataset.toml").write_text(_description(recipe, believed, list(runs[0])), encoding="ascii")
+        shown = measure.shown(recipe)
         facts = {
             "recipe": _plain(recipe),
+            "laws": {name: other_laws.told(name) for name in recipe.hidden},
             "nominal": believed,
-            "visibility": measure.visibility(recipe),
+            "visibility": shown.visibility,
             "unit_of_visibility": "rms change of the signal / sd of its noise",
+            "regions": shown.regions,
         }
         note = scratch / "truth.json"
         note.write_text(json.dumps(facts, indent=1) + "\n", encoding="ascii")

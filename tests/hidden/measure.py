@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import cast
 
 import numpy as np
 from scipy.signal import lfilter
 
+from hidden import regions, sensor_laws
 from hidden.manoeuvre import Manoeuvre
 from hidden.recipe import GRAVITY, Engine, Floats, Recipe, Track, Vehicle
 
@@ -32,7 +33,7 @@ SEEDED = frozenset({"planar"})
 
 SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-     "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic"}
+     "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
 )  # fmt: skip
 """The effects that act here and not in an engine."""
 
@@ -62,16 +63,17 @@ def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
     instantaneous.
     """
     signals, age = [], 0.0
-    for track in tracks:
-        signals.append(_sense(track, recipe, age))
+    for number, track in enumerate(tracks):
+        signals.append(_sense(track, recipe, age, number))
         age += float(track.time[-1])
     return signals
 
 
-def _sense(track: Track, recipe: Recipe, age: float) -> dict[str, Floats]:
+def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, Floats]:
     hidden, fine = recipe.hidden, track.oversample_s
     hold = round(recipe.sample_s / fine)
-    surge, sway, rate = track.accel_surge, track.accel_sway, track.yaw_rate
+    ideal = sensor_laws.read(track, hidden, age, number)
+    surge, sway, rate = ideal.surge, ideal.sway, ideal.rate
     arm = hidden.get("imu_lever_arm")
     if arm:
         turn = rate - 0.5 * fine * track.yaw_accel  # in the middle of the time over which the accelerations are means
@@ -96,8 +98,8 @@ def _sense(track: Track, recipe: Recipe, age: float) -> dict[str, Floats]:
     scale = 1 + hidden.get("encoder_scale", {}).get("error", 0.0)
     out = {"accel_surge": _mean_before(surge, hold), "accel_sway": _mean_before(sway, hold), "yaw_rate": rate}
     if recipe.sensors == "imu+encoders":
-        out["wheel_speed_left"] = track.wheel_speed_left * scale
-        out["wheel_speed_right"] = track.wheel_speed_right * scale
+        out["wheel_speed_left"] = ideal.left * scale
+        out["wheel_speed_right"] = ideal.right * scale
     delay = hidden.get("sensor_delay", {}).get("delay", 0.0)
     if delay > 0:
         out = {name: np.interp(track.time - delay, track.time, values) for name, values in out.items()}
@@ -155,12 +157,33 @@ def _driven(
     return engine(name)(vehicle, {effect: dict(values) for effect, values in physics}, runs, seed, sample_s)
 
 
+@dataclass(frozen=True)
+class Shown:
+    """How the hidden effects show, against the same vehicle without them; nothing is refitted.
+
+    Attributes:
+        visibility: signal -> rms change over all runs, in noise sd.
+        regions: where it changes by more than the noise: see `regions`.
+    """
+
+    visibility: dict[str, float]
+    regions: list[dict[str, object]]
+
+
 def visibility(recipe: Recipe) -> dict[str, float]:
     """Returns how far the hidden effects move each signal: rms over all runs, in noise sd. Nothing is refitted."""
+    return shown(recipe).visibility
+
+
+def shown(recipe: Recipe) -> Shown:
+    """Returns how the hidden effects show."""
+    driven = tracks(recipe)
     bare = replace(recipe, hidden={})
-    with_it, without = sense(tracks(recipe), recipe), sense(tracks(bare), bare)
-    out = {}
+    with_it, without = sense(driven, recipe), sense(tracks(bare), bare)
+    moved, sds = {}, {}
     for name in with_it[0]:
+        sds[name] = NOISE_SD[name] * recipe.noise
         square = np.concatenate([(a[name] - b[name]) ** 2 for a, b in zip(with_it, without, strict=True)])
-        out[name] = float(np.sqrt(square.mean())) / (NOISE_SD[name] * recipe.noise)
-    return out
+        moved[name] = float(np.sqrt(square.mean())) / sds[name]
+    names = [run.name for run in recipe.runs]
+    return Shown(moved, regions.of(names, with_it, without, driven, sds, recipe.sample_s))

@@ -16,8 +16,8 @@ class Step:
     """The state at the start of a step and what acts during it. Pairs are [left, right]; frame of the paper."""
 
     __slots__ = (
-        "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "rate", "side", "sine",
-        "speeds", "surge", "torque", "volts", "x", "y",
+        "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "motor_angles", "motor_speeds",
+        "rate", "side", "sine", "speeds", "surge", "sway", "torque", "volts", "x", "y",
     )  # fmt: skip
 
     age: float  # s since power-on
@@ -27,10 +27,13 @@ class Step:
     cosine: float  # of the heading
     sine: float
     surge: float  # m/s
+    sway: float  # m/s, to the right
     rate: float  # rad/s, clockwise
     mass: float  # kg, with payload
     speeds: list[float]  # rad/s of the wheels
     angles: list[float]  # rad
+    motor_speeds: list[float]  # rad/s of the rotors; those of the wheels where nothing lies between
+    motor_angles: list[float]  # rad
     volts: list[float]  # commanded, as they arrive
     torque: list[float]  # N m of the motors
     load: list[float]  # N m on the wheels, whatever joins them to the motors

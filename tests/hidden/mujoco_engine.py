@@ -8,15 +8,21 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 
-from hidden import electrics, measure, mujoco_effects, mujoco_model
+from hidden import electrics, measure, mujoco_effects, mujoco_laws, mujoco_model
 from hidden.electrics import Electrics, arriving
 from hidden.manoeuvre import Manoeuvre
 from hidden.mujoco_effects import Step
-from hidden.mujoco_model import DT, SIDE_SLIP_RETURN, build, soften
-from hidden.recipe import Floats, Hidden, Track, Vehicle
+from hidden.mujoco_model import DT, SIDE_SLIP_RETURN, build, deflate, soften
+from hidden.recipe import GRAVITY, Floats, Hidden, Track, Vehicle
 
 SETTLE_S = 0.5
-KNOWN = mujoco_effects.EFFECTS.keys() | mujoco_model.EFFECTS | electrics.EFFECTS | measure.SENSOR_EFFECTS
+KNOWN = (
+    mujoco_effects.EFFECTS.keys()
+    | mujoco_laws.LAWS.keys()
+    | mujoco_model.EFFECTS
+    | electrics.EFFECTS
+    | measure.SENSOR_EFFECTS
+)
 
 
 def simulate(
@@ -32,14 +38,14 @@ def simulate(
     if unknown:
         raise ValueError(f"{', '.join(sorted(unknown))}: no such effect")
     bench = _Bench(vehicle, hidden)
-    return [bench.drive(run, sample_s) for run in runs]
+    return [bench.drive(run, sample_s, number) for number, run in enumerate(runs)]
 
 
 class _Bench:
     """The vehicle between runs. `age` and `electrics` hold what carries over."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden) -> None:
-        self.hidden = hidden
+        self.hidden, self.vehicle = hidden, vehicle
         self.model, self.names = build(vehicle, hidden)
         self.data = mujoco.MjData(self.model)
         self.electrics = Electrics(vehicle, hidden, DT)
@@ -82,14 +88,15 @@ class _Bench:
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_step2(model, data)
 
-    def drive(self, run: Manoeuvre, sample_s: float) -> Track:
+    def drive(self, run: Manoeuvre, sample_s: float, number: int = 0) -> Track:
         model, data, advance = self.model, self.data, self.advance
+        deflate(model, self.vehicle, self.hidden, self.age)
         mujoco.mj_resetData(model, data)
         data.qpos[:] = self.rest
         data.qfrc_applied[:] = self.constant
         self.electrics.start_run()
         command = _per_step(run, sample_s)
-        fed_left, fed_right = (arriving(side, self.hidden, DT).tolist() for side in command)
+        fed_left, fed_right = (arriving(side, self.hidden, DT, number).tolist() for side in command)
         steps = len(fed_left) - 1
         positions, speeds, electric = (
             np.empty((steps + 1, model.nq)),
@@ -100,7 +107,7 @@ class _Bench:
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current
-        extras = _Extras(self)
+        extras = _Extras(self, number)
         positions[0], speeds[0], electric[0] = qpos, qvel, (0.0, 0.0, self.electrics.battery)
         before_left = before_right = 0.0
         for k in range(steps):
@@ -109,7 +116,7 @@ class _Bench:
                 fed_left[k], fed_right[k], 1.5 * speed_left - 0.5 * before_left, 1.5 * speed_right - 0.5 * before_right
             )
             before_left, before_right = speed_left, speed_right
-            if extras.acts:
+            if extras.acts or extras.laws:
                 extras.act(self.age + k * DT, torque, fed_left[k], fed_right[k])
             forces[left], forces[right] = torque
             advance(model, data)
@@ -129,11 +136,16 @@ def _per_step(run: Manoeuvre, sample_s: float) -> tuple[Floats, Floats]:
 class _Extras:
     """Connects `mujoco_effects` to MuJoCo's arrays."""
 
-    def __init__(self, bench: _Bench) -> None:
+    def __init__(self, bench: _Bench, number: int) -> None:
         self.bench, self.step = bench, Step()
         self.step.mass = bench.names.mass
         self.acts = [
             (mujoco_effects.EFFECTS[name], p) for name, p in bench.hidden.items() if name in mujoco_effects.EFFECTS
+        ]
+        self.laws = [
+            mujoco_laws.LAWS[name](p, number, bench.vehicle)
+            for name, p in bench.hidden.items()
+            if name in mujoco_laws.LAWS
         ]
 
     def act(self, age: float, torque: list[float], volts_left: float, volts_right: float) -> None:
@@ -146,11 +158,16 @@ class _Extras:
         s.heading = heading = -2 * math.atan2(qpos[6], qpos[3])
         s.cosine, s.sine = cosine, sine = math.cos(heading), math.sin(heading)
         s.surge, s.rate = qvel[0] * cosine - qvel[1] * sine, -qvel[5]
+        s.sway = -qvel[0] * sine - qvel[1] * cosine
         s.speeds, s.angles = [qvel[left], qvel[right]], [qpos[left_angle], qpos[right_angle]]
+        s.motor_speeds = [qvel[i] for i in names.motor_dof]
+        s.motor_angles = [qpos[i] for i in names.motor_angle]
         s.force = s.side = s.moment = 0.0
         s.load, s.dry = [0.0, 0.0], [names.coulomb, names.coulomb]
         for effect, parameters in self.acts:
             effect(s, parameters)
+        for law in self.laws:
+            law(s)
         applied = data.qfrc_applied
         applied[0] = s.force * cosine - s.side * sine
         applied[1] = -s.force * sine - s.side * cosine
@@ -176,6 +193,9 @@ def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, spe
     # axes of the body in those of the world: the first two columns of the rotation matrix
     ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     aside = np.column_stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
+    if "floor_wavy" in bench.hidden:
+        waves = bench.hidden["floor_wavy"]
+        felt[:, 0] -= GRAVITY * waves["slope"] * np.sin(2 * np.pi * positions[:, 0] / waves["wave"])
     left, right = bench.names.wheel_dof
     return Track(
         time=np.arange(len(speeds), dtype=float) * DT,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import mujoco
@@ -24,7 +25,8 @@ WHEEL_SHARE = 0.04  # of the vehicle's mass, each wheel
 
 EFFECTS = frozenset(
     {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
-     "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip", "tyre_grip"}
+     "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip", "tyre_grip",
+     "backlash_soft", "tyre_deflating", "payload_sprung"}
 )  # fmt: skip
 """The effects that are bodies, joints or contacts."""
 
@@ -61,8 +63,8 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         return hidden.get(effect, {}).get(parameter, 0.0)
 
     radius, track, mass = vehicle.wheel_radius, vehicle.half_track, vehicle.mass
-    payload = p("payload_mass", "mass")
-    names = Names(mass=mass + payload, coulomb=p("coulomb_friction", "torque"))
+    payload, sprung = p("payload_mass", "mass"), hidden.get("payload_sprung")
+    names = Names(mass=mass + payload + p("payload_sprung", "mass"), coulomb=p("coulomb_friction", "torque"))
     ahead, right = p("com_forward_offset", "forward"), p("com_lateral_offset", "right")
 
     wheel_mass = WHEEL_SHARE * mass
@@ -78,7 +80,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
     if turning <= 0:
         raise ValueError("the wheels alone have more yaw inertia than the vehicle")
     low = -0.4 * radius
-    backlash = hidden.get("gear_backlash")
+    backlash = hidden.get("gear_backlash") or hidden.get("backlash_soft")
     rotor = (backlash or {}).get("rotor_share", 0.0) * vehicle.wheel_inertia
     armature = vehicle.wheel_inertia - spin - rotor
     if armature < 0:
@@ -113,7 +115,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         <joint name="rotor_{name}" axis="0 1 0" armature="{rotor:.12g}"/>
         <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-10 1e-10 1e-10"/>
       </body>""")
-        tendon = _play(0.5 * backlash["gap"])
+        tendon = _play(0.5 * backlash["gap"]) if "gear_backlash" in hidden else ""  # soft teeth: `mujoco_laws`
         names.motor_dof, names.motor_angle = (8, 9), (9, 10)
     pairs = ""
     first = 8 + (2 if backlash else 0)
@@ -131,6 +133,8 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
             f'<pair name="{name}" geom1="floor" geom2="{name}" condim="3" friction="{CASTER_GRIP} {CASTER_GRIP} 0 0 0"'
         )
         pairs += ' solreffriction="0.004 1"/>'
+    if sprung:
+        bodies.append(_sprung(sprung, low))
     slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
     down = math.sqrt(1 - slope_x**2 - slope_y**2)
     # the stiffness is not used, but 0 would select another format
@@ -171,6 +175,28 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         model.dof_solref[5] = (0.002, 1)
         model.dof_solimp[5, :2] = 0.999
     return model, names
+
+
+def _sprung(load: Mapping[str, float], low: float) -> str:
+    """Returns a load on a spring and a damper that swings along the vehicle, beside its middle."""
+    omega = 2 * math.pi * load["frequency"]
+    spring, damper = load["mass"] * omega**2, 2 * load["damping"] * omega * load["mass"]
+    return f"""
+      <body pos="0 {-load["right"]:.12g} {low:.12g}">
+        <joint name="sprung" type="slide" axis="1 0 0" stiffness="{spring:.12g}" damping="{damper:.12g}"/>
+        <inertial pos="0 0 0" mass="{load["mass"]:.12g}" diaginertia="1e-9 1e-9 1e-9"/>
+      </body>"""
+
+
+def deflate(model: mujoco.MjModel, vehicle: Vehicle, hidden: Hidden, age: float) -> None:
+    """Sets the radii of the wheels for a run that starts `age` s after power-on, where a tyre loses air."""
+    if "tyre_deflating" not in hidden:
+        return
+    half = 0.5 * hidden["tyre_deflating"]["rate"] * age
+    for name, share in (("left", 1 + half), ("right", 1 - half)):
+        radius, geom = share * vehicle.wheel_radius, model.geom(name)
+        geom.size[0] = model.geom_rbound[geom.id] = radius
+        model.body_pos[geom.bodyid[0], 2] = radius - vehicle.wheel_radius
 
 
 def _play(half_gap: float) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from hidden import planar_laws, sensor_laws
 from hidden import planar_oddities as odd
 from hidden.planar_plant import LEFT_RIGHT, PLAY, Plant, in_body
 from hidden.recipe import GRAVITY, Floats, Hidden
@@ -15,7 +16,7 @@ Parameters = Mapping[str, float]
 
 ELSEWHERE = (
     "imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-    "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic",
+    "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
 """Sensor effects: they change what is measured, not what happens."""
 
@@ -506,5 +507,5 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "odd_load_ramp": odd.load_ramp,
     "odd_heading_spring": odd.heading_spring,
     "odd_tether": odd.tether,
-}
-"""In the order in which a command passes them; `odd_...` are in no library."""
+} | planar_laws.LAWS
+"""In the order in which a command passes them; `odd_...` and those of `planar_laws` are in no library."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
+from hidden.by_run import delays
 from hidden.manoeuvre import Manoeuvre
 from hidden.planar_effects import install
 from hidden.planar_plant import HEADING, SURGE, SWAY, WHEEL, YAW, Plant
@@ -131,14 +132,27 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
     """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of it."""
     out = np.zeros((steps, 2, plant.runs))
-    edges = np.maximum(np.arange(steps + 1) * plant.step - plant.command_delay, plant.late_start)
+    clock = np.arange(steps + 1) * plant.step
+    late = np.broadcast_to(plant.late_start, plant.runs)
     for k, run in enumerate(runs):
+        if plant.frames:
+            out[:, :, k] = _by_frames(run, sample_s, clock[:-1] + 0.5 * plant.step, k, *plant.frames)
+            continue
+        edges = np.maximum(clock - plant.command_delay, late[k])
         time, *sides = run.held(sample_s)
         time = np.append(time, max(time[-1], edges[-1]) + sample_s)
         for side, held in enumerate(sides):
             area = np.concatenate([[0.0], np.cumsum(held * np.diff(time))])
             out[:, side, k] = np.diff(np.interp(edges, time, area)) / plant.step
     return out
+
+
+def _by_frames(run: Manoeuvre, sample_s: float, time: Floats, number: int, delay: float, jitter: float) -> Floats:
+    """Returns (n, 2) V that arrive at each `time` (n,) s where every frame of commands has its own delay."""
+    given_at, left, right = run.held(sample_s)
+    sent = time - delays(time, number, delay, jitter)
+    held = np.searchsorted(given_at, sent, side="right") - 1
+    return np.where(sent[:, np.newaxis] >= 0, np.column_stack([left, right])[np.maximum(held, 0)], 0.0)
 
 
 def _track(
@@ -152,7 +166,10 @@ def _track(
     cosine, sine = np.cos(heading), np.sin(heading)
     rim = plant.vehicle.wheel_radius * 0.5 * np.abs(record[:, WHEEL]).sum(axis=1)
     shake = texture * rim[:, np.newaxis] * _vibration(len(time), rng) * (VIBRATION, VIBRATION, YAW_VIBRATION)
-    fall_x, fall_y = GRAVITY * plant.downhill[0], GRAVITY * plant.downhill[1]
+    x, y = _integral(u * cosine - v * sine), _integral(u * sine + v * cosine)
+    slope, wave = plant.waves or (0.0, 1.0)
+    fall_x = GRAVITY * (plant.downhill[0] + slope * np.sin(2 * np.pi * x / wave))
+    fall_y = GRAVITY * plant.downhill[1]
     return Track(
         time=time,
         command_left=left[held],
@@ -169,8 +186,8 @@ def _track(
         current_left=record[:, 0],
         current_right=record[:, 1],
         battery=record[:, 10],
-        x=_integral(u * cosine - v * sine),
-        y=_integral(u * sine + v * cosine),
+        x=x,
+        y=y,
     )
 
 

@@ -98,12 +98,16 @@ class Plant:
         self.rotor_share = 0.0  # of the wheel's inertia, before the play; 0: no play
         self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
-        self.command_delay = self.late_start = 0.0
+        self.falls: list[Callable[[Plant], Floats]] = []  # V that the supply loses beside those two
+        self.command_delay = 0.0
+        self.late_start: Floats | float = 0.0  # s, of all runs or (runs,)
+        self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
         self.against = np.zeros((2, 2, runs))  # wheels' dry friction against forward, backward; left, right
         self.drive: list[Hook] = []
         self.loads: list[Hook] = []
         self.bounds: list[Hook] = []
         self.downhill = (0.0, 0.0)  # sine of the floor's fall along x and y
+        self.waves: tuple[float, float] | None = None  # largest slope of the floor along x, and its wave length
         self.needs_position = False
         self.sliders: list[Slider] = []
         self.dry = self.slider("wheels")
@@ -279,14 +283,17 @@ class Plant:
     def _draw(self, running: NDArray[np.bool_]) -> None:
         """Applies the supply, the drive, and the current of both motors."""
         nominal = self.vehicle.battery_voltage
-        if self.supply_slope or self.supply_resistance or self.supply_fade:
+        falling = bool(self.supply_slope or self.supply_resistance or self.supply_fade or self.falls)
+        if falling:
             fallen = self.supply_slope * self.charge + self.supply_fade * (self.age + self.time)
             wanted = nominal - fallen - self.supply_resistance * self.supply_current
+            for fall in self.falls:
+                wanted = wanted - fall(self)
             self.supply += (self.step / SUPPLY_FILTER_S) * (np.maximum(wanted, self.supply_floor) - self.supply)
             self.voltage *= self.supply / nominal
         for hook in self.drive:
             hook(self)
-        if self.supply_slope or self.supply_resistance or self.supply_fade:
+        if falling:
             self.supply_current = (self.voltage * self.current).sum(axis=0) / self.supply
             self.charge += self.step * running * self.supply_current
         if self.heating:

@@ -124,6 +124,11 @@ class Recipe:
         frame: frame of the written signals.
         quantised: converters have 10 bits over the range of each sensor.
         noise_sd_stated: whether dataset.toml states the noise.
+        sds: of how many nominal values the sd is stated.
+        wrong: nominal values that are off by this share of the true one, with the sd of `nominal_error` stated: what
+            should be found is that the value is wrong.
+        called: effects of the library that say the same as `wrong`.
+        suite: a set of `quick_suites` says which one it belongs to.
     """
 
     name: str
@@ -139,3 +144,7 @@ class Recipe:
     quantised: bool = True
     noise_sd_stated: bool = True
     sample_s: float = 0.003
+    sds: Literal["none", "half", "all"] = "half"
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    called: tuple[str, ...] = ()
+    suite: str = ""

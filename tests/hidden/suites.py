@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from hidden import effects
+from hidden import effects, quick_suites
 from hidden.manoeuvre import short, twelve, varied
 from hidden.recipe import BENCH, VEHICLES, Recipe, specimen
 
@@ -172,5 +172,5 @@ def ci(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recipe
 
 
 SUITES: dict[str, Callable[..., list[Recipe]]] = {
-    "single": single, "pairs": pairs, "triples": triples, "none": none, "odd": odd, "ci": ci,
+    "single": single, "pairs": pairs, "triples": triples, "none": none, "odd": odd, "ci": ci, **quick_suites.SUITES,
 }  # fmt: skip

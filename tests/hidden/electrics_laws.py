@@ -1,0 +1,113 @@
+"""Laws of `other_laws` in supply, drive and motors of the engine "mujoco", in plain numbers: see `electrics`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from hidden.recipe import Hidden, Vehicle
+
+Parameters = Mapping[str, float]
+
+
+@dataclass
+class Circuit:
+    """What the laws see and change, of one vehicle. Pairs are [left, right].
+
+    Attributes:
+        age: s since power-on.
+        drawn: A from the supply.
+        commands: V, as they arrive, before the supply and the drive.
+        current: A of the motors at the start of a step.
+        slow: V, what Thevenin's capacitor holds.
+        held: V, what a drive with limited slew gives.
+        at_zero: s, how long the command has been zero.
+    """
+
+    vehicle: Vehicle
+    step: float
+    age: float = 0.0
+    drawn: float = 0.0
+    battery: float = 0.0
+    commands: tuple[float, float] = (0.0, 0.0)
+    current: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    slow: float = 0.0
+    held: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    at_zero: list[float] = field(default_factory=lambda: [0.0, 0.0])
+
+    def start_run(self) -> None:
+        self.held, self.at_zero, self.slow, self.drawn = [0.0, 0.0], [0.0, 0.0], 0.0, 0.0
+
+
+def _discharge_settling(c: Circuit, p: Parameters) -> float:
+    return -p["drop"] * math.expm1(-c.age / p["time_constant"])
+
+
+def _sag_with_memory(c: Circuit, p: Parameters) -> float:
+    c.slow += c.step / p["time_constant"] * (p["slow"] * c.drawn - c.slow)
+    return p["resistance"] * c.drawn + c.slow
+
+
+def _slew_limit(c: Circuit, p: Parameters, side: int, volts: float) -> float:
+    most = c.vehicle.battery_voltage / p["time"] * c.step
+    c.held[side] += max(-most, min(most, volts - c.held[side]))
+    return c.held[side]
+
+
+def _deadband_sloped(_: Circuit, p: Parameters, __: int, volts: float) -> float:
+    size = abs(volts)
+    return math.copysign(min(max(2 * (size - p["voltage"]), 0.0), size), volts)
+
+
+def _soft_saturation(c: Circuit, p: Parameters, _: int, volts: float) -> float:
+    limit = c.vehicle.battery_voltage / p["compression"]
+    return limit * math.tanh(volts / limit)
+
+
+def _switching_loss(c: Circuit, p: Parameters, side: int, volts: float) -> float:
+    if volts == 0:
+        return volts
+    return volts - p["voltage"] * max(-1.0, min(1.0, c.current[side] / p["current"]))
+
+
+def _levels_cut_off(c: Circuit, p: Parameters, _: int, volts: float) -> float:
+    unit = p["step"] * c.battery
+    return math.copysign(math.floor(abs(volts) / unit + 1e-9) * unit, volts)
+
+
+def _one_side_drop(_: Circuit, p: Parameters, side: int, volts: float) -> float:
+    return volts - max(-p["drop"], min(p["drop"], volts)) if side == 1 else volts
+
+
+def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | None:
+    """At a command of zero the drive lets go first, and shorts the motor a while later."""
+    c.at_zero[side] = c.at_zero[side] + c.step if c.commands[side] == 0 else 0.0
+    return None if 0 < c.at_zero[side] <= p["after"] else volts
+
+
+SUPPLY: dict[str, Callable[[Circuit, Parameters], float]] = {
+    act.__name__[1:]: act for act in (_discharge_settling, _sag_with_memory)
+}
+"""Each returns the V that the supply loses."""
+
+DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
+    act.__name__[1:]: act
+    for act in (
+        _levels_cut_off, _slew_limit, _deadband_sloped, _one_side_drop, _soft_saturation, _switching_loss, _brake_late,
+    )
+}  # fmt: skip
+"""Each returns V of one side (0: left) from V, in the order in which a command passes them. None: the motor floats."""
+
+TIMING = ("start_delay_by_run", "command_jitter")
+MOTOR = ("one_motor_saturates", "heating_in_two_stages")
+LAWS = frozenset({*SUPPLY, *DRIVE, *TIMING, *MOTOR})
+
+
+def heat_stages(hidden: Hidden) -> list[tuple[float, float]]:
+    """Returns K/W and s of each stage of a motor's heat (Foster's network: the stages add up)."""
+    two = hidden.get("heating_in_two_stages")
+    if two:
+        return [(two["winding"], two["winding_time"]), (two["case"], two["case_time"])]
+    one = hidden.get("motor_heating")
+    return [(one["thermal_resistance"], one["time_constant"])] if one else []

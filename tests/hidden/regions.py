@@ -1,0 +1,115 @@
+"""Where a hidden effect shows: the runs, signals and spans in which the engine's own runs with and without it differ.
+
+Nothing is refitted, so this is where the effect acts and what follows from it, up to the end of each run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hidden.recipe import Floats, Track
+
+WINDOW_S = 0.1
+"""The difference is an rms over windows of this length."""
+ABOVE = 1.0
+"""Noise sd: a window with a larger difference belongs to the region."""
+BRIDGED_S = 0.3
+"""A shorter break in a region is part of it."""
+
+COVERS, LIFT = 0.6, 1.3
+"""A condition covers this share of a region's squared difference, and this many times its own share of the time."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A span of one signal of one run in which the effect shows.
+
+    Attributes:
+        share: of the squared difference of all regions, in noise sd.
+        when: what the vehicle was doing there: "throughout" if nothing narrower covers it.
+    """
+
+    run: str
+    signal: str
+    from_s: float
+    to_s: float
+    share: float
+    when: str
+
+
+def of(
+    names: Sequence[str],
+    changed: Sequence[Mapping[str, Floats]],
+    plain: Sequence[Mapping[str, Floats]],
+    tracks: Sequence[Track],
+    noise_sd: Mapping[str, float],
+    sample_s: float,
+) -> list[dict[str, object]]:
+    """Returns the regions as tables, by run and signal, in order of time.
+
+    Args:
+        names: of the runs.
+        changed, plain: signal -> (n,) of each run with and without the effect, free of noise.
+        tracks: what happens with the effect.
+        noise_sd: signal -> sd of its noise.
+    """
+    found: list[tuple[Region, float]] = []
+    for name, with_it, without, track in zip(names, changed, plain, tracks, strict=True):
+        for signal, values in with_it.items():
+            square = ((values - without[signal]) / noise_sd[signal]) ** 2
+            for first, last in _spans(square, sample_s):
+                inside = slice(first, last)
+                when = _condition(track, square, inside, sample_s)
+                region = Region(name, signal, round(first * sample_s, 3), round(last * sample_s, 3), 0.0, when)
+                found.append((region, float(square[inside].sum())))
+    total = sum(part for _, part in found)
+    return [asdict(region) | {"share": round(part / total, 5)} for region, part in found]
+
+
+def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
+    """Returns [first, end) samples of the spans in which the rms over a window is above `ABOVE`."""
+    window = max(1, round(WINDOW_S / sample_s))
+    count = -(-len(square) // window)
+    sums = np.add.reduceat(square, np.arange(count) * window)
+    above = sums / np.minimum(window, len(square) - np.arange(count) * window) > ABOVE**2
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], above, [False]]).astype(np.int8)))
+    out: list[tuple[int, int]] = []
+    for first, end in edges.reshape(-1, 2).tolist():
+        start, stop = first * window, min(end * window, len(square))
+        if out and (start - out[-1][1]) * sample_s < BRIDGED_S:
+            out[-1] = (out[-1][0], stop)
+        else:
+            out.append((start, stop))
+    return out
+
+
+def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
+    """Returns text -> (n,) whether it holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
+    fast, turning = 0.5 * float(np.abs(speed).max()), 0.2 * float(np.abs(turn).max())
+    return {
+        "speed > 0": speed > 0.1 * fast,
+        "speed < 0": speed < -0.1 * fast,
+        "near standstill": np.abs(speed) < 0.1 * fast,
+        "at high speed": np.abs(speed) > fast,
+        "turning right": turn > turning,
+        "turning left": turn < -turning,
+        "turning": np.abs(turn) > turning,
+    }
+
+
+def _condition(track: Track, square: Floats, inside: slice, sample_s: float) -> str:
+    """Returns the narrowest condition that covers most of a region's squared difference."""
+    hold = round(sample_s / track.oversample_s)
+    speed, turn = track.surge[::hold][: len(square)], track.yaw_rate[::hold][: len(square)]
+    part = np.zeros(len(square))
+    part[inside] = square[inside]
+    best, lift = "throughout", LIFT
+    for text, mask in conditions(speed, turn).items():
+        covered, time = float(part[mask].sum() / part.sum()), float(mask.mean())
+        if covered >= COVERS and time > 0 and covered / time > lift:
+            best, lift = text, covered / time
+    return best

@@ -1,0 +1,124 @@
+"""Errors of sensors that are not the library's laws. They act on what an engine returns, so both engines have them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+
+from hidden.by_run import place
+from hidden.recipe import Floats, Hidden, Track
+
+Parameters = Mapping[str, float]
+
+
+@dataclass
+class Readings:
+    """What ideal sensors of one run show, (n,) each, every `step` s; the laws change it in turn."""
+
+    surge: Floats
+    sway: Floats
+    rate: Floats
+    left: Floats
+    right: Floats
+    step: float
+    time: Floats  # s since power-on
+    number: int  # of the run
+
+
+def read(track: Track, hidden: Hidden, age: float, number: int) -> Readings:
+    """Returns the readings of a run with the laws of `hidden` applied.
+
+    Args:
+        age: s from power-on to the run's start.
+    """
+    readings = Readings(
+        track.accel_surge, track.accel_sway, track.yaw_rate, track.wheel_speed_left, track.wheel_speed_right,
+        track.oversample_s, age + track.time, number,
+    )  # fmt: skip
+    for name, act in LAWS.items():
+        if name in hidden:
+            act(readings, hidden[name], track)
+    return readings
+
+
+def _second_order(values: Floats, omega: float, damping: float, step: float) -> Floats:
+    """Returns a low-pass of order two that starts settled; a value holds over a step (zero-order hold)."""
+    filtered = cont2discrete(([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="zoh")
+    first = values[0]
+    return np.asarray(lfilter(filtered[0].ravel(), filtered[1], values - first) + first, dtype=float)
+
+
+def _arm_on_mast(r: Readings, p: Parameters, track: Track) -> None:
+    """The IMU stands off the axle on a mast that swings: the arm's accelerations come through a resonance."""
+    turn = track.yaw_rate - 0.5 * r.step * track.yaw_accel
+    omega = 2 * math.pi * p["frequency"]
+    ahead = -(turn**2) * p["x"] - track.yaw_accel * p["y"]
+    aside = -(turn**2) * p["y"] + track.yaw_accel * p["x"]
+    r.surge = r.surge + _second_order(ahead, omega, p["damping"], r.step)
+    r.sway = r.sway + _second_order(aside, omega, p["damping"], r.step)
+
+
+def _accel_cross_axis(r: Readings, p: Parameters, _: Track) -> None:
+    """The axis ahead feels a share of the axis aside, and not the other way round."""
+    r.surge = r.surge + p["share"] * r.sway
+
+
+def _imu_second_order(r: Readings, p: Parameters, _: Track) -> None:
+    omega, damping = 1 / p["time"], math.sqrt(0.5)
+    r.surge, r.sway, r.rate = (_second_order(one, omega, damping, r.step) for one in (r.surge, r.sway, r.rate))
+
+
+def _accel_bias_fading(r: Readings, p: Parameters, _: Track) -> None:
+    left = np.exp(-r.time / p["time_constant"])
+    r.surge, r.sway = r.surge + p["surge"] * left, r.sway + p["sway"] * left
+
+
+def _gyro_scale_bent(r: Readings, p: Parameters, _: Track) -> None:
+    r.rate = (1 + p["error"]) * r.rate + p["cubic"] * r.rate**3
+
+
+def _gyro_bias_by_run(r: Readings, p: Parameters, _: Track) -> None:
+    r.rate = r.rate + p["bias"] * (1 + p["spread"] * place(r.number))
+
+
+def _gyro_warming_up(r: Readings, p: Parameters, _: Track) -> None:
+    r.rate = r.rate - p["bias"] * np.expm1(-r.time / p["time_constant"])
+
+
+def _gyro_soft_limit(r: Readings, p: Parameters, _: Track) -> None:
+    r.rate = p["limit"] * np.tanh(r.rate / p["limit"])
+
+
+def _encoder_eccentric(r: Readings, p: Parameters, _: Track) -> None:
+    """The code wheels run out of true: the reading swings once a turn, half a turn apart at the two wheels."""
+    left, right = np.cumsum(r.left) * r.step, np.cumsum(r.right) * r.step
+    r.left, r.right = r.left * (1 + p["share"] * np.cos(left)), r.right * (1 - p["share"] * np.cos(right))
+
+
+def _encoder_one_side(r: Readings, p: Parameters, _: Track) -> None:
+    r.left = r.left * (1 + p["error"])
+
+
+def _wheel_speed_late(r: Readings, p: Parameters, _: Track) -> None:
+    late = r.time - p["delay"]
+    r.left, r.right = np.interp(late, r.time, r.left), np.interp(late, r.time, r.right)
+
+
+def _wheel_speed_filtered(r: Readings, p: Parameters, _: Track) -> None:
+    kept = math.exp(-r.step / p["time_constant"])
+    r.left, r.right = (np.asarray(lfilter([1 - kept], [1, -kept], one), dtype=float) for one in (r.left, r.right))
+
+
+LAWS: dict[str, Callable[[Readings, Parameters, Track], None]] = {
+    act.__name__[1:]: act
+    for act in (
+        _arm_on_mast, _accel_cross_axis, _imu_second_order, _accel_bias_fading, _gyro_scale_bent, _gyro_bias_by_run,
+        _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side, _wheel_speed_late,
+        _wheel_speed_filtered,
+    )
+}  # fmt: skip
+"""In the order in which a reading passes them."""
