@@ -96,8 +96,17 @@ def nominal(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
         "rolling_friction": {"rolling_friction": -0.5},
     }
     return [
-        _set("nominal", name, i, seed_offset, engine, _KINDS[i % len(_KINDS)], sds="all", wrong=values,
-             called=("payload_mass",) if "mass" in values else ())
+        _set(
+            "nominal",
+            name,
+            i,
+            seed_offset,
+            engine,
+            _KINDS[i % len(_KINDS)],
+            sds="all",
+            wrong=values,
+            called=("payload_mass",) if "mass" in values else (),
+        )
         for i, (name, values) in enumerate(wrong.items())
     ]
 

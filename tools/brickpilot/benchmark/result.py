@@ -18,6 +18,9 @@ from brickpilot.errors import InputError
 
 RESULTS = "results.jsonl"
 
+_RANKED = 5  # explanations that a result keeps
+_UNMADE = {"hidden": None, "sensors": "imu", "noise": 1.0, "nominal_error": 0.0}  # the recipe of no set
+
 _SIZE = re.compile(r"-x([0-9.]+)-")
 
 
@@ -58,20 +61,29 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
     """Returns the fields of a result that tell the truth, and empty fields for the verdict."""
-    recipe = (
-        {"hidden": None, "sensors": "imu", "noise": 1.0, "nominal_error": 0.0} if truth is None else truth["recipe"]
-    )
+    facts: Mapping[str, Any] = {"recipe": _UNMADE, "visibility": {}} if truth is None else truth
+    recipe = facts["recipe"]
     size = _SIZE.search(name)
     return {
         "hidden": recipe["hidden"],
+        "laws": facts.get("laws", {}),
+        "wrong": recipe.get("wrong", {}),
+        "called": recipe.get("called", []),
+        "group": recipe.get("suite", ""),
+        "regions": facts.get("regions", []),
         "sensors": recipe["sensors"],
         "noise": recipe["noise"],
         "nominal_error": recipe["nominal_error"],
         "size": float(size[1]) if size else None,
-        "visibility": {} if truth is None else truth["visibility"],
+        "visibility": facts["visibility"],
+        "mechanism": None,
         "effects": [],
+        "suspected": [],
         "term": None,
         "elapsed_s": None,
+        "cpu_s": None,
+        "where": [],
+        "left_prior": [],
         "held_out": {"before": None, "after": None, "removed": None, "floor": None},
         "asked": None,
         "follow": None,
@@ -80,29 +92,56 @@ def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def verdict_fields(found: Finding) -> dict[str, Any]:
-    """Returns the fields of a result that tell a finding: verdict, names, values, rivals and term."""
+    """Returns the fields of a result that tell a finding."""
     full = found.to_json()
     return {
         "verdict": found.verdict,
-        "effects": [
-            {
-                "name": effect["name"],
-                "confidence": _finite(effect["confidence"]),
-                "parameters": {
-                    name: {"value": value["value"], "ci95": _interval(value["ci95"])}
-                    for name, value in effect["parameters"].items()
-                },
-                "equivalents": [
-                    {"name": other["name"], "worse_by": _finite(other["worse_by"])} for other in effect["equivalents"]
-                ],
-            }
-            for effect in full["effects"]
-            if effect["claimed"]
-        ],
+        "mechanism": full["mechanism"],
+        "evidence": full["evidence"],
+        "fit_percent": _without_nan(full.get("fit_percent")),
+        "effects": [_effect(effect) for effect in full["effects"] if effect["claimed"]],
+        "suspected": [_effect(effect) for effect in full["effects"] if not effect["claimed"]],
         "term": None
         if found.term is None
-        else {"equation": found.term.equation, "removed_held_out": found.term.removed_held_out},
+        else {
+            "place": found.term.place,
+            "equation": found.term.equation,
+            "removed_held_out": found.term.removed_held_out,
+        },
+        "where": [
+            {key: place[key] for key in ("run", "signal", "from_s", "to_s", "share_of_gap", "when")}
+            for place in full["where"]
+        ],
+        "left_prior": [name for name, change in full["nominal"].items() if change["leaves_prior"]],
+        "ranking": [
+            {"names": list(rank.names), "removed": _finite(rank.removed), "why": rank.why}
+            for rank in found.ranking[:_RANKED]
+        ],
     }
+
+
+def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "name": effect["name"],
+        "mechanism": effect["mechanism"],
+        "confidence": _finite(effect["confidence"]),
+        "parameters": {
+            name: {"value": value["value"], "ci95": _interval(value["ci95"])}
+            for name, value in effect["parameters"].items()
+        },
+        "equivalents": [
+            {"name": other["name"], "worse_by": _finite(other["worse_by"])} for other in effect["equivalents"]
+        ],
+    }
+
+
+def _without_nan(tree: Any) -> Any:
+    """Returns a tree of JSON with null where a number is not finite."""
+    if isinstance(tree, Mapping):
+        return {key: _without_nan(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_without_nan(value) for value in tree]
+    return None if isinstance(tree, float) and not np.isfinite(tree) else tree
 
 
 def _finite(value: float) -> float | None:
