@@ -27,6 +27,8 @@ from brickpilot.discover.finding import (
     Visible,
     Whiteness,
 )
+from brickpilot.fit.deficient import Deficient
+from brickpilot.fit.explain import Explained
 from brickpilot.fit.replay import Replay
 from synthetic import robot, write
 
@@ -57,6 +59,8 @@ TERM = Term(
     "if (w < 0 && torque > 0)\n    return;\n",
     0.923,
 )
+YAW = Deficient("yaw", 0.0121, "N m", (0.0111, 0.013), 0.213, 0.047, 1490.0, 0.91, (Explained("turning", 0.63),))
+GYRO = Deficient("sensor yaw_rate", 0.05, "rad/s", None, None, 0.02, 147.0, 0.09, (Explained("voltage", 0.02),))
 RANKING = (
     Rank(("coulomb_friction",), {"coulomb_friction.torque": 0.0061}, 1.02, 0.998, "Taken: it explains the runs best."),
     Rank(("actuator_deadband",), {"actuator_deadband.voltage": 0.43}, 2.9, 0.75, "Fits worse by 812 units."),
@@ -121,6 +125,7 @@ def finding(data: Dataset, kind: str) -> Finding:
         noise_sd=NOISE,
         elapsed_s=6.24,
         seed=7,
+        equations=() if kind == "none" else (YAW, GYRO),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
 
@@ -249,6 +250,7 @@ class Finding:
         power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
+        equations: the equations and sensors of the nominal model that need a disturbance, the most deficient first.
     """
 
     dataset: Dataset
@@ -275,6 +277,7 @@ class Finding:
     elapsed_s: float
     seed: int
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    equations: tuple[Deficient, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of verdict.json."""
@@ -285,6 +288,7 @@ class Finding:
             "proof": None if self.evidence is None else dataclasses.asdict(self.evidence),
             "effects": [_effect_json(effect) for effect in self.effects],
             "where": [dataclasses.asdict(place) for place in self.where],
+            "equations": [one.to_json() for one in self.equations],
             "gap": {
                 **{role: dataclasses.asdict(gap) for role, gap in self.gap.items()},
                 "unit": "residual rms / noise sd",

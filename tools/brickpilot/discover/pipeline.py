@@ -10,6 +10,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
     conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
+    find_equations   -> Deficient     the equations that need a disturbance, and what it varies with   (equations.py)
 
 Every number that decides a verdict stands in gates.py, with the reason for it.
 """
@@ -24,6 +25,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
+from brickpilot.discover.equations import find_equations
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
@@ -31,6 +33,7 @@ from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
 from brickpilot.discover.written import Written, write
+from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.descent import Counter, Progress
 from brickpilot.vehicle.model import Model
 
@@ -78,7 +81,8 @@ def discover(
     written: Written = write(explained.prepared, explained.verdict, composed)
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
     finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment)
-    return dataclasses.replace(finding, elapsed_s=round(time.perf_counter() - began, 2))
+    equations: tuple[Deficient, ...] = find_equations(explained.prepared, finding)
+    return dataclasses.replace(finding, equations=equations, elapsed_s=round(time.perf_counter() - began, 2))
 
 
 def _explain(prepared: Prepared, tell: Counter) -> Explained:

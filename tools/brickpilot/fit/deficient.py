@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,9 @@ from brickpilot.vehicle.predictor import Predicted
 
 Array = NDArray[np.float64]
 
-_PASSES = 8  # of the smoother, when one size is left out
+_PASSES, _SECOND_PASSES = 8, 16  # of the smoother, where one size is left out, or another basis is tried
 _LEAST_LOST, _LEAST_LOST_SHARE = 5.0, 0.03  # of log likelihood, and of the largest loss: less is not worth a load
+_LEAST_EXPLAINED = 0.1  # of a load's mean square: a quantity that explains less explains nothing
 _STEP = 0.05  # of the logarithm of a size, for its interval
 
 EQUATIONS = {
@@ -69,6 +71,22 @@ class Deficient:
     share: float
     best: tuple[Explained, ...]
 
+    @property
+    def explained(self) -> Explained | None:
+        """The quantity that it varies with; None: with none of those that were tried."""
+        return self.best[0] if self.best and self.best[0].share >= _LEAST_EXPLAINED else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns its entry of verdict.json."""
+        return {
+            "equation": self.equation,
+            "noise": {"value": self.size, "unit": self.unit, "ci95": self.ci95},
+            "volts": self.volts,
+            "share_of_likelihood": self.share,
+            "best_explained_by": None if self.explained is None else self.explained.by,
+            "explained": None if self.explained is None else self.explained.share,
+        }
+
 
 def deficient_equations(problem: Innovations, model: Model, least_over_full: float) -> tuple[Deficient, ...]:
     """Returns the equations and sensors that need more than `least_over_full`, the most deficient first.
@@ -109,23 +127,21 @@ def _best_basis(problem: Innovations, model: Model) -> FittedNoise:
         return first
     start = start_noise(problem, model, first.decay_s)
     sds = {**first.sds, **{size: start.sds[size] for size in _BASES[1]}}
-    second = fit_noise(problem, model, dataclasses.replace(first, sds=sds), without=_BASES[0])
+    second = fit_noise(problem, model, dataclasses.replace(first, sds=sds), without=_BASES[0], passes=_SECOND_PASSES)
     return max(first, second, key=lambda one: one.log_likelihood)
 
 
 def _fewest(problem: Innovations, model: Model, noise: FittedNoise, least_over_full: float) -> FittedNoise:
-    """Leaves out what is small, and then what costs next to nothing to leave out, the cheapest first."""
+    """Leaves out what is small, and then what costs next to nothing to leave out."""
     natural = scales(problem, model)
     without = [size for size, sd in noise.sds.items() if size.kind != "noise" and sd <= least_over_full * natural[size]]
     noise = fit_noise(problem, model, noise, without=without, passes=_PASSES)
-    while left := [size for size, sd in noise.sds.items() if size.kind != "noise" and sd > 0]:
-        lost = {size: _lost(problem, model, noise, size) for size in left}
-        cheapest = min(left, key=lost.__getitem__)
-        if lost[cheapest] > max(_LEAST_LOST, _LEAST_LOST_SHARE * max(lost.values())):
-            break
-        without.append(cheapest)
-        noise = fit_noise(problem, model, noise, without=without, passes=_PASSES)
-    return noise
+    lost = {
+        size: _lost(problem, model, noise, size) for size, sd in noise.sds.items() if size.kind != "noise" and sd > 0
+    }
+    least = max(_LEAST_LOST, _LEAST_LOST_SHARE * max(lost.values(), default=0.0))
+    cheap = [size for size, one in lost.items() if one < least]
+    return fit_noise(problem, model, noise, without=[*without, *cheap], passes=_PASSES) if cheap else noise
 
 
 def _lost(problem: Innovations, model: Model, noise: FittedNoise, size: Size) -> float:

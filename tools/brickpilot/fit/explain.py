@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 _BINS = 12  # of a quantity, with as many samples each
 _SHRINK = 10.0  # samples of nothing that each bin starts with
-_ORDERS = np.arange(0.5, 12.01, 0.02)  # periods per turn that are tried for a load that repeats with the wheel's angle
+_ORDERS = np.arange(0.5, 12.01, 0.05)  # periods per turn that are tried for a load that repeats with the wheel's angle
 _PLAINER = 0.05  # of the load's square: a quantity earlier in the list is preferred if it explains so nearly as much
 _FOLDS = 5
 _STRETCH_S = 1.0  # a stretch of time stays in one fold: a load lasts about so long at most
@@ -80,7 +80,7 @@ def _share(run: LoadOfRun, name: str, folds: NDArray[np.intp]) -> float:
     """Returns the share of the mean square that is predicted, each fold from the others."""
     weight = 1 / (run.sd**2 + np.mean(run.sd**2) + 1e-300)
     against = run.quantities[name]
-    predict = _repeating if name == WHEEL_ANGLE else _binned
+    predict = _repeating(against, run.load, weight) if name == WHEEL_ANGLE else _binned
     error = np.array(run.load)
     for fold in np.unique(folds):
         rest, here = folds != fold, folds == fold
@@ -100,12 +100,16 @@ def _binned(against: Array, load: Array, weight: Array, at: Array) -> Array:
     return np.asarray(mean[np.searchsorted(edges, at, side="right")])
 
 
-def _repeating(against: Array, load: Array, weight: Array, at: Array) -> Array:
-    """Returns the sine of the order that fits best, at each angle `at`."""
-    turn = np.exp(1j * np.outer(_ORDERS, against))
-    match = np.abs(turn @ (weight * load))
+def _repeating(against: Array, load: Array, weight: Array) -> Callable[[Array, Array, Array, Array], Array]:
+    """Returns the fit of a sine of the angle, of the order that suits the load best."""
+    match = np.abs(np.exp(1j * np.outer(_ORDERS, against)) @ (weight * load))
     order = float(_ORDERS[int(np.argmax(match))])
-    root = np.sqrt(weight)
-    columns = np.column_stack([np.cos(order * against), np.sin(order * against)]) * root[:, np.newaxis]
-    factors = np.linalg.lstsq(columns, load * root, rcond=None)[0]
-    return np.asarray(np.column_stack([np.cos(order * at), np.sin(order * at)]) @ factors)
+
+    def waves(angle: Array) -> Array:
+        return np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+
+    def sine(against: Array, load: Array, weight: Array, at: Array) -> Array:
+        root = np.sqrt(weight)
+        return np.asarray(waves(at) @ np.linalg.lstsq(waves(against) * root[:, np.newaxis], load * root, rcond=None)[0])
+
+    return sine

@@ -100,7 +100,7 @@ def _fit_parameters(problem: Innovations, plan: Plan, start: Array, noise: Fitte
         base = residual(at)
         steps = np.where(at + _STEP <= high, _STEP, -_STEP) * [free.reach for free in plan.free]
         columns = [(residual(at + step) - base) / step[k] for k, step in enumerate(np.diag(steps))]
-        return np.nan_to_num(np.array(columns).T)
+        return np.asarray(np.nan_to_num(np.array(columns).T))
 
     margin = 1e-9 * (high - low)
     reach = np.array([free.reach for free in plan.free])

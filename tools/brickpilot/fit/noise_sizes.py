@@ -31,7 +31,7 @@ _SMALLEST, _START, _LARGEST = (
     3.0,
 )  # sd of a load over the torque at full voltage, or of a drift over the rms
 _NOISE_RANGE = (0.5, 30.0)  # of a reading's stated or estimated sd
-_PASSES, _FEW_PASSES = 40, 12
+_PASSES, _FEW_PASSES = 25, 8
 _DIVERGED = 1e12
 
 

@@ -66,6 +66,7 @@ def _tables(finding: Finding) -> dict[str, Any]:
     """Returns the rows of the tables on effects, candidates and parameters."""
     return {
         "places": [discover_tables.place(one, finding) for one in finding.where],
+        "equations": [discover_tables.equation(one) for one in finding.equations],
         "effects": [discover_tables.effect(one) for one in finding.effects],
         "equivalents": discover_tables.equivalents(finding),
         "nominal": discover_tables.nominal(finding),

@@ -126,8 +126,14 @@ def predict(
         InputError: a model the plant refuses.
     """
     built = build(model)
+
+    def one(numbered: tuple[int, Readings]) -> Predicted:
+        return _predict(built, model, numbered, noise, horizon_s, smooth)
+
+    if threads < 2:
+        return [one(numbered) for numbered in enumerate(readings)]
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda pair: _predict(built, model, pair, noise, horizon_s, smooth), enumerate(readings)))
+        return list(pool.map(one, enumerate(readings)))
 
 
 def _predict(
