@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from brickpilot.benchmark.feedforward_fit import fit_feedforward, fit_percent
 from brickpilot.data import dataset
 

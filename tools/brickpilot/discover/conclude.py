@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.finding import Experiment, Finding, NominalChange, Term
+from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
@@ -48,6 +48,7 @@ def conclude(
         gap=written.gap,
         by_signal=written.by_signal,
         nominal=_nominal_changes(prepared.plan, nominal_model if written.kind == "none" else written.model),
+        nominal_findings=_nominal_findings(prepared, verdict),
         next_experiment=experiment,
         ranking=ranking(verdict, searched),
         whiteness=locate.whiteness(prepared.fine, prepared.fine.residual_of(written.model)),
@@ -100,6 +101,20 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, NominalChange]:
             free.known.value, value, unit_on(model, free.info), sd, shift > gates.PRIOR_LEFT_SD
         )
     return changes
+
+
+def _nominal_findings(prepared: Prepared, verdict: Verdict) -> tuple[NominalFinding, ...]:
+    """Returns the nominal values that the calibrated model had to move beyond what is stated of them.
+
+    Where an effect was added that leaves them as stated, they are no finding.
+    """
+    explained = verdict.best if verdict.kind == "named" else verdict.nominal
+    rivals = tuple(" + ".join(one.names) for one in verdict.nominal_rivals)
+    return tuple(
+        NominalFinding(name, one.before, one.after, one.unit, abs(one.after - one.before) / one.sd, rivals)
+        for name, one in _nominal_changes(prepared.plan, explained.model).items()
+        if one.leaves_prior and one.sd
+    )
 
 
 def _notes(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[str, ...]:

@@ -96,18 +96,24 @@ def confirm(
     removed_fit = _removed(before, after, prepared.fine.noise_cost())
     held_out = prepared.held_out()
     if held_out is None:
-        return Evidence("fitted_only", removed_fit, None, None, _NO_RUNS), True
+        return Evidence("fitted_only", removed_fit, None, None, False, _NO_RUNS), True
     change = held_out_change(held_out, nominal, augmented)
-    improves = free_run_change(prepared, simulated) < 1
     falls = gap.before is not None and gap.after is not None and gap.after < gap.before
-    sentence = _sentence(change, improves=improves, falls=falls)
+    sentence = _sentence(change, free_run_change(prepared, simulated), falls=falls)
     kind: EvidenceKind = "held_out" if sentence is _CONFIRMED else "fitted_only"
-    return Evidence(kind, removed_fit, change.removed, change.draws, sentence), sentence is not _GROWS
+    contradicted = sentence not in (_CONFIRMED, _NOT_EXCITED)
+    evidence = Evidence(kind, removed_fit, change.removed, change.draws, contradicted, sentence)
+    return evidence, sentence is not _GROWS
 
 
-def _sentence(change: HeldOutChange, *, improves: bool, falls: bool) -> str:
-    """Returns what held-out runs say, from the most serious objection to none."""
-    if not improves and (change.is_excited or change.after > change.before):
+def _sentence(change: HeldOutChange, error: float, *, falls: bool) -> str:
+    """Returns what held-out runs say, from the most serious objection to none.
+
+    Args:
+        error: how many times as large the error of free runs becomes.
+        falls: the gap falls.
+    """
+    if error >= (1.0 if change.is_excited else gates.FREE_RUN_GROWS):
         return _GROWS
     if not change.is_excited:
         return _NOT_EXCITED

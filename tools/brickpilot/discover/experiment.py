@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.discover.finding import Experiment, Manoeuvre
+from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Manoeuvre
 from brickpilot.discover.gates import SEPARATES_NOISE_SD, SEPARATES_SIGNAL_SHARE
 from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.prepare import Prepared
@@ -28,7 +28,7 @@ def plan_experiment(prepared: Prepared, verdict: Verdict, written: Written) -> E
     """Returns the experiment that separates the best explanation from its rivals; None if it has none."""
     if written.composed is not None or not verdict.rivals:
         return None
-    rivals = {" + ".join(one.names): one.model for one in (verdict.best, *verdict.rivals)}
+    rivals = {" + ".join(one.names) or NOMINAL_VALUES: one.model for one in (verdict.best, *verdict.rivals)}
     noise_sd = prepared.fine.sample_noise
     return next_experiment(rivals, list(noise_sd), noise_sd, prepared.excitation.largest["voltage"])
 
@@ -72,6 +72,9 @@ def next_experiment(
     if unmeasured[1] is not None and unmeasured[0] > SEPARATES_SIGNAL_SHARE:
         advice = f"No manoeuvre separates the explanations in the measured signals. Measure {unmeasured[1]} as well."
         return Experiment(advice, names, separation, unmeasured[1], None)
+    if NOMINAL_VALUES in rivals:
+        advice = "The explanations drive alike. Measure the nominal values again that the fit had to move."
+        return Experiment(advice, names, separation, None, None)
     advice = (
         "No manoeuvre and no further signal of the vehicle separates the explanations: they have the same effect. "
         "Examine the part itself, for example time the sensor on its own."

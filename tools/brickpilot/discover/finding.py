@@ -16,6 +16,9 @@ from brickpilot.vehicle.model import Model
 VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 EvidenceKind = Literal["held_out", "fitted_only"]
 
+NOMINAL_VALUES = "nominal values"
+"""Stands among the equivalent explanations where wrong nominal values explain the data as well as an effect."""
+
 
 @dataclass(frozen=True)
 class Identified:
@@ -53,7 +56,7 @@ class Equivalent:
     """An equivalent model: an explanation that the data cannot tell from the best one.
 
     Attributes:
-        name: an effect, or several joined by " + ".
+        name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
         worse_by: how much lower its log likelihood is than that of the best one.
     """
@@ -121,6 +124,7 @@ class Evidence:
             the model is worse. None: no such runs, or no cost above noise.
         draws: how often the cost on held-out runs falls when stretches of them are drawn again, 0..1; None: no such
             runs.
+        contradicted: held-out runs speak against it; else they confirm it or say nothing.
         sentence: what this means, for a reader.
     """
 
@@ -128,6 +132,7 @@ class Evidence:
     removed_fit: float | None
     removed_held_out: float | None
     draws: float | None
+    contradicted: bool
     sentence: str
 
 
@@ -215,6 +220,24 @@ class NominalChange:
 
 
 @dataclass(frozen=True)
+class NominalFinding:
+    """A nominal value that left what was stated of it, whatever else the verdict says.
+
+    Attributes:
+        stated, fitted: SI.
+        sd_away: how many sd of the stated value lie between them.
+        rivals: effects that explain the data as well, with the value as it was stated; several joined by " + ".
+    """
+
+    parameter: str
+    stated: float
+    fitted: float
+    unit: str
+    sd_away: float
+    rivals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Term:
     """A composed term.
 
@@ -262,6 +285,7 @@ class Finding:
     gap: Mapping[str, Gap]
     by_signal: Mapping[str, Gap]
     nominal: Mapping[str, NominalChange]
+    nominal_findings: tuple[NominalFinding, ...]
     next_experiment: Experiment | None
     ranking: tuple[Rank, ...]
     whiteness: Mapping[str, Whiteness]
@@ -295,6 +319,7 @@ class Finding:
                 "by_signal": {name: dataclasses.asdict(gap) for name, gap in self.by_signal.items()},
             },
             "nominal": {name: dataclasses.asdict(change) for name, change in self.nominal.items()},
+            "nominal_findings": [dataclasses.asdict(one) for one in self.nominal_findings],
             "data_faults": [fault.to_json() for fault in self.faults],
             "next_experiment": _plain(self.next_experiment),
             "term": None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from brickpilot import catalogue
 from brickpilot.discover import gates
-from brickpilot.discover.finding import Effect, Equivalent, Identified, Parameter
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Equivalent, Identified, Parameter
 from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
@@ -32,7 +32,8 @@ def named_effects(prepared: Prepared, verdict: Verdict, written: Written) -> tup
     if written.evidence is not None and written.evidence.draws is not None:
         confidence = min(confidence, written.evidence.draws)
     if written.kind in ("named", "ambiguous"):
-        return _effects(verdict, found, written.estimates, written.model, confidence, claimed=True)
+        proved = written.evidence is not None and written.evidence.kind == "held_out"
+        return _effects(verdict, found, written.estimates, written.model, confidence, claimed=proved)
     if verdict.removed_by(found) < gates.WORTH_LISTING:
         return ()
     beside = written.composed is not None and not written.composed.alone
@@ -92,7 +93,7 @@ def _effects(
 def _equivalents(verdict: Verdict) -> tuple[Equivalent, ...]:
     return tuple(
         Equivalent(
-            " + ".join(one.names),
+            " + ".join(one.names) or NOMINAL_VALUES,
             {
                 (f"{c.effect}.{name}" if len(one.chosen) > 1 else name): Parameter(
                     value_of(one.model, f"{c.effect}.{name}"), _unit(one.model, c.effect, name), None

@@ -88,7 +88,9 @@ def _at_several_sizes(candidate: Candidate, natural: Values, infos: Mapping[str,
     signed = [name for name in infos if is_signed(infos[name])]
     probes = []
     for size in _SIZES:
-        for signs in itertools.product((1.0, -1.0), repeat=len(signed)):
+        for signs in itertools.product(
+            *((1.0, -1.0, 0.0) if infos[n].role == "place" else (1.0, -1.0) for n in signed)
+        ):
             start = {**natural, **{name: natural[name] * size for name in sized}}
             start |= {name: natural[name] * sign for name, sign in zip(signed, signs, strict=True)}
             settings = switch_settings(effect)

@@ -15,6 +15,8 @@ from brickpilot.discover.fitting import ROUGH, FittedModel, best_first, fit, fit
 from brickpilot.discover.gates import (
     LEAST_BASE_SHARE,
     LIMIT_OVER_READING,
+    PARAMETER_COST,
+    PRIOR_LEFT_SD,
     PRIOR_STRAINED_SD,
     PROMISED_SHARE,
     required_gain,
@@ -51,6 +53,19 @@ def try_candidates(
     return best_first(refined + [one for one in rough if one not in near])
 
 
+def instead_of_moved_values(
+    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int
+) -> list[FittedModel]:
+    """Returns the candidates that explain the data with nominal values as they were stated, the best one first.
+
+    What they gain over `current`, which moved those values, is at most the cost of the priors, so that less is asked
+    for than of an effect that explains a gap.
+    """
+    rough = _fit_screened(error, current, _at_stated_values(current), excitation, jobs, least=PARAMETER_COST)
+    released = [one for one in best_first(rough) if largest_prior_shift(error, one) < PRIOR_LEFT_SD]
+    return refine(error, released[:_REFINED], jobs)
+
+
 def largest_prior_shift(error: BinnedOutputError, found: FittedModel) -> float:
     """Returns how many sd the fit moved the nominal value that it moved most."""
     return float(np.abs(error.with_plan(found.plan).prior_rows(found.point)[0]).max(initial=0.0))
@@ -64,14 +79,24 @@ def _at_stated_values(current: FittedModel) -> Array:
 
 
 def _fit_screened(
-    error: BinnedOutputError, current: FittedModel, point: Array, excitation: Excitation, jobs: int
+    error: BinnedOutputError,
+    current: FittedModel,
+    point: Array,
+    excitation: Excitation,
+    jobs: int,
+    least: float | None = None,
 ) -> list[FittedModel]:
-    """Returns the most promising candidates, fitted beside `current` from `point`."""
+    """Returns the most promising candidates, fitted beside `current` from `point`.
+
+    Args:
+        least: the cost that a candidate has to promise to gain; None: a share of what an effect has to gain.
+    """
     here = error.with_plan(current.plan)
     here.keep_sensitivities(point, len(point))
     first: dict[tuple[str, tuple[str, ...]], Trial] = {}
     for trial in screen(here, point, candidates(current.model, here.signals), excitation=excitation):
-        if _is_promising(trial, error.floor_cost()):
+        promised = PROMISED_SHARE * required_gain(trial.after, error.floor_cost()) if least is None else least
+        if trial.before - trial.after > promised:
             first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
 
     def one(trial: Trial) -> FittedModel | None:
@@ -82,11 +107,6 @@ def _fit_screened(
     fits = fit_each(one, list(first.values())[:_FITTED], jobs)
     fits += fit_each(lambda pair: _with_two_phases(here, current, *pair), _with_one_phase(current, fits), jobs)
     return [found for found in fits if _agrees_with_its_name(found, excitation)]
-
-
-def _is_promising(trial: Trial, floor_cost: float) -> bool:
-    """Returns whether a candidate may gain enough, although it was simulated at one size only."""
-    return trial.before - trial.after > PROMISED_SHARE * required_gain(trial.after, floor_cost)
 
 
 def _with_one_phase(current: FittedModel, fits: Sequence[FittedModel]) -> list[tuple[FittedModel, Candidate]]:

@@ -18,6 +18,7 @@ from brickpilot.discover.finding import VerdictKind
 from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Searched
+from brickpilot.discover.search_round import instead_of_moved_values, largest_prior_shift
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ class Verdict:
         noise: the cost that noise alone would leave.
         confidence: how often `best` comes first when stretches of time are drawn again, 0..1.
         unclaimed: where nothing passed the gates, the explanation that fits the fit runs best; None: there is none.
+        nominal_rivals: where nominal values leave what is stated of them, the explanations that need not move them.
     """
 
     kind: VerdictKind
@@ -49,6 +51,7 @@ class Verdict:
     noise: float
     confidence: float
     unclaimed: FittedModel | None = None
+    nominal_rivals: tuple[FittedModel, ...] = ()
 
     @property
     def adequate(self) -> bool:
@@ -74,7 +77,12 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     noise = error.noise_cost()
     nothing: VerdictKind = "unknown" if nominal.cost > gates.UNEXPLAINED * noise else "none"
     if not searched.best.chosen:
-        return Verdict(nothing, nominal, nominal, (), (), noise, 1.0)
+        rivals = _instead_of_moved_values(prepared, searched, nominal)
+        if rivals and rivals[0].penalised_cost < nominal.penalised_cost:
+            confidence = _confidence(error, rivals[0], [nominal, *rivals[1:]])
+            others = (nominal, *rivals[1:])
+            return Verdict("ambiguous", nominal, rivals[0], others, rivals, noise, confidence, nominal_rivals=rivals)
+        return Verdict(nothing, nominal, nominal, (), rivals, noise, 1.0, nominal_rivals=rivals)
     best = _first(refine(error, [searched.best], jobs), searched.best)
     best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
     found = [one for one in [best, *refine(error, _near_best(searched, best), jobs)] if one.chosen]
@@ -100,6 +108,22 @@ def share_windows_must_remove(searched: Searched, verdict: Verdict) -> float:
     if searched.best.is_periodic:
         return gates.WINDOWS_REMOVE
     return max(gates.WINDOWS_REMOVE, verdict.removed + gates.WINDOWS_REMOVE_MORE)
+
+
+def _instead_of_moved_values(prepared: Prepared, searched: Searched, nominal: FittedModel) -> tuple[FittedModel, ...]:
+    """Returns the explanations that fit as well as moved nominal values do, and leave those as stated; the best first.
+
+    A payload is a mass that nobody stated. Where no nominal value left what is stated of it, there is none.
+    """
+    error = prepared.fine
+    if largest_prior_shift(error, nominal) <= gates.PRIOR_LEFT_SD:
+        return ()
+    limit = gates.rival_margin(nominal.penalised_cost, nominal.cost, error.floor_cost())
+    found = instead_of_moved_values(prepared.coarse, searched.nominal, prepared.excitation, prepared.jobs)
+    fits = refine(error, found, prepared.jobs)
+    kept = [drop_undetermined(error, one, prepared.jobs) for one in fits if one.penalised_cost < limit]
+    first = {one.names: one for one in reversed(best_first(kept)) if one.chosen and one.penalised_cost < limit}
+    return tuple(best_first(list(first.values())))
 
 
 def _near_best(searched: Searched, best: FittedModel) -> list[FittedModel]:

@@ -66,9 +66,15 @@ def write(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Wr
         )
         tried = tried or evidence
         if writable:
-            proved = evidence.kind == "held_out"
-            return dataclasses.replace(written, kind=kind if proved else "unknown", evidence=evidence)
+            return dataclasses.replace(written, kind=_allowed(kind, evidence), evidence=evidence)
     return dataclasses.replace(written, kind=verdict.kind if tried is None else "unknown", evidence=tried)
+
+
+def _allowed(kind: VerdictKind, evidence: Evidence) -> VerdictKind:
+    """Returns the verdict that the evidence allows: a name needs proof, rivals need that nothing contradicts them."""
+    if kind == "named":
+        return "named" if evidence.kind == "held_out" else "unknown"
+    return "unknown" if evidence.contradicted else kind
 
 
 def _models(verdict: Verdict, composed: Composed | None) -> Iterator[tuple[VerdictKind, Plan, Model, Composed | None]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
-from brickpilot.discover.finding import Effect, Finding, Gap, Parameter
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Parameter
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
 
 OVER_NOISE = 1.1
@@ -24,6 +24,8 @@ def say(name: str) -> str:
 
 def words(effect: str) -> str:
     """Returns an effect in plain English; its name if the table has no words for it."""
+    if effect == NOMINAL_VALUES:
+        return "nominal values other than stated"
     known = catalogue.effects_of((effect,))
     return known[0].words if known else say(effect)
 
@@ -34,7 +36,7 @@ def explanation(names: str | Sequence[str]) -> str:
     `names` is a sequence, or one text joined by " + ".
     """
     chosen = names.split(" + ") if isinstance(names, str) else names
-    return " with ".join(f"{words(name)} ({name})" for name in chosen)
+    return " with ".join(words(name) if name == NOMINAL_VALUES else f"{words(name)} ({name})" for name in chosen)
 
 
 def listed(items: Sequence[str], last: str = "and") -> str:
@@ -69,7 +71,25 @@ def alternatives(effects: Sequence[Effect]) -> list[str]:
 
 
 def verdict(finding: Finding) -> str:
-    """Returns the verdict in one to three sentences that stand alone."""
+    """Returns the verdict in one to four sentences that stand alone."""
+    return _verdict(finding) + _moved_values(finding)
+
+
+def _moved_values(finding: Finding) -> str:
+    """Returns a sentence on nominal values that left what is stated of them; empty: none did."""
+    moved = [
+        f"{say(one.parameter)} ({quantity(one.fitted, one.unit)} instead of {quantity(one.stated, one.unit)}, "
+        f"{one.sd_away:.0f} standard deviations away)"
+        for one in finding.nominal_findings
+    ]
+    if not moved:
+        return ""
+    rivals = dict.fromkeys(explanation(name) for one in finding.nominal_findings for name in one.rivals)
+    either = f" Or they hide an effect: {listed(list(rivals), 'or')}." if rivals else ""
+    return f" The data do not fit what is stated of {listed(moved)}.{either}"
+
+
+def _verdict(finding: Finding) -> str:
     if finding.verdict == "none":
         return _none(finding)
     if finding.verdict == "unknown":
