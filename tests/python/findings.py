@@ -51,6 +51,7 @@ PAIR = Equivalent(
 RAMP = Manoeuvre(
     "a slow ramp", 8.0, ((0.0, 0.0), (4.0, 3.0), (8.0, 0.0)), ((0.0, 0.0), (1.0, 0.0), (1.0, 2.5), (8.0, 0.0))
 )
+MOVED = NominalFinding("resistance", 22.0, 27.3, "ohm", 4.8, ("payload_mass",))
 ASKED = Experiment("Drive a slow ramp.", ("coulomb_friction", "actuator_deadband"), 14.2, "yaw_rate", RAMP)
 TERM = Term(
     "wheel torque",
@@ -112,7 +113,7 @@ def finding(data: Dataset, kind: str) -> Finding:
             "wheel_radius": NominalChange(0.0408, 0.0406, "m", 0.0003, False),
             "viscous_friction": NominalChange(0.0, 1.8e-5, "N m s/rad", None, False),
         },
-        nominal_findings=(NominalFinding("resistance", 22.0, 27.3, "ohm", 4.8, ()),),
+        nominal_findings=(MOVED,) if kind == "none" else (),
         next_experiment=ASKED if kind == "ambiguous" else None,
         ranking=() if kind == "none" else RANKING,
         whiteness={"yaw_rate": white, "wheel_speed_left": coloured},

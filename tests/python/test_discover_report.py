@@ -370,3 +370,9 @@ def test_a_clock_that_counts_from_1970_leaves_room_for_its_ticks():
     assert "counted from 1700000000 s" in svg
     ticks = re.findall(r'text-anchor="middle">([\d.]+)<', svg)
     assert [float(tick) for tick in ticks] == [0, 2, 4, 6, 8, 10]
+
+
+def test_a_moved_nominal_value_is_a_headline_of_its_own(found):
+    said = verdict(found["none"]).replace("\N{NO-BREAK SPACE}", " ")
+    assert "The data do not fit what is stated of resistance (27.3 Ω instead of 22.0 Ω, 5 standard deviations" in said
+    assert said.endswith("Or they hide an effect: a load that it carries (payload_mass).")

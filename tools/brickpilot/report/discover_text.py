@@ -84,8 +84,10 @@ def _moved_values(finding: Finding) -> str:
     ]
     if not moved:
         return ""
-    rivals = dict.fromkeys(explanation(name) for one in finding.nominal_findings for name in one.rivals)
-    either = f" Or they hide an effect: {listed(list(rivals), 'or')}." if rivals else ""
+    known = alternatives(finding.effects) if finding.effects else []
+    names = dict.fromkeys(name for one in finding.nominal_findings for name in one.rivals if name not in known)
+    rivals = [explanation(name) for name in names]
+    either = f" Or they hide an effect: {listed(rivals, 'or')}." if rivals else ""
     return f" The data do not fit what is stated of {listed(moved)}.{either}"
 
 
