@@ -134,6 +134,15 @@ typedef struct {
     double rest;                  /* s at rest before the run, in which the windings cool; 0 once the run has begun */
 } bp_state;
 
+/* From this sample on a run goes on from another state: the mark between two open-loop windows. The outputs of the sample
+ * itself are still those of the window before. A field that is NaN stays as simulated, and so do the memories of the
+ * effects, such as commands that are on their way. Without wheel speeds a coupled vehicle gets them from surge and
+ * yaw_rate. */
+typedef struct {
+    int sample; /* 1 or more, increasing from restart to restart */
+    bp_state state;
+} bp_restart;
+
 /* One free run: inputs in, outputs out. Sample k is the vehicle at time[k]; from then on input k acts, until time[k +
  * 1].
  */
@@ -151,6 +160,9 @@ typedef struct {
     int column_count;   /* of `columns` */
     bp_state final;     /* filled */
     int status;         /* filled: 0 or BP_E_ */
+
+    int restart_count;
+    const bp_restart *restart; /* restart_count of them; or NULL */
 } bp_run;
 
 /* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs

@@ -183,6 +183,36 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     return 0;
 }
 
+/* Returns `state` with what it leaves open, NaN, taken from `now`. A state is made of doubles alone. */
+static bp_state completed(const bp_state *state, const bp_state *now)
+{
+    enum { FIELDS = sizeof(bp_state) / sizeof(double) };
+    double given[FIELDS], simulated[FIELDS];
+    memcpy(given, state, sizeof given);
+    memcpy(simulated, now, sizeof simulated);
+    for (int i = 0; i < FIELDS; i++)
+        given[i] = isnan(given[i]) ? simulated[i] : given[i];
+    bp_state whole;
+    memcpy(&whole, given, sizeof whole);
+    return whole;
+}
+
+int plant_restart(plant_t *plant, const bp_state *state)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    bp_state whole = completed(state, &vehicle->state);
+    if (!finite_state(&whole))
+        return BP_E_RANGE;
+    const bool wheels_open = isnan(state->wheel_speed[0]) && isnan(state->wheel_speed[1]);
+    const bool body_given = !isnan(state->surge) || !isnan(state->yaw_rate);
+    if (vehicle->vehicle != BP_MOTOR && vehicle->profile == BP_COUPLED && wheels_open && body_given) {
+        whole.wheel_speed[0] = 0; /* stands for "from the body's speeds" */
+        whole.wheel_speed[1] = 0;
+    }
+    start_state(vehicle, &whole);
+    return 0;
+}
+
 /* Turns the commands into the voltages at the motors. */
 static void drive(plant_t *plant, const double input[2])
 {

@@ -49,6 +49,11 @@ typedef struct plant {
  * a step is negative, or the motor has no inertia. */
 int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step);
 
+/* Puts the vehicle into another state while it runs. A field that is NaN stays, and so do the memories of the effects.
+ * Without wheel speeds a coupled vehicle gets them from surge and yaw_rate. The outputs change with the next
+ * plant_advance(). BP_E_RANGE: a value is infinite. */
+int plant_restart(plant_t *plant, const bp_state *state);
+
 /* Advances the vehicle by dt seconds with the inputs held: V left and right, NaN floats, and a motor reads [0] alone.
  * BP_E_TIME: dt is not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
 int plant_advance(plant_t *plant, const double input[2], double dt);

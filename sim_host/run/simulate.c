@@ -35,7 +35,12 @@ static int simulate(plant_t *plant, const bp_run *run)
     if (status != 0)
         return status;
     keep_outputs(plant, run, 0);
+    int restarts = 0;
     for (int k = 0; k + 1 < run->samples; k++) {
+        if (restarts < run->restart_count && run->restart[restarts].sample == k)
+            status = plant_restart(plant, &run->restart[restarts++].state);
+        if (status != 0)
+            return status;
         const double *given = run->input + (ptrdiff_t)k * inputs;
         const double input[2] = {given[0], inputs == 2 ? given[1] : 0};
         status = plant_advance(plant, input, run->time[k + 1] - run->time[k]);

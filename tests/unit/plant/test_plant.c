@@ -269,6 +269,97 @@ static void test_advance_refuses_a_time_that_does_not_pass(void)
     TEST_ASSERT_EQUAL_INT(BP_E_TIME, plant_advance(&plant, input, 1e30));
 }
 
+static bp_state nothing_given(void)
+{
+    return (bp_state){NAN, NAN, NAN, NAN, NAN, NAN, {NAN, NAN}, {NAN, NAN}, {NAN, NAN}, NAN, NAN, {NAN, NAN}, NAN};
+}
+
+static void test_a_restart_that_gives_nothing_changes_nothing(void)
+{
+    start(NULL);
+    go(5, 3, 0.5);
+    const bp_state before = *state(), nothing = nothing_given();
+    TEST_ASSERT_EQUAL_INT(0, plant_restart(&plant, &nothing));
+    TEST_ASSERT_EQUAL_MEMORY(&before, state(), sizeof before);
+}
+
+static void test_a_restart_changes_what_it_gives_and_keeps_the_rest(void)
+{
+    start(NULL);
+    go(5, 3, 0.5);
+    const bp_state before = *state();
+    bp_state given = nothing_given();
+    given.wheel_speed[0] = 4;
+    given.wheel_speed[1] = 4;
+    given.heading = 1;
+    TEST_ASSERT_EQUAL_INT(0, plant_restart(&plant, &given));
+    TEST_ASSERT_EQUAL_DOUBLE(4, state()->wheel_speed[0]);
+    TEST_ASSERT_EQUAL_DOUBLE(4 * get("wheel_radius"), state()->surge);
+    TEST_ASSERT_EQUAL_DOUBLE(0, state()->yaw_rate);
+    TEST_ASSERT_EQUAL_DOUBLE(1, state()->heading);
+    TEST_ASSERT_EQUAL_DOUBLE(before.current[0], state()->current[0]);
+    TEST_ASSERT_EQUAL_DOUBLE(before.wheel_angle[1], state()->wheel_angle[1]);
+    TEST_ASSERT_EQUAL_DOUBLE(before.age, state()->age);
+}
+
+static void test_a_restart_with_a_yaw_rate_alone_keeps_the_surge(void)
+{
+    start(NULL);
+    go(5, 3, 0.5);
+    const double surge = state()->surge;
+    bp_state given = nothing_given();
+    given.yaw_rate = 2;
+    TEST_ASSERT_EQUAL_INT(0, plant_restart(&plant, &given));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-12, surge, state()->surge);
+    TEST_ASSERT_DOUBLE_WITHIN(1e-12, 2, state()->yaw_rate);
+    const double difference = state()->wheel_speed[0] - state()->wheel_speed[1];
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 4 * get("half_track") / get("wheel_radius"), difference);
+}
+
+static void test_a_restart_refuses_what_is_infinite(void)
+{
+    bp_state given = nothing_given();
+    given.surge = INFINITY;
+    start(NULL);
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, plant_restart(&plant, &given));
+}
+
+/* Two windows in one call give what two calls give, but for the sample between them, which ends the first window. The
+ * accelerations of the last step, from which the plant extrapolates, are not part of a state: hence the tolerance. */
+static void test_a_run_with_a_restart_is_two_windows(void)
+{
+    enum { SAMPLES = 21, MARK = 10 };
+    double time[SAMPLES], input[SAMPLES][2], whole[SAMPLES][OUTPUT_COUNT], second[SAMPLES - MARK][OUTPUT_COUNT];
+    for (int k = 0; k < SAMPLES; k++) {
+        time[k] = 0.003 * k;
+        input[k][0] = 4;
+        input[k][1] = 0.2 * k;
+    }
+    bp_state given = nothing_given();
+    given.wheel_speed[0] = 3;
+    given.wheel_speed[1] = 2;
+    const bp_restart restart = {MARK, given};
+    bp_run run = {.model = model, .samples = SAMPLES, .time = time, .input = &input[0][0], .output = &whole[0][0]};
+    run.restart_count = 1;
+    run.restart = &restart;
+    TEST_ASSERT_EQUAL_INT(0, bp_simulate(&run, 1, 1));
+
+    start(NULL);
+    for (int k = 0; k < MARK; k++)
+        TEST_ASSERT_EQUAL_INT(0, plant_advance(&plant, input[k], 0.003));
+    bp_run rest = {.model = model, .samples = SAMPLES - MARK, .time = time, .output = &second[0][0]};
+    rest.input = &input[MARK][0];
+    rest.initial = *state();
+    rest.initial.wheel_speed[0] = 3;
+    rest.initial.wheel_speed[1] = 2;
+    TEST_ASSERT_EQUAL_INT(0, bp_simulate(&rest, 1, 1));
+    for (int k = 1; k < SAMPLES - MARK; k++)
+        for (int i = 0; i < OUTPUT_COUNT; i++)
+            if (!isnan(second[k][i]))
+TEST_ASSERT_DOUBLE_WITHIN(1e-5, second[k][i], whole[MARK + k][i]);
+    TEST_ASSERT_TRUE(whole[MARK][OUTPUT_WHEEL_SPEED_LEFT] < 3);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -287,5 +378,10 @@ int main(void)
     RUN_TEST(test_an_interval_is_divided_evenly);
     RUN_TEST(test_start_refuses_what_is_not_finite);
     RUN_TEST(test_advance_refuses_a_time_that_does_not_pass);
+    RUN_TEST(test_a_restart_that_gives_nothing_changes_nothing);
+    RUN_TEST(test_a_restart_changes_what_it_gives_and_keeps_the_rest);
+    RUN_TEST(test_a_restart_with_a_yaw_rate_alone_keeps_the_surge);
+    RUN_TEST(test_a_restart_refuses_what_is_infinite);
+    RUN_TEST(test_a_run_with_a_restart_is_two_windows);
     return UNITY_END();
 }

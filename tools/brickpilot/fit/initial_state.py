@@ -105,6 +105,40 @@ def reading(
     return Reading(known, read if _has_sensor_effect(model) else (), model, age)
 
 
+def restarts(readings: Sequence[Reading]) -> list[State]:
+    """Returns the states of `solve` for `plant.OpenLoopRun.restarts`: what was not measured is NaN, and so stays."""
+    return [_restart(one, state) for one, state in zip(readings, solve(readings), strict=True)]
+
+
+def _restart(one: Reading, state: State) -> State:
+    nan, known = float("nan"), one.known
+    if one.model.vehicle == "motor":
+        speed, angle, current = (
+            any(name in known for name in names)
+            for names in (("speed", "velocity"), ("angle", "position"), ("current",))
+        )
+    else:
+        speed, angle, current = (
+            all(any(f"{name}_{side}" in known for name in names) for side in ("left", "right"))
+            for names in (("wheel_speed", "wheel_velocity"), ("wheel_angle", "wheel_travel"), ("current",))
+        )
+    return State(
+        x=nan,
+        y=nan,
+        heading=state.heading if "yaw_angle" in known else nan,
+        surge=state.surge if speed or "surge" in known else nan,
+        sway=state.sway if "sway" in known else nan,
+        yaw_rate=state.yaw_rate if speed or "yaw_rate" in known else nan,
+        current=state.current if current else (nan, nan),
+        wheel_speed=state.wheel_speed if speed else (nan, nan),
+        wheel_angle=state.wheel_angle if angle else (nan, nan),
+        age=nan,
+        charge=nan,
+        heat=(nan, nan),
+        rest=nan,
+    )
+
+
 def solve(readings: Sequence[Reading]) -> list[State]:
     """Returns the states in which the models' sensors give the readings.
 

@@ -24,6 +24,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
+Restarts = Mapping[str, Sequence[tuple[int, State]]]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,14 @@ class Window:
 
     samples: slice
     outputs: Outputs
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A sample at which a simulated run goes on from what was measured: signal -> value, SI."""
+
+    sample: int
+    measured: Mapping[str, float]
 
 
 class Replay:
@@ -63,6 +72,7 @@ class Replay:
         only: Collection[str] | None = None,
         threads: int = 2,
         signals: Collection[str] | None = None,
+        marks: Mapping[str, Sequence[Mark]] | None = None,
     ) -> list[dict[str, Outputs]]:
         """Simulates the runs under each model, and returns for each model run name -> outputs.
 
@@ -70,8 +80,11 @@ class Replay:
             only: the runs that are wanted; None: all. Where charge or heat carries over, the runs before are simulated
                 too.
             signals: the outputs to keep; None: all that the vehicle has.
+            marks: run name -> the samples at which the run goes on from what was measured: it is then a row of
+                open-loop windows. What was not measured stays as simulated, and so do commands on their way, heat and
+                charge.
         """
-        simulated = self._simulate(models, only, threads, signals)
+        simulated = self._simulate(models, only, threads, signals, self._restarts(models, marks or {}))
         return [{name: run.outputs for name, run in runs.items()} for runs in simulated]
 
     def stacked(
@@ -102,6 +115,7 @@ class Replay:
         only: Collection[str] | None,
         threads: int,
         signals: Collection[str] | None,
+        restarts: Sequence[Restarts] | None = None,
     ) -> list[dict[str, Simulated]]:
         """Returns for each model run name -> what was simulated.
 
@@ -131,12 +145,32 @@ class Replay:
                 if start is None:
                     start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
                     ready[id(state), id(left)] = start
-                jobs.append((models[index], self._open_loop(run, slice(None), start, steps[index])))
+                one_run = self._open_loop(run, slice(None), start, steps[index])
+                if restarts is not None and run.name in restarts[index]:
+                    one_run = dataclasses.replace(one_run, restarts=restarts[index][run.name])
+                jobs.append((models[index], one_run))
             for (run, _, index), one in zip(pairs, plant.simulate(jobs, threads, signals=signals), strict=True):
                 results[index][run.name] = one
                 if chosen is carry_over:
                     carried[index] = one.final
         return results
+
+    def _restarts(self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]) -> Sequence[Restarts] | None:
+        """Returns for each model run name -> (sample, state to go on from); None without marks."""
+        if not marks:
+            return None
+        ages = {run.name: age for run, age in self._aged(None)}
+        places, readings = [], []
+        for run in self.dataset.runs:
+            for mark in marks.get(run.name, ()):
+                age = ages[run.name] + float(run.time[mark.sample] - run.time[0])
+                for index, model in enumerate(models):
+                    places.append((index, run.name, mark.sample))
+                    readings.append(initial_state.reading(mark.measured, model, age=age))
+        found: list[dict[str, list[tuple[int, State]]]] = [{} for _ in models]
+        for (index, name, sample), state in zip(places, initial_state.restarts(readings), strict=True):
+            found[index].setdefault(name, []).append((sample, state))
+        return found
 
     def _aged(self, only: Collection[str] | None) -> list[tuple[Run, float]]:
         """Returns the runs up to the last of `only`, each with the s from power-on to its start."""

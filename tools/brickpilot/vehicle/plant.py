@@ -67,6 +67,9 @@ class OpenLoopRun:
         inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
         initial: state at time[0]; a mapping names some fields of `State`.
         motor_step, body_step: upper limits, s; 0: `constants.MOTOR_STEP_S` and `constants.STEP_S`.
+        restarts: (sample, state), samples 1 or more and increasing: from this sample on the run goes on from another
+            state. What is NaN in it stays as simulated, and so do the effects' memories. The outputs of the sample
+            itself are still those before the restart.
     """
 
     time: Array
@@ -74,6 +77,7 @@ class OpenLoopRun:
     initial: State | Mapping[str, Any] = field(default_factory=State)
     motor_step: float = 0.0
     body_step: float = 0.0
+    restarts: Sequence[tuple[int, State]] = ()
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,7 @@ def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
 
 
 def fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
-    """Fills the C request `bp_run` and returns what must stay alive while it is used."""
+    """Fills the C request `bp_run`, without restarts, and returns what must stay alive while it is used."""
     ffi = interface()[0]
     time, inputs = _checked(run, 1 if model.vehicle == "motor" else 2)
     request.model = built
@@ -265,13 +269,14 @@ def simulate(
     built = {id(model): build(model) for model in {id(model): model for model, _ in jobs}.values()}
     models = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
     inputs = [_checked(run, 1 if model.vehicle == "motor" else 2) for model, run in jobs]
+    restarts = [_restarts(run) for _, run in jobs]
     ends = np.cumsum([len(time) * len(names) for time, _ in inputs]).tolist()
     values = np.empty(ends[-1])
     first, wanted, nothing = _address(values), _columns_of(names), _initial(State())
     rows = [
         (models[id(model)], len(time), _address(time), _address(volts), _initial(run.initial), run.motor_step,
-         run.body_step, first + 8 * start, _address(wanted), len(names), nothing, 0)
-        for (model, run), (time, volts), start in zip(jobs, inputs, [0, *ends], strict=False)
+         run.body_step, first + 8 * start, _address(wanted), len(names), nothing, 0, len(one), _address(one))
+        for (model, run), (time, volts), start, one in zip(jobs, inputs, [0, *ends], restarts, strict=False)
     ]  # fmt: skip
     requests = np.array(rows, dtype=_layout("bp_run"))
     library.bp_simulate(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads)
@@ -293,6 +298,16 @@ def _checked(run: OpenLoopRun, columns: int) -> tuple[Array, Array]:
     return time, inputs
 
 
-def _address(array: Array | Array32) -> int:
+_NO_RESTARTS = np.empty(0)
+
+
+def _restarts(run: OpenLoopRun) -> NDArray[Any]:
+    """Returns the restarts of a run as C reads them."""
+    if not run.restarts:
+        return _NO_RESTARTS
+    return np.array([(sample, _initial(state)) for sample, state in run.restarts], dtype=_layout("bp_restart"))
+
+
+def _address(array: NDArray[Any]) -> int:
     place: int = array.__array_interface__["data"][0]
     return place
