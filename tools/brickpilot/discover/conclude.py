@@ -18,6 +18,7 @@ from brickpilot.discover.terms import c_source
 from brickpilot.discover.terms.basis import PLACES
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.written import Written
+from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.vehicle.model import Model, unit_on
 
@@ -30,7 +31,12 @@ def file_names(dataset: Dataset) -> set[str]:
 
 
 def conclude(
-    prepared: Prepared, searched: Searched, verdict: Verdict, written: Written, experiment: Experiment | None
+    prepared: Prepared,
+    searched: Searched,
+    verdict: Verdict,
+    written: Written,
+    experiment: Experiment | None,
+    yardstick: Yardstick,
 ) -> Finding:
     """Returns the finding. Its `elapsed_s` is 0; the pipeline knows the time."""
     nominal_model = verdict.nominal.model
@@ -45,6 +51,7 @@ def conclude(
         evidence=written.evidence,
         effects=effects,
         where=where if written.kind != "none" else (),
+        yardstick=yardstick,
         gap=written.gap,
         by_signal=written.by_signal,
         nominal=_nominal_changes(prepared.plan, nominal_model if written.kind == "none" else written.model),
@@ -60,7 +67,7 @@ def conclude(
         roles=prepared.roles.by_run,
         held_out_stretches=prepared.roles.stretches,
         faults=prepared.measured.faults,
-        notes=_notes(prepared, verdict, written),
+        notes=(*_notes(prepared, verdict, written), *yardstick.notes),
         noise_sd=prepared.fine.sample_noise,
         elapsed_s=0.0,
         seed=prepared.seed,

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.discover.yardstick.record import Yardstick
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
@@ -274,6 +275,7 @@ class Finding:
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         equations: the equations and sensors of the nominal model that need a disturbance, the most deficient first.
+        yardstick: fit in percent before, after and attainable.
     """
 
     dataset: Dataset
@@ -302,6 +304,7 @@ class Finding:
     seed: int
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     equations: tuple[Deficient, ...] = ()
+    yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of verdict.json."""
@@ -310,6 +313,8 @@ class Finding:
             "mechanism": self.mechanism,
             "evidence": None if self.evidence is None else self.evidence.kind,
             "proof": None if self.evidence is None else dataclasses.asdict(self.evidence),
+            "fit_percent": self.yardstick.fit_json(),
+            "predictable": self.yardstick.predictable_json(),
             "effects": [_effect_json(effect) for effect in self.effects],
             "where": [dataclasses.asdict(place) for place in self.where],
             "equations": [one.to_json() for one in self.equations],

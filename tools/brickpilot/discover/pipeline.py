@@ -8,6 +8,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     judge            -> Verdict       none, named, ambiguous or unknown, with the rivals     (verdict.py)
     compose          -> Composed      a term without a name, where it explains more than the named effects
     write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
+    measure          -> Yardstick     fit in percent before, after and attainable            (yardstick/)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
     conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
     find_equations   -> Deficient     the equations that need a disturbance, and what it varies with   (equations.py)
@@ -33,11 +34,12 @@ from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
 from brickpilot.discover.written import Written, write
+from brickpilot.discover.yardstick import Yardstick, measure, reference
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.descent import Counter, Progress
 from brickpilot.vehicle.model import Model
 
-_PROGRESS_STEPS = 9
+_PROGRESS_STEPS = 10
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,9 @@ def discover(
     tell("computing intervals and the next experiment")
     written: Written = write(explained.prepared, explained.verdict, composed)
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
-    finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment)
+    tell("measuring what is attainable")
+    held: Yardstick = measure(reference(explained.prepared, explained.verdict.nominal.model), written.model)
+    finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment, held)
     equations: tuple[Deficient, ...] = find_equations(explained.prepared, finding)
     return dataclasses.replace(finding, equations=equations, elapsed_s=round(time.perf_counter() - began, 2))
 

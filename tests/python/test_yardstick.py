@@ -1,0 +1,238 @@
+"""The yardstick: fit in percent before, after and attainable, at each horizon, on fit runs and on held-out runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from brickpilot.data import dataset
+from brickpilot.discover.calibrate import calibrate
+from brickpilot.discover.prepare import prepare
+from brickpilot.discover.yardstick import measure, reference
+from brickpilot.discover.yardstick.horizons import simulate, track
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.plant import OpenLoopRun, State
+from synthetic import motor, robot, write
+
+NOISE = {"accel_surge": 0.02, "yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
+MANOEUVRES = {
+    f"{name}_{volts:g}": (left * volts, right * volts)
+    for volts in (3.0, 4.5, 6.0)
+    for name, left, right in (("ahead", 1, 1), ("back", -1, -1), ("spin", 1, -1), ("curve", 1, 0.4))
+}
+ROLES = ["fit"] * 4 + ["held_out"] * 4 + ["fit"] * 4
+NOMINAL = robot()
+STATED = "\n".join(f"{name} = {value}" for name, value in NOMINAL.parameters.items() if name in {
+    "mass", "yaw_inertia", "wheel_radius", "half_track", "wheel_inertia", "resistance", "torque_constant",
+    "emf_constant", "viscous_friction", "rolling_friction", "battery_voltage"
+})  # fmt: skip
+FRICTION = dataclasses.replace(NOMINAL, effects={"coulomb_friction": {"torque": 0.008}})
+
+
+def prepared(folder, truth, noise=NOISE, *, jobs=2, nominal=STATED, **options):
+    options = {"manoeuvres": MANOEUVRES, "roles": ROLES} | options
+    return prepare(dataset.read(write(folder, truth, noise, nominal, **options)), None, seed=0, jobs=jobs)
+
+
+@pytest.fixture(scope="module")
+def friction(tmp_path_factory):
+    return prepared(tmp_path_factory.mktemp("yardstick") / "friction", FRICTION)
+
+
+@pytest.fixture(scope="module")
+def lacking(friction):
+    """What the nominal model leaves where dry friction is missing."""
+    return reference(friction, NOMINAL)
+
+
+def test_a_free_run_is_scored_by_its_rms_error_over_the_rms_of_the_signal(friction, lacking):
+    fit = measure(lacking, NOMINAL).signals["yaw_rate"]["free_run"]
+    for role, scored in (("fit", fit.fit), ("held_out", fit.held_out)):
+        runs = [run for run in friction.dataset.runs if friction.roles.by_run[run.name] == role]
+        free = [
+            plant.simulate([(NOMINAL, OpenLoopRun(time=run.time, inputs=friction.measured.motor_inputs(run)))])[0]
+            for run in runs
+        ]
+        measured = np.concatenate([run.outputs["yaw_rate"] for run in runs])
+        simulated = np.concatenate([one.outputs["yaw_rate"] for one in free])
+        rms = float(np.sqrt(np.mean((measured - simulated) ** 2)))
+        # Each run starts from its first readings, so that it differs a little from one that starts at rest.
+        assert scored.before == pytest.approx(100 * (1 - rms / float(np.std(measured))), abs=0.3)
+
+
+def test_the_model_that_holds_the_missing_effect_reaches_the_noise(lacking):
+    record = measure(lacking, FRICTION)
+    for signal in ("wheel_speed_left", "wheel_speed_right", "yaw_rate"):
+        assert set(record.signals[signal]) == {"free_run", "1_s", "0.2_s"}
+        for one in record.signals[signal].values():
+            for fit in (one.fit, one.held_out):
+                assert fit.before < 97 < 98.5 < fit.after <= fit.attainable <= 100
+    for one in record.predictable.values():
+        assert one.removed > 0.97
+        assert one.removed_held_out > 0.97
+
+
+def test_a_black_box_finds_that_friction_is_missing_on_runs_it_has_not_seen(lacking):
+    record = measure(lacking, NOMINAL)
+    for signal in ("wheel_speed_left", "wheel_speed_right"):
+        for one in record.signals[signal].values():
+            assert one.fit.after == one.fit.before < one.fit.attainable
+            assert 100 - one.held_out.attainable < 0.6 * (100 - one.held_out.before)
+    free = record.predictable["free_run"]
+    assert free.held_out > 0.7
+    assert free.held_out_interval[0] > 0.5
+    assert free.removed == 0
+    assert {"direction", "speed", "input"} & {source.what for source in free.sources}
+    assert sum(free.by_run.values()) == pytest.approx(1, abs=0.01)
+
+
+def test_a_model_that_makes_the_error_larger_removes_less_than_nothing(lacking):
+    wrong = dataclasses.replace(NOMINAL, effects={"gyro_bias": {"bias": 0.5}})
+    record = measure(lacking, wrong)
+    assert record.predictable["free_run"].removed < 0
+    assert record.signals["yaw_rate"]["free_run"].fit.after < record.signals["yaw_rate"]["free_run"].fit.before
+
+
+def test_nothing_is_predictable_where_nothing_is_missing(tmp_path):
+    ready = prepared(tmp_path / "none", NOMINAL)
+    record = measure(reference(ready, NOMINAL), NOMINAL)
+    for signals in record.signals.values():
+        one = signals["free_run"]
+        assert one.fit.attainable - one.fit.before < 0.1
+        assert one.held_out.attainable - one.held_out.before < 0.1
+    free = record.predictable["free_run"]
+    assert free.share < 0.02
+    assert free.held_out < 0.02
+    assert free.removed is None
+    assert free.sources == ()
+
+
+def test_the_record_does_not_depend_on_the_number_of_threads(friction, lacking):
+    again = measure(reference(dataclasses.replace(friction, jobs=1), NOMINAL), FRICTION)
+    first = measure(lacking, FRICTION)
+    assert json.dumps([again.fit_json(), again.predictable_json()]) == json.dumps(
+        [first.fit_json(), first.predictable_json()]
+    )
+
+
+def test_held_out_runs_teach_nothing(friction, lacking):
+    """With other held-out measurements all that is said of the fit runs stays, but for what their start states move."""
+
+    def doubled(data):
+        held_out = {name for name, role in friction.roles.by_run.items() if role == "held_out"}
+        runs = [
+            dataclasses.replace(run, outputs={name: 2 * values for name, values in run.outputs.items()})
+            if run.name in held_out
+            else run
+            for run in data.runs
+        ]
+        return dataclasses.replace(data, runs=tuple(runs))
+
+    ready = dataclasses.replace(friction, dataset=doubled(friction.dataset), measured=doubled(friction.measured))
+    other = reference(ready, NOMINAL)
+    for signal, one in measure(other, NOMINAL).signals.items():
+        before = measure(lacking, NOMINAL).signals[signal]["free_run"]
+        assert dataclasses.astuple(one["free_run"].fit) == pytest.approx(dataclasses.astuple(before.fit), abs=0.02)
+        assert one["free_run"].held_out != before.held_out
+
+
+def test_a_window_keeps_the_commands_that_are_on_their_way(tmp_path):
+    late = dataclasses.replace(NOMINAL, effects={"input_delay": {"delay": 0.08}})
+    ready = prepared(tmp_path / "late", late, dict.fromkeys(NOISE, 0.0) | {"wheel_travel_left": 0.0})
+    record = measure(reference(ready, NOMINAL), late)
+    for signal in ("wheel_speed_left", "wheel_travel_left"):
+        one = record.signals[signal]["0.2_s"].fit
+        assert one.before < 97
+        assert one.after > 99
+
+
+def test_a_window_starts_from_what_was_measured(tmp_path):
+    noiseless = dict.fromkeys(NOISE, 0.0) | {"yaw_angle": 0.0}
+    ready = prepared(tmp_path / "set", FRICTION, noiseless)
+    compared = track(ready, NOMINAL)
+    simulated = simulate(compared, [NOMINAL], jobs=1)
+    for course in compared.courses[1:]:
+        for signal in ("wheel_speed_left", "yaw_angle"):
+            errors = {"free_run": 0.0, course.horizon: 0.0}
+            for run in compared.dataset.runs:
+                after_start = [mark.sample + 1 for mark in course.marks[run.name]]
+                assert after_start
+                for horizon in errors:
+                    outputs = simulated[horizon][0][run.name][signal]
+                    errors[horizon] += float(np.abs(run.outputs[signal] - outputs)[after_start].sum())
+            assert errors[course.horizon] < 0.2 * errors["free_run"]
+
+
+def test_without_wheels_windows_start_from_the_yaw_rate_and_a_note_says_so(tmp_path):
+    ready = prepared(tmp_path / "imu", FRICTION, {"accel_surge": 0.02, "yaw_rate": 0.014})
+    record = measure(reference(ready, NOMINAL), FRICTION)
+    assert set(record.signals["yaw_rate"]) == {"free_run", "1_s", "0.2_s"}
+    assert any("No wheel was measured" in note for note in record.notes)
+
+
+def test_without_any_speed_there_are_no_windows_and_a_note_says_so(tmp_path):
+    ready = prepared(tmp_path / "accel", FRICTION, {"accel_surge": 0.02})
+    record = measure(reference(ready, NOMINAL), FRICTION)
+    assert set(record.signals["accel_surge"]) == {"free_run"}
+    assert any("no speed was measured" in note for note in record.notes)
+
+
+def test_a_signal_that_does_not_move_has_no_fit(tmp_path):
+    straight = {name: one for name, one in MANOEUVRES.items() if name.startswith(("ahead", "back"))}
+    ready = prepared(tmp_path / "straight", FRICTION, manoeuvres=straight, roles=["fit"] * 4 + ["held_out"] * 2)
+    record = measure(reference(ready, NOMINAL), FRICTION)
+    one = record.signals["yaw_rate"]["free_run"]
+    assert (one.fit.before, one.fit.after, one.fit.attainable) == (None, None, None)
+    json.dumps([record.fit_json(), record.predictable_json()], allow_nan=False)
+
+
+def test_one_run_alone_is_predicted_from_its_own_stretches_and_a_note_says_so(tmp_path):
+    one = {"curve": (6.0, 3.0)}
+    ready = prepared(tmp_path / "one", FRICTION, manoeuvres=one, roles=["fit"])
+    ready = dataclasses.replace(ready, roles=dataclasses.replace(ready.roles, stretches={}))
+    record = measure(reference(ready, NOMINAL), FRICTION)
+    assert any("one fit run alone" in note for note in record.notes)
+    assert record.signals["wheel_speed_left"]["free_run"].held_out.before is None
+
+
+def test_two_repeats_tell_what_no_model_can_know(tmp_path):
+    """Two motors whose torque differs by 4 %: their mean is what a model can reach, 2 % from each."""
+    truth = motor(battery_voltage=9.0)
+    volts = {"low": (3.0, 0.0), "high": (6.0, 0.0), "high_again": (6.0, 0.0)}
+
+    def drift(name, table):
+        if name == "high_again":
+            table["speed"] = 1.04 * table["speed"]
+
+    ready = prepared(
+        tmp_path / "repeats", truth, {"speed": 0.0}, manoeuvres=volts, roles=["fit", "fit", "held_out"], spoil=drift,
+        nominal="",
+    )  # fmt: skip
+    record = measure(reference(ready, calibrate(ready).model), truth)
+    speeds = np.concatenate([run.outputs["speed"] for run in ready.measured.runs])
+    high = ready.measured.runs[1].outputs["speed"]
+    expected = 100 * (1 - 0.04 * float(np.sqrt(np.nanmean(high**2) / 2)) / float(np.nanstd(speeds)))
+    assert record.signals["speed"]["free_run"].repeatability == pytest.approx(expected, abs=0.3)
+
+
+def test_samples_that_are_far_apart_leave_out_the_short_horizons(tmp_path):
+    def thin(name, table):
+        for key in list(table):
+            table[key] = table[key][::6]
+
+    ready = prepared(tmp_path / "thin", FRICTION, spoil=thin)
+    record = measure(reference(ready, NOMINAL), FRICTION)
+    assert "0.2_s" not in record.signals["yaw_rate"]
+    assert any("0.2 s" in note for note in record.notes)
+
+
+def test_a_state_that_a_run_goes_on_from_is_refused_if_it_is_infinite():
+    from brickpilot.errors import SimulationError
+
+    nan = float("nan")
+    given = State(nan, nan, nan, np.inf, nan, nan, (nan, nan), (nan, nan), (nan, nan), nan, nan, (nan, nan), nan)
+    run = OpenLoopRun(time=np.arange(5) * 0.01, inputs=np.zeros((5, 2)), restarts=[(2, given)])
+    with pytest.raises(SimulationError):
+        plant.simulate([(NOMINAL, run)])
