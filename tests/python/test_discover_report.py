@@ -87,7 +87,13 @@ def test_values_that_were_not_stated_are_shown_as_fitted(found):
 
 def test_two_effects_are_both_named(found):
     bias = Effect(
-        "gyro_bias", "sensor", "sensor", "r + bias", 0.9, {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))}
+        "gyro_bias",
+        "sensor",
+        "gyro_bias",
+        "sensor",
+        "r + bias",
+        0.9,
+        {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))},
     )
     sentence = verdict(dataclasses.replace(found["named"], effects=(FRICTION, bias))).replace("\N{NO-BREAK SPACE}", " ")
     assert sentence.startswith(

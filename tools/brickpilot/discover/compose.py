@@ -16,6 +16,7 @@ from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms.basis import EFFECT, parameters
+from brickpilot.discover.terms.match import Match, matches
 from brickpilot.discover.terms.search import ComposedTerms, find_terms
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Free, Plan
@@ -35,12 +36,14 @@ class Composed:
         model, plan: the model with the term, and its free parameters.
         terms: what was composed.
         alone: the term stands without named effects beside it.
+        matches: the effects of the library that do nearly the same to the data, the best first.
     """
 
     model: Model
     plan: Plan
     terms: ComposedTerms
     alone: bool
+    matches: tuple[Match, ...] = ()
 
 
 def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None:
@@ -55,7 +58,9 @@ def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None
     composed = _best_composed(prepared.coarse, prepared.fine, verdict, tell)
     if composed is None or not _holds_on_held_out_runs(prepared, verdict, composed):
         return None
-    return composed
+    tell("matching the term with the laws of the library")
+    base = View(prepared.coarse, verdict.nominal if composed.alone else verdict.best)
+    return dataclasses.replace(composed, matches=tuple(matches(base, composed.terms, prepared.excitation)))
 
 
 class View:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term
+from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term, TermMatch
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
@@ -93,6 +93,10 @@ def _term(dataset: Dataset, written: Written) -> Term | None:
         f"{name}.c",
         source,
         written.evidence.removed_held_out if written.evidence is not None else None,
+        tuple(
+            TermMatch(one.effect, one.law, one.mechanism, one.correlation, one.is_equal)
+            for one in written.composed.matches
+        ),
     )
 
 

@@ -73,6 +73,7 @@ class Effect:
 
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
+        law: what its law is called, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
         confidence: how often it comes first when stretches of the runs are drawn again, 0..1.
         removed: the share of the cost above that of noise that the explanation removes on the fit runs, 0..1.
         claimed: the verdict says that it is there. False: it explains the fit runs best, and nothing proves it.
@@ -81,6 +82,7 @@ class Effect:
 
     name: str
     mechanism: str
+    law: str
     acts_on: str
     equation: str
     confidence: float
@@ -239,6 +241,23 @@ class NominalFinding:
 
 
 @dataclass(frozen=True)
+class TermMatch:
+    """A law of the library that does nearly the same to the data as a composed term.
+
+    Attributes:
+        law: what it is called, as in "FAMILY, but DIFFERENCE".
+        correlation: 0 to 1, between what it and what the term do to the signals.
+        is_equal: the term is this law under another name.
+    """
+
+    effect: str
+    law: str
+    mechanism: str
+    correlation: float
+    is_equal: bool
+
+
+@dataclass(frozen=True)
 class Term:
     """A composed term.
 
@@ -246,6 +265,7 @@ class Term:
         place: where it acts.
         equation, html: the equation as plain text and as MathML.
         file_name, source: its C file.
+        matches: laws of the library that do nearly the same to the data, with the correlation of what they do.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
@@ -255,6 +275,7 @@ class Term:
     file_name: str
     source: str
     removed_held_out: float | None
+    matches: tuple[TermMatch, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -334,6 +355,7 @@ class Finding:
                 "equation": self.term.equation,
                 "source": self.term.file_name,
                 "removed_held_out": self.term.removed_held_out,
+                "matches": [dataclasses.asdict(one) for one in self.term.matches],
             },
             "power": {name: dataclasses.asdict(one) for name, one in self.power.items()},
             "ranking": [dataclasses.asdict(rank) for rank in self.ranking],

@@ -127,6 +127,10 @@ UNEXPLAINED = 1.6
 INDISPENSABLE = 1.25
 """A size without an interval stays if the cost without it is so many times as high: only its unit is unknown."""
 
+SHOWS_MECHANISM = 0.7
+"""An explanation that removes this share of the cost above noise, or a law whose change of the signals correlates so
+far with that of a composed term, shows the mechanism, although the law is not quite right."""
+
 WORTH_LISTING = 0.1
 """For `unknown`, the best explanation is listed, without a claim, if it removes this share of the cost above noise."""
 

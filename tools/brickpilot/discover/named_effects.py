@@ -45,13 +45,20 @@ def named_effects(prepared: Prepared, verdict: Verdict, written: Written) -> tup
 
 
 def mechanism(effects: tuple[Effect, ...], written: Written) -> str | None:
-    """Returns the kind of cause that explains most: that of the composed term, else that of the first effect."""
+    """Returns the kind of cause that explains most; None if nothing is missing or nothing points at one.
+
+    A law that is not quite right still shows its mechanism: the best effect stands for it where that removes most of
+    the gap. Else the composed term does: by the law of the library that it resembles, or by the place where it acts.
+    """
     if written.kind == "none":
         return None
-    if written.composed is not None and (written.composed.alone or not effects):
-        place = written.composed.terms.places[0]
-        return _MECHANISM_OF_PLACE.get(place, "sensor")
-    return effects[0].mechanism if effects else None
+    composed, first = written.composed, effects[0] if effects else None
+    if composed is None or (first is not None and (first.claimed or first.removed > gates.SHOWS_MECHANISM)):
+        return first.mechanism if first is not None else None
+    nearest = composed.matches[0] if composed.matches else None
+    if nearest is not None and nearest.correlation > gates.SHOWS_MECHANISM:
+        return nearest.mechanism
+    return _MECHANISM_OF_PLACE.get(composed.terms.places[0], "sensor")
 
 
 def _effects(
@@ -76,7 +83,8 @@ def _effects(
         effects.append(
             Effect(
                 name=candidate.effect,
-                mechanism=info.mechanism,
+                mechanism=catalogue.mechanism(candidate.effect, model.effects[candidate.effect]),
+                law=catalogue.law(candidate.effect, model.effects[candidate.effect]),
                 acts_on=info.acts_on,
                 equation=info.equation,
                 confidence=confidence,
