@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Parameter
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Parameter, Term
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
 
 OVER_NOISE = 1.1
@@ -117,7 +117,10 @@ def _none(finding: Finding) -> str:
 def _ambiguous(finding: Finding) -> str:
     rivals = alternatives(finding.effects)
     either = listed([explanation(one) for one in rivals], "or")
-    sentence = f"An effect is missing, and {_number_word(len(rivals))} explanations fit these data equally well: "
+    kinds = {catalogue.effect(name).mechanism for one in rivals if one != NOMINAL_VALUES for name in one.split(" + ")}
+    place = f" in the {finding.mechanism}" if len(kinds) == 1 and NOMINAL_VALUES not in rivals else ""
+    fit = f"{_number_word(len(rivals))} explanations fit these data equally well"
+    sentence = f"An effect is missing{place}, and {fit}: "
     sentence += f"{either}. With the first of them, {_proved_change(finding)}."
     return sentence + (f" {finding.next_experiment.advice}" if finding.next_experiment else "")
 
@@ -132,6 +135,7 @@ def _unknown(finding: Finding) -> str:
     if finding.term is None:
         change = _proved_change(finding)
         return f"{sentence} With the named effects, {change}." if found else f"{sentence} {change.capitalize()}."
+    sentence += _resembled(finding.term)
     equation = finding.term.equation.partition(". ")[0]  # the page explains its symbols further down
     role, gap = _proof(finding)
     if role != _HELD_OUT or finding.term.removed_held_out is None:
@@ -143,11 +147,22 @@ def _unknown(finding: Finding) -> str:
     )
 
 
+def _resembled(term: Term) -> str:
+    """Returns a sentence on the law of the library that a composed term equals; empty: none."""
+    nearest = next((one for one in term.matches if one.is_equal), None)
+    return f" The term does to these data what {say(nearest.law)} does." if nearest is not None else ""
+
+
 def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
     """Returns what explains the fit runs best, and why it is not claimed."""
     names = listed([explanation(one.name) for one in unclaimed])
     removed = percent(unclaimed[0].removed)
-    reason = finding.evidence.sentence if finding.evidence is not None else "It does not gain enough to be claimed."
+    if finding.term is not None:
+        reason = "A term without a name explains more."
+    elif finding.evidence is not None:
+        reason = finding.evidence.sentence
+    else:
+        reason = "It does not gain enough to be claimed."
     return (
         f"Something is missing, most likely in the {finding.mechanism}. On the fit runs, {names} "
         f"{'explain' if len(unclaimed) > 1 else 'explains'} {removed} of the gap above the noise. {reason}"
