@@ -6,7 +6,9 @@
     blind_test.py      runs discovery on each set and appends a result
     result.py          one result, a line of results.jsonl: truth and verdict
     score.py           what one result counts
+    law_score.py       what one of a quick suite counts: by mechanism, law and place
     claims.py          what discovery is asked to show, as shares and figures over many results
+    law_claims.py      the same for the quick suites, each apart
     table.py           the whole table; table_text.py prints it
     feedforward_fit.py the peer for real logs: kS, kV, kA and delays, fitted by free-run simulation
     sindy.py           the peer: PySINDy on the same sets, with a named library

@@ -75,15 +75,20 @@ class Claim:
         }
 
 
-def _share(
+def share_of(
     what: str,
     among: Sequence[Result],
-    count: Callable[[Result], float],
+    count: Callable[[Result], Any],
     wanted: Wanted | None = None,
     least: int = 1,
 ) -> Claim:
-    share = Share(sum(float(count(one)) for one in among), len(among))
+    """Returns the claim on the share of `among` of which `count` is true, or on the mean of what it counts, 0 to 1."""
+    share = Share(sum(_counted(count(one)) for one in among), len(among))
     return Claim(what, share.value, share.of, share.interval, "%", wanted, least)
+
+
+def _counted(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else float(bool(value))
 
 
 def _figure(
@@ -93,7 +98,7 @@ def _figure(
 
 
 def claims(results: Sequence[Result]) -> list[Claim]:
-    """Returns all claims, those that are asked for and those beside them."""
+    """Returns all claims on the long suites, those that are asked for and those beside them."""
     of = {name: [one for one in results if kind(one) == name] for name in ("single", "none", "pairs", "triples", "odd")}
     return [
         *_single(of["single"]),
@@ -111,22 +116,22 @@ def _single(results: Sequence[Result]) -> Iterator[Claim]:
     for sensors, label in SENSORS.items():
         mine = [one for one in results if one["sensors"] == sensors]
         clear = [one for one in mine if visible(one)]
-        yield _share(f"single, clearly visible, {label}: right name", clear, credit, (0.95, 1.0))
-        yield _share(f"single, clearly visible, {label}: named, and no other name", clear, right)
-        yield _share(f"single, all sizes, {label}: right name", mine, credit)
-        yield _share(f"single, all sizes, {label}: something is said to be missing", mine, detected)
+        yield share_of(f"single, clearly visible, {label}: right name", clear, credit, (0.95, 1.0))
+        yield share_of(f"single, clearly visible, {label}: named, and no other name", clear, right)
+        yield share_of(f"single, all sizes, {label}: right name", mine, credit)
+        yield share_of(f"single, all sizes, {label}: something is said to be missing", mine, detected)
     clear = [one for one in results if visible(one)]
-    yield _share("single, clearly visible: a wrong name given as certain", clear, wrong)
+    yield share_of("single, clearly visible: a wrong name given as certain", clear, wrong)
 
 
 def _ambiguous(results: Sequence[Result]) -> Iterator[Claim]:
     unsure = [one for one in results if one["verdict"] == "ambiguous"]
     made = [one for one in unsure if one.get("follow")]
-    yield _share("any set: ambiguous", results, lambda one: one["verdict"] == "ambiguous")
+    yield share_of("any set: ambiguous", results, lambda one: one["verdict"] == "ambiguous")
     single = [one for one in made if kind(one) == "single"]
-    yield _share("ambiguous, single: the next experiment decides rightly", single, decided, (0.90, 1.0))
-    yield _share("ambiguous, any set: the next experiment decides rightly", made, decided)
-    yield _share("ambiguous: no experiment that the engine can make", unsure, lambda one: not one.get("follow"))
+    yield share_of("ambiguous, single: the next experiment decides rightly", single, decided, (0.90, 1.0))
+    yield share_of("ambiguous, any set: the next experiment decides rightly", made, decided)
+    yield share_of("ambiguous: no experiment that the engine can make", unsure, lambda one: not one.get("follow"))
 
 
 def _clean(results: Sequence[Result]) -> Iterator[Claim]:
@@ -134,26 +139,26 @@ def _clean(results: Sequence[Result]) -> Iterator[Claim]:
         among = [one for one in results if round(100 * one["nominal_error"]) == percent]
         what = f"nothing hidden, nominal values {percent} % off: an effect is named or suspected"
         if percent == 2:
-            yield _share(what, among, detected, (0.0, 0.02), _LEAST_CLEAN)
+            yield share_of(what, among, detected, (0.0, 0.02), _LEAST_CLEAN)
         else:
-            yield _share(what, among, detected)
-    yield _share("nothing hidden: a wrong nominal value named as an effect", results, any_named, (0.0, 0.0))
+            yield share_of(what, among, detected)
+    yield share_of("nothing hidden: a wrong nominal value named as an effect", results, any_named, (0.0, 0.0))
 
 
 def _several(
     suite: str, results: Sequence[Result], every: str, all_wanted: Wanted | None, one_wanted: Wanted | None
 ) -> Iterator[Claim]:
-    yield _share(f"{suite}: {every} found", results, whole, all_wanted)
-    yield _share(f"{suite}: {every}, ambiguous verdicts counted as for single ones", results, credit)
-    yield _share(f"{suite}: at least one found and no false one", results, clean_part, one_wanted)
+    yield share_of(f"{suite}: {every} found", results, whole, all_wanted)
+    yield share_of(f"{suite}: {every}, ambiguous verdicts counted as for single ones", results, credit)
+    yield share_of(f"{suite}: at least one found and no false one", results, clean_part, one_wanted)
 
 
 def _odd(results: Sequence[Result]) -> Iterator[Claim]:
     clear = [one for one in results if visible(one)]
     what = f"unknown, with a term that removes {100 * REMOVED:.0f} % of the held-out gap"
-    yield _share(f"outside the library, clearly visible: {what}", clear, composed, (0.85, 1.0))
-    yield _share("outside the library, all sizes: the same", results, composed)
-    yield _share("outside the library: a wrong name given as certain", results, wrong, (0.0, 0.05))
+    yield share_of(f"outside the library, clearly visible: {what}", clear, composed, (0.85, 1.0))
+    yield share_of("outside the library, all sizes: the same", results, composed)
+    yield share_of("outside the library: a wrong name given as certain", results, wrong, (0.0, 0.05))
 
 
 def _fitted(results: Sequence[Result]) -> Iterator[Claim]:
@@ -179,4 +184,4 @@ def _times(results: Sequence[Result]) -> Iterator[Claim]:
     times = [one["elapsed_s"] for one in results if one.get("elapsed_s") is not None]
     yield _figure("time to answer, median", times, np.median, "s", (0.0, _ANSWER_S))
     yield _figure("time to answer, worst", times, np.max, "s", (0.0, _ANSWER_S))
-    yield _share("sets that ended in an error", results, lambda one: bool(one.get("error")), (0.0, 0.0))
+    yield share_of("sets that ended in an error", results, lambda one: bool(one.get("error")), (0.0, 0.0))

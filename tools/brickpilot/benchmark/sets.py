@@ -19,6 +19,7 @@ from typing import Any, Literal
 from brickpilot.errors import InputError, SimulationError
 
 SUITES = ("single", "pairs", "triples", "none", "odd")
+QUICK = ("same", "other", "outside", "nulls", "nominal", "scales")
 REPORT = 1_000_000
 """Seed offset of reported results. Thresholds were set with 0."""
 
@@ -125,7 +126,7 @@ def planned(
     """Returns at most `limit` sets of each suite and engine, of those whose names match `only`.
 
     Args:
-        suite: one of `SUITES`, "ci" or "all".
+        suite: one of `SUITES` or `QUICK`, "ci", "all" for the first, "quick" for the second.
         engine: "mujoco", "planar" or "both".
 
     Raises:
@@ -137,7 +138,7 @@ def planned(
             "needs the package mujoco: pip install mujoco, or use --engine planar", field="--engine mujoco"
         )
     tasks = []
-    for one in SUITES if suite == "all" else (suite,):
+    for one in {"all": SUITES, "quick": QUICK}.get(suite, (suite,)):
         for which in engines:
             tasks += _chosen(maker.tasks(one, which, seed_offset), only)[:limit]
     if not tasks:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from brickpilot.benchmark.claims import SENSORS, claims
+from brickpilot.benchmark.law_claims import by_suite
 from brickpilot.benchmark.score import (
     VISIBLE,
     Result,
@@ -135,9 +136,10 @@ def _compared(both: Sequence[Result]) -> list[Compared]:
 def table(results: Sequence[Result]) -> dict[str, Any]:
     """Returns everything that is printed, as one object."""
     engines = sorted({str(one["engine"]) for one in results})
-    groups = {"all": list(results)}
+    long = [one for one in results if not one.get("group")]
+    groups = {"all": long}
     if len(engines) > 1:
-        groups |= {engine: [one for one in results if one["engine"] == engine] for engine in engines}
+        groups |= {engine: [one for one in long if one["engine"] == engine] for engine in engines}
     return {
         "sets": len(results),
         "engines": engines,
@@ -145,8 +147,9 @@ def table(results: Sequence[Result]) -> dict[str, Any]:
         "versions": sorted({one["version"] for one in results}),
         "visible_from_noise_sd": VISIBLE,
         "claims": {group: [claim.to_json() for claim in claims(among)] for group, among in groups.items()},
-        "power": power(results),
-        "curve": curve(results),
-        "peer": side_by_side(results),
+        "suites": {name: [claim.to_json() for claim in made] for name, made in by_suite(results).items()},
+        "power": power(long),
+        "curve": curve(long),
+        "peer": side_by_side(long),
         "errors": {one["name"]: one["error"] for one in results if one.get("error")},
     }

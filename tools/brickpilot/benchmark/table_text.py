@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 
@@ -11,14 +13,13 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
     offsets = ", ".join(map(str, table["seed_offsets"])) or "not known"
     yield f"{table['sets']} sets of {' and '.join(table['engines'])}, seed offsets: {offsets}"
     yield "In brackets: 95 % intervals (Wilson). [+]: what is asked for holds; [-]: it does not."
-    for group, made in table["claims"].items():
-        yield ""
-        yield f"== claims, {group} =="
-        for one in made:
-            if one["of"]:
-                mark = {True: "[+]", False: "[-]", None: "   "}[one["holds"]]
-                figures = f"{_value(one):>9} {_interval(one['interval']):17}{_wanted(one):>12}"
-                yield f"{mark} {one['what']:84}{figures}  of {one['of']}"
+    titles = {f"claims, {group}": made for group, made in table["claims"].items()}
+    for title, made in (titles | {f"suite {name}": made for name, made in table["suites"].items()}).items():
+        counted = [one for one in made if one["of"]]
+        if counted:
+            yield ""
+            yield f"== {title} =="
+            yield from map(_claim_line, counted)
     if table["curve"]:
         yield ""
         yield "== detection power, single effects, by the largest change of a signal in noise sd rms =="
@@ -34,6 +35,30 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
         yield ""
         yield "== errors =="
         yield from (f"{name}: {text}" for name, text in table["errors"].items())
+
+
+def write(table: Mapping[str, Any], folder: Path) -> None:
+    """Writes FOLDER/table.json, everything, and FOLDER/table.md, the quick suites."""
+    (folder / "table.json").write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / "table.md").write_text("\n".join(markdown(table)) + "\n", encoding="utf-8")
+
+
+def _claim_line(one: Mapping[str, Any]) -> str:
+    mark = {True: "[+]", False: "[-]", None: "   "}[one["holds"]]
+    return f"{mark} {one['what']:84}{_value(one):>9} {_spread(one):17}{_wanted(one):>12}  of {one['of']}"
+
+
+def markdown(table: Mapping[str, Any]) -> Iterator[str]:
+    """Yields the lines of the quick suites' table for a page."""
+    yield "| suite | figure | result | 95 % interval | of | asked for |"
+    yield "|---|---|---|---|---|---|"
+    for name, made in table["suites"].items():
+        suite, _, words = name.partition(": ")
+        for one in made:
+            if one["of"]:
+                what = f"{words}: {one['what']}" if one is made[0] else one["what"]
+                cells = (f"`{suite}`", what, _value(one), _spread(one).strip("()"), one["of"], _wanted(one))
+                yield f"| {' | '.join(str(cell).strip() or '-' for cell in cells)} |"
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -73,7 +98,15 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f} %"
 
 
-def _value(claim: dict[str, Any]) -> str:
+def _spread(claim: Mapping[str, Any]) -> str:
+    """Returns the interval of a share or of a figure."""
+    if claim["unit"] == "%" or claim["interval"] is None:
+        return _interval(claim["interval"])
+    low, high = claim["interval"]
+    return f"({low:.3g}..{high:.3g})"
+
+
+def _value(claim: Mapping[str, Any]) -> str:
     if claim["value"] is None:
         return "-"
     return _percent(claim["value"]) if claim["unit"] == "%" else f"{claim['value']:.3g} {claim['unit']}".strip()
@@ -83,7 +116,7 @@ def _interval(interval: Sequence[float] | None) -> str:
     return "" if interval is None else f"({100 * interval[0]:.1f}..{100 * interval[1]:.1f})"
 
 
-def _wanted(claim: dict[str, Any]) -> str:
+def _wanted(claim: Mapping[str, Any]) -> str:
     if claim["wanted"] is None:
         return ""
     low, high = claim["wanted"]

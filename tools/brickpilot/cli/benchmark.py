@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from brickpilot.benchmark.sets import QUICK, SUITES
 from brickpilot.cli.terminal import as_json, jobs_option, progress_shown
 
 
@@ -19,10 +20,10 @@ def benchmark() -> None:
 @benchmark.command("discover")
 @click.option(
     "--suite",
-    type=click.Choice(["single", "pairs", "triples", "none", "odd", "ci", "all"]),
+    type=click.Choice([*SUITES, "ci", "all", *QUICK, "quick"]),
     default="all",
     show_default=True,
-    help="The sets of tests/hidden to run; all leaves out ci.",
+    help="The sets of tests/hidden to run. all: the first five; quick: those from same to scales, of short runs.",
 )
 @click.option(
     "--engine",
@@ -68,8 +69,9 @@ def benchmark_discover(
 ) -> None:  # fmt: skip
     """Runs discovery on data sets with one hidden effect, with several, with none, and with an effect of no library.
 
-    tests/hidden makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun
-    continues where the last one stopped. The table is computed from these lines.
+    The quick suites hide laws that are not the library's, wrong nominal values and robots of other scales. tests/hidden
+    makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun continues where the
+    last one stopped. The table is computed from these lines and written beside them, as table.json and table.md.
     """
     from brickpilot.benchmark import blind_test, result, sets, table, table_text
 
@@ -86,6 +88,7 @@ def benchmark_discover(
         with progress_shown(as_json) as progress:
             results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
     found = table.table(results)
+    table_text.write(found, folder)
     if as_json:
         click.echo(json.dumps(found))
         return
