@@ -15,6 +15,7 @@ from brickpilot.discover.start_state import MOVING_SAMPLES, with_averaged_starts
 
 Array = NDArray[np.float64]
 
+_STILL = 0.01  # of the mean rate in the fastest run: a wheel that turns less and is not driven rests
 _HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
 _ANGLE_AND_RATE = (
@@ -39,23 +40,32 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     Returns None where neither angles nor speeds of the wheels were measured.
     """
     windows: list[Run] = []
+    turned = {run.name: wheel_angles(run) for run in dataset.runs}
+    still = _STILL * length_s * max((_mean_rate(run, turned[run.name] or {}) for run in dataset.runs), default=0.0)
     for run in dataset.runs:
-        angles = wheel_angles(run)
+        angles = turned[run.name]
         if angles is None:
             return None
-        windows += _windows(run, angles, length_s)
+        windows += _windows(run, angles, length_s, still)
     cut = dataclasses.replace(dataset, runs=tuple(windows))
     return with_averaged_starts(cut, {run.name: motor_inputs(run, cut) for run in windows})
 
 
-def _windows(run: Run, angles: Mapping[str, Array], length_s: float) -> Iterator[Run]:
-    """Yields the windows of a run. Of an angle only the first sample stays: it says where the window starts."""
+def _mean_rate(run: Run, angles: Mapping[str, Array]) -> float:
+    return max((float(np.ptp(values)) for values in angles.values()), default=0.0) / float(run.time[-1] - run.time[0])
+
+
+def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: float) -> Iterator[Run]:
+    """Yields the windows of a run. Of an angle only the first sample stays: it says where the window starts.
+
+    A window in which nothing was measured, or in which the vehicle rests, is left out.
+    """
     count = max(1, round(float(run.time[-1] - run.time[0]) / length_s))
     edges = np.searchsorted(run.time, np.linspace(run.time[0], run.time[-1], count + 1))
     for number, (first, last) in enumerate(pairwise(edges)):
         rows = slice(int(first), int(last) + 1)
         length = len(run.time[rows])
-        if length < 2 * MOVING_SAMPLES:
+        if length < 2 * MOVING_SAMPLES or _shows_nothing(run, angles, rows, still):
             continue
         outputs = {name: values[rows] for name, values in run.outputs.items() if name not in angles}
         for name, values in angles.items():
@@ -73,12 +83,20 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float) -> Iterator
         )
 
 
+def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: float) -> bool:
+    """Whether nothing was measured in a window, or nothing was driven in it and no wheel moved by more than `still`."""
+    if not any(np.isfinite(values[rows]).any() for values in run.outputs.values()):
+        return True
+    driven = any(np.nan_to_num(values[rows]).any() for values in run.inputs.values())
+    return not driven and all(np.ptp(values[rows]) < still for values in angles.values())
+
+
 def _without_holes(time: Array, values: Array | None) -> Array | None:
     """Returns the values with short holes filled, as between held samples; None if a hole is long."""
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
-    holes = np.diff(time[np.concatenate([[0], known, [len(time) - 1]])])
+    holes = np.diff(time[np.concatenate([[0], known])])  # what follows the last sample stays as it was
     return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= _HOLE_S else None
 
 

@@ -17,7 +17,8 @@ from brickpilot.data.audit import stuck
 from brickpilot.data.audit.blame import Contradiction
 from brickpilot.data.audit.channels import contradictions
 from brickpilot.data.audit.clock import clock_faults
-from brickpilot.data.audit.fault import Fault, Kind, channel_note, range_note, rows_note
+from brickpilot.data.audit.collisions import collisions
+from brickpilot.data.audit.fault import Fault, Kind, channel_note, collision_note, range_note, rows_note
 from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import blank, jumps
 from brickpilot.data.audit.view import AcrossRuns, RunView, stretches
@@ -75,6 +76,7 @@ def audit(
         _wrong_channels(runs, views, nominal or {}),
         _beyond_range(runs, views, signals),
         _wrong_clocks(runs, views),
+        _after_collisions(runs, views),
     ):
         faults += found
         notes += its_notes
@@ -248,6 +250,20 @@ def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tupl
         for values in view.outputs.values():
             values[one.start :] = np.nan
         notes.append(f"run {run.name}: its clock {one.evidence}; left out from {start:.6g} s on")
+    return faults, notes
+
+
+def _after_collisions(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tuple[list[Fault], list[str]]:
+    """Finds runs with a collision, and blanks all channels from there on."""
+    faults: list[Fault] = []
+    notes: list[str] = []
+    for one in collisions(views):
+        run, view = runs[one.run], views[one.run]
+        first, last = float(run.time[one.row + 1]), float(run.time[-1])
+        faults += [Fault(run.name, name, "collision", first, last) for name in one.names]
+        for values in view.outputs.values():
+            values[one.row + 1 :] = np.nan
+        notes.append(collision_note(run.name, one.names, first))
     return faults, notes
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from brickpilot.data.signals import SIGNALS
 
-Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock"]
+Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
 _MANY = 4  # from this many on, runs are counted and not listed
 _UNITS = {
@@ -82,6 +82,14 @@ def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of:
     if any(SIGNALS[signal].kind != "output" for signal in signals):
         consequence = f"nothing measured in {'this run' if len(runs) == 1 else 'these runs'} is used"
     return f"{runs_named(runs, of)}: {joined(signals)} {fault}; {consequence}"
+
+
+def collision_note(run: str, signals: Sequence[str], from_s: float) -> str:
+    """Describes a collision that begins at `from_s`, as `signals` show it."""
+    return (
+        f"run {run}: {joined(signals)} {'lose' if len(signals) > 1 else 'loses'} speed at a constant command after "
+        f"{from_s:.6g} s, as in a collision; what follows in this run is left out"
+    )
 
 
 def range_note(signal: str, runs: Sequence[str], of: int) -> str:
