@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.noise import Noise, noise_of
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.coarse_grid import on_coarse_grid
 from brickpilot.discover.gates import BIN_S, CORRELATED_S, LEAST_NOISE_SHARE, MODEL_ERROR_SHARE
@@ -25,7 +26,7 @@ from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.rates import MOTOR_RATE_OF
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.robust import noise_sd, pseudo_huber_loss
+from brickpilot.fit.robust import pseudo_huber_loss
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ class BinnedOutputError(OutputError):
         replay, bins = grid[0], dataclasses.replace(grid[1], changes=self.changes)
         super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=samples or dataset)
         self._dataset, self.matched = dataset, MODEL_ERROR_SHARE
+        self._noise = {signal: self._estimated_noise(signal) for signal in self.signals}
         self.sample_noise = {signal: self._sample_noise(signal) for signal in self.signals}
         self.noise_floors = {signal: self._noise_floor(signal) for signal in self.signals}
         self.scales = {signal: self._scale(signal) for signal in self.signals}
@@ -223,22 +225,22 @@ class BinnedOutputError(OutputError):
         described = self._dataset.signals.get(signal)
         stated = described.noise_sd if described is not None and described.noise_sd else 0.0
         step = described.resolution / 12**0.5 if described is not None and described.resolution else 0.0
+        return max(float(np.hypot(stated, step)), self._noise[signal].sd, LEAST_NOISE_SHARE * self._rms(signal))
+
+    def _estimated_noise(self, signal: str) -> Noise:
+        described = self._dataset.signals.get(signal)
         fitted = {block.run for block in self.blocks if block.signal == signal}
-        estimated = [
-            noise_sd(run.outputs[signal][np.isfinite(run.outputs[signal])])
-            for run in self._dataset.runs
-            if run.name in fitted and signal in run.outputs
-        ]
-        return max(
-            float(np.hypot(stated, step)),
-            float(np.median(estimated)) if estimated else 0.0,
-            LEAST_NOISE_SHARE * self._rms(signal),
-        )
+        parts = [run.outputs[signal] for run in self._dataset.runs if run.name in fitted and signal in run.outputs]
+        return noise_of(parts, (described.resolution or 0.0) if described is not None else 0.0)
 
     def _noise_floor(self, signal: str) -> float:
-        """Returns the sd of a bin's value for white noise."""
+        """Returns the sd of a bin's value for noise of the signal's colour."""
         per_bin = float(np.median([block.count for block in self.blocks if block.signal == signal]))
-        return float(self.sample_noise[signal] / np.sqrt(per_bin) * (np.sqrt(2) if signal in self.changes else 1.0))
+        noise = self._noise[signal]
+        share = noise.mean_sd(per_bin) / noise.sd if noise.sd > 0 else per_bin**-0.5
+        least = LEAST_NOISE_SHARE * self._rms(signal) * per_bin**-0.5
+        changed = 2**0.5 if signal in self.changes else 1.0
+        return float(max(self.sample_noise[signal] * share, least) * changed)
 
 
 def _compared_by_change(dataset: Dataset) -> frozenset[str]:

@@ -1,0 +1,116 @@
+"""The noise of a signal is found with its size and its colour, whatever the signal does beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from brickpilot.data.noise import Noise, noise_of, step_of
+from scipy.signal import lfilter
+
+Array = np.ndarray
+
+SAMPLES = {0.01: 500, 0.005: 1000, 0.001: 3000}
+BIN = 6
+
+
+def motion(count: int, period: float) -> Array:
+    """A step response with a slow sway on it, and its decay."""
+    time = np.arange(count) * period
+    end = 0.7 * time[-1]
+    rise = 10 * (1 - np.exp(-time / 0.4)) * (1 + 0.3 * np.sin(4.4 * time))
+    return np.where(time < end, rise, 10 * np.exp(-(time - end) / 0.4))
+
+
+def records(noisy: Callable[[Array, np.random.Generator], Array], period: float) -> tuple[list[Array], Array]:
+    """Six runs, and their true noise."""
+    random = np.random.default_rng(3)
+    true = motion(SAMPLES[period], period)
+    parts = [noisy(true, random) for _ in range(6)]
+    return parts, np.array([part - true for part in parts])
+
+
+def check(found: Noise, noise: Array, *, sd: float = 0.15, mean: float = 0.25) -> None:
+    means = noise[:, : noise.shape[1] // BIN * BIN].reshape(-1, BIN).mean(axis=1)
+    assert found.sd == pytest.approx(noise.std(), rel=sd)
+    assert found.mean_sd(BIN) == pytest.approx(means.std(), rel=mean)
+
+
+@pytest.mark.parametrize("period", SAMPLES)
+@pytest.mark.parametrize("size", [0.05, 0.3])
+def test_white_noise_falls_with_the_root_of_the_samples(size: float, period: float) -> None:
+    found = noise_of((both := records(lambda x, r: x + r.normal(0, size, len(x)), period))[0])
+    assert found.colour == "white"
+    check(found, both[1], sd=0.06, mean=0.1)
+
+
+@pytest.mark.parametrize("period", SAMPLES)
+def test_a_fine_step_adds_its_own_noise(period: float) -> None:
+    parts, noise = records(lambda x, r: np.round((x + r.normal(0, 0.1, len(x))) / 0.15) * 0.15, period)
+    check(noise_of(parts), noise)
+
+
+@pytest.mark.parametrize("period", [0.005, 0.001])
+def test_a_coarse_step_without_noise_stays_in_a_mean(period: float) -> None:
+    """A mean over samples of one step is no better than one of them: it must not be trusted more."""
+    parts, noise = records(lambda x, r: np.round(x / 1.2) * 1.2, period)
+    found = noise_of(parts)
+    assert found.colour == "quantised"
+    assert found.sd == pytest.approx(noise.std(), rel=0.1)
+    means = noise[:, : noise.shape[1] // BIN * BIN].reshape(-1, BIN).mean(axis=1)
+    assert 0.95 * means.std() <= found.mean_sd(BIN) <= 1.3 * means.std()
+
+
+@pytest.mark.parametrize("period", SAMPLES)
+def test_a_rate_from_differences_averages_out_faster(period: float) -> None:
+    parts, noise = records(lambda x, r: x + np.diff(r.normal(0, 0.2, len(x) + 1)), period)
+    found = noise_of(parts)
+    assert found.colour == "differentiated"
+    check(found, noise)
+
+
+@pytest.mark.parametrize("period", [0.01, 0.005])
+def test_a_rate_from_counts_is_such_a_rate(period: float) -> None:
+    count = 0.3 * period
+    parts, noise = records(
+        lambda x, r: np.diff(np.round(r.uniform() + np.append(0, np.cumsum(x * period)) / count) * count) / period,
+        period,
+    )
+    found = noise_of(parts)
+    assert found.colour == "differentiated"
+    check(found, noise)
+
+
+@pytest.mark.parametrize("period", [0.005, 0.001])
+@pytest.mark.parametrize("kept", [0.5, 0.7])
+def test_filtered_noise_averages_out_more_slowly(kept: float, period: float) -> None:
+    def noisy(true: Array, random: np.random.Generator) -> Array:
+        drawn = random.normal(0, 0.3 * np.sqrt(1 - kept**2), len(true) + 300)
+        return true + lfilter([1.0], [1.0, -kept], drawn)[300:]
+
+    parts, noise = records(noisy, period)
+    found = noise_of(parts)
+    assert found.colour == "filtered"
+    assert found.correlation == pytest.approx(kept, abs=0.15)
+    check(found, noise, sd=0.2, mean=0.3)
+
+
+def test_held_rows_hide_noise_unless_each_sample_counts_once() -> None:
+    parts, noise = records(lambda x, r: x + r.normal(0, 0.1, len(x)), 0.005)
+    once = [np.where(np.arange(len(part)) % 4 == 0, part, np.nan) for part in parts]
+    held = [np.repeat(part[::4], 4) for part in parts]
+    assert noise_of(once).sd == pytest.approx(noise.std(), rel=0.15)
+    assert noise_of(held).sd != pytest.approx(noise.std(), rel=0.5)
+
+
+def test_a_signal_without_noise_or_with_few_samples_has_none_to_speak_of() -> None:
+    assert noise_of([np.zeros(100)]) == Noise(0.0)
+    assert noise_of([np.arange(4.0)]) == Noise(0.0)
+    assert noise_of([motion(3000, 0.001)]).sd < 1e-4
+
+
+@pytest.mark.parametrize(("step", "found"), [(0.25, 0.25), (0.0, 0.0)])
+def test_a_step_is_found_where_values_are_whole_numbers_of_it(step: float, found: float) -> None:
+    values = motion(3000, 0.001)
+    assert step_of([np.round(values / step) * step if step else values]) == pytest.approx(found)

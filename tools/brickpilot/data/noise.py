@@ -1,0 +1,139 @@
+"""The noise of a measured signal: its size, its colour, and what is left of it in a mean over several samples.
+
+Noise is told from motion by third differences of the samples at distances of one sample to several. A smooth motion
+adds to their variance with the sixth power of the distance. White noise adds the same at every distance; noise that was
+differentiated adds more at the shortest one, and noise that was filtered adds less there. The colour decides what
+a mean is worth: filtered noise falls more slowly than white noise in it, and differentiated noise faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+Colour = Literal["white", "differentiated", "filtered", "quantised"]
+
+_DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
+_LEAST_SAMPLES = 40  # of a run, for a colour; noise of fewer counts as white
+_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
+_FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
+_MOST = 0.85  # of these: noise that is smoother looks like motion, and its size would be a guess
+_CLEARLY = 0.5  # misfit of a colour over that of white noise, for it to be believed
+_MULTIPLE = 0.02  # of a step: how far a value may be from a whole number of steps
+_ALL = 0.98  # share of the values that are whole numbers of steps
+_COARSE = 0.5  # share of samples that repeat: the steps, and not the noise, set the error
+_LAGS = 400
+_SAME, _SELDOM = 1e-6, 0.05  # share of third differences that equal their median, for a robust size
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise of one signal.
+
+    Attributes:
+        sd: of a sample, SI.
+        colour: "differentiated": of a rate taken from counts or positions; "filtered": behind a first-order low-pass;
+            "quantised": the steps of the converter alone.
+        correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean samples on one step).
+    """
+
+    sd: float
+    colour: Colour = "white"
+    correlation: float = 0.0
+
+    def mean_sd(self, count: float) -> float:
+        """Returns the sd of the mean of `count` samples in a row, at least 1."""
+        whole = max(1, round(count))
+        if self.colour == "differentiated":
+            return self.sd / whole
+        lags = np.arange(1, min(whole, _LAGS))
+        correlated = 2 * float(np.sum((1 - lags / whole) * self.correlation**lags))
+        return float(self.sd * np.sqrt((1 + correlated) / whole))
+
+
+def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
+    """Estimates the noise of a signal from the runs that measured it.
+
+    Args:
+        parts: the known samples of each run, SI, evenly sampled but for small jitter.
+        step: the converter's step, SI, if it is known; 0: it is found if the values show one.
+    """
+    known = [part[np.isfinite(part)] for part in parts]
+    known = [part for part in known if len(part) >= 8]
+    if not known:
+        return Noise(0.0)
+    quantum = step or step_of(known)
+    moving = [part for part in known if np.ptp(part) > 0] or known
+    repeats = float(np.median([np.mean(np.diff(part) == 0) for part in moving]))
+    if quantum > 0 and repeats > _COARSE:
+        samples_a_step = 1 / max(1 - repeats, 1e-3)
+        return Noise(quantum / 12**0.5, "quantised", float(np.exp(-1 / samples_a_step)))
+    long = [part for part in moving if len(part) >= _LEAST_SAMPLES]
+    white = float(np.median([_third_difference(part, 1) for part in moving])) / 20**0.5
+    found = _coloured(long, white) if long else Noise(white)
+    return Noise(max(found.sd, quantum / 12**0.5), found.colour, found.correlation)
+
+
+def step_of(parts: Sequence[Array]) -> float:
+    """Returns the step of a converter, SI: nearly all values are whole numbers of it apart; 0: they show none."""
+    values = np.unique(np.concatenate(list(parts)))
+    apart = np.diff(values)
+    apart = apart[apart > 1e-9 * float(np.max(np.abs(values), initial=0.0))]
+    if len(apart) < 3:
+        return float(apart.min()) if len(apart) else 0.0
+    smallest = float(apart.min())
+    if len(values) > 0.5 * sum(len(part) for part in parts):  # hardly a value occurs twice: the step is below the noise
+        return 0.0
+    steps = apart / smallest
+    return smallest if np.mean(np.abs(steps - np.round(steps)) < _MULTIPLE) > _ALL else 0.0
+
+
+def _coloured(parts: Sequence[Array], white: float) -> Noise:
+    """Returns the noise whose colour explains the third differences best, white noise where none does clearly."""
+    variance = np.array([np.median([_third_difference(part, k) ** 2 for part in parts]) for k in _DISTANCES])
+    if variance[0] <= 0:
+        return Noise(white)
+    fits: dict[Noise, float] = {}
+    for colour, correlation, shape in _shapes():
+        columns = np.column_stack([shape, _DISTANCES.astype(float) ** 6]) / variance[:, np.newaxis]
+        (size, _), misfit = nnls(columns, np.ones(len(variance)))
+        fits[Noise(float(np.sqrt(size)), colour, correlation)] = float(misfit)
+    plain = next(noise for noise in fits if noise.colour == "white")
+    best = min(fits, key=lambda noise: fits[noise])
+    clear = best.sd > 0 and fits[best] < _CLEARLY * fits[plain] and best.correlation < _MOST
+    return best if clear else Noise(white)
+
+
+def _shapes() -> list[tuple[Colour, float, Array]]:
+    """Returns each colour with the variance of its third differences at `_DISTANCES`, for noise of unit variance."""
+    found: list[tuple[Colour, float, Array]] = [("white", 0.0, np.full(len(_DISTANCES), _THIRD[0]))]
+    one = np.array([1.0, -0.5])  # autocorrelation of a difference of white noise
+    differences = [
+        sum(weight * (one[k * distance] if k * distance < 2 else 0.0) for k, weight in enumerate(_THIRD))
+        for distance in _DISTANCES.tolist()
+    ]
+    found.append(("differentiated", 0.0, np.array(differences)))
+    for rho in _FILTERS.tolist():
+        powers = rho ** (_DISTANCES[:, np.newaxis] * np.arange(4))
+        found.append(("filtered", rho, np.asarray(powers @ _THIRD)))
+    return found
+
+
+def _third_difference(values: Array, distance: int) -> float:
+    """Returns the robust sd of the third differences of samples at a distance."""
+    end = len(values) - 3 * distance
+    if end < 1:
+        return 0.0
+    a, b, c, d = (values[k * distance : k * distance + end] for k in range(4))
+    size = np.abs(d - 3 * c + 3 * b - a)
+    middle = float(np.median(size))
+    if middle > 0 and np.mean(np.abs(size - middle) < _SAME * middle) < _SELDOM:
+        return 1.4826 * middle
+    limit = 3 * float(np.sqrt(np.mean(size**2)))  # of a coarse signal the median is a whole number of steps
+    return float(np.sqrt(np.mean(np.minimum(size, limit) ** 2)))
