@@ -139,6 +139,8 @@ def _damaged_rows(
     for view, masks in zip(views, damage, strict=True):
         blank(view, masks["clipped"])
         blank(view, masks["frozen"])
+        for name, one in view.held.items():
+            one.blank_repeats(view.outputs[name])
     return faults, notes
 
 

@@ -38,6 +38,11 @@ class Held:
     beat: float
     fresh: Mask
 
+    def blank_repeats(self, values: Vector) -> None:
+        """Sets the rows of `values` to NaN that repeat a sample which is NaN itself."""
+        sample = np.cumsum(self.fresh)
+        values[np.isin(sample, sample[self.fresh & np.isnan(values)])] = np.nan
+
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
     """Returns the channels of one run that are held, by name.
