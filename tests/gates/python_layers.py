@@ -25,7 +25,7 @@ MAY: dict[str, set[str]] = {
     "link": {"vehicle"},
     "hil": {"data", "vehicle", "link"},
     "flash": {"vehicle", "link"},
-    "benchmark": {"data", "vehicle", "fit", "discover", "link", "hil"},
+    "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil"},
     "cli": {"data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "benchmark"},
     "gen": {"data", "vehicle", "fit", "discover", "report"},
 }

@@ -23,7 +23,7 @@ MUST_NOT = {
     "link": {"fit", "hil", "data"},
     "hil": {"fit", "discover", "flash"},
     "flash": {"fit", "hil"},
-    "benchmark": {"report", "flash", "importers"},
+    "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
     "cli": set[str](),
 }

@@ -17,6 +17,17 @@
     sindy_motion.py    what the library is computed from
     sindy_tune.py      tunes its windows and gates on calibration seeds
 
+`brickpilot benchmark real`, on measured data sets:
+
+    real_logs.py       the public logs that are known: reads real_logs.toml
+    real_fetched.py    makes data sets of them, from clones of their repositories
+    peers              other libraries on the same runs; its own docstring lists them
+    feedforward_fit.py the peer kS/kV/kA with delays
+    real_score.py      the figure: fit percent of a free run
+    real_run.py        runs discovery and its peers on one data set
+    real_results.py    the kept results
+    real_table.py      the table in tools/README.md, from the kept results alone
+
 `brickpilot bench`:
 
     speed.py           the simulator and the links, beside a peer in the same process

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 import click
 
 from brickpilot.benchmark.sets import QUICK, SUITES
-from brickpilot.cli.terminal import as_json, jobs_option, progress_shown
+from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_option
+from brickpilot.errors import InputError
 
 
 @click.group()
 def benchmark() -> None:
-    """Measures how often discovery is right, on data whose truth is known, beside a peer."""
+    """Measures how often discovery is right: on data whose truth is known, and on real logs, beside peers."""
 
 
 @benchmark.command("discover")
@@ -109,3 +112,100 @@ def benchmark_tune_peer(results: str, as_json: bool) -> None:
         return
     for line in sindy_tune.lines(found):
         click.echo(line)
+
+
+@benchmark.command("real")
+@click.argument("folders", metavar="[FOLDER]...", nargs=-1)
+@click.option(
+    "--fetched", metavar="DIR", help="Make data sets of the public logs whose repositories are cloned in this folder."
+)
+@click.option(
+    "--out", metavar="DIR", default="runs/benchmark-real", show_default=True, help="The folder of these data sets."
+)
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="PATTERN",
+    help="Run only data sets whose name matches this shell pattern; repeatable.",
+)
+@click.option(
+    "--part",
+    type=click.Choice(["all", "discover", "peers", "none"]),
+    default="all",
+    show_default=True,
+    help="What runs; the other results stay as they are.",
+)
+@click.option("--peer", "peers", multiple=True, metavar="NAME", help="Run only this peer; repeatable.")
+@seed_option
+@jobs_option
+@click.option(
+    "--results",
+    metavar="FILE.json",
+    default="runs/benchmark-real/results.json",
+    show_default=True,
+    help="The results, read before and written after each data set.",
+)
+@click.option("--write", "page", metavar="FILE.md", help="Write the table between its marks in this file.")
+@as_json
+def benchmark_real(
+    folders: tuple[str, ...], fetched: str | None, out: str, only: tuple[str, ...], part: Any, peers: tuple[str, ...],
+    seed: int, jobs: int, results: str, page: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Runs discovery on measured data sets, and beside it well-known libraries on the same runs and inputs.
+
+    FOLDERs hold data sets, at any depth; without one, and without --fetched, BRICKPILOT_DATA names the folder. All are
+    fitted on the fit runs, and score by the free run: 100 (1 - rms error / rms of the signal about its mean). A peer
+    that is not installed is left out: pip install 'brickpilot[peers]'.
+    """
+    from brickpilot.benchmark import real_logs, real_results, real_run, real_table
+
+    known = real_logs.by_name()
+    kept = real_results.load(Path(results))
+    if part != "none":
+        work = real_run.Work(
+            discover=part in ("all", "discover"),
+            peers=real_run.peers_named(peers) if part in ("all", "peers") else (),
+            seed=seed,
+            jobs=jobs,
+        )
+        for peer in work.peers:
+            if missing := peer.missing():
+                click.echo(missing, err=True)
+        with progress_shown(as_json) as progress:
+            for folder in _real_data_sets(folders, fetched, Path(out), only):
+                result = real_run.run_log(folder, known, work, kept, progress)
+                kept[result["name"]] = result
+                real_results.save(kept, Path(results))
+    if page:
+        real_table.write_between_marks(Path(page), list(real_table.lines(kept, known)))
+    if as_json:
+        click.echo(json.dumps({"logs": list(kept.values())}))
+        return
+    for line in real_table.lines(kept, known):
+        click.echo(line)
+
+
+def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, only: tuple[str, ...]) -> list[Path]:
+    """Returns the folders of the data sets that are asked for, those of public logs made first.
+
+    Raises:
+        InputError: no folder is named, or it holds no data set.
+    """
+    from brickpilot.benchmark import real_fetched, real_logs, real_run
+
+    places = [Path(folder) for folder in folders]
+    if fetched:
+        logs = [log for log in real_logs.read() if log.repository and _matches(log.name, only)]
+        for line in real_fetched.describe_missing(logs, Path(fetched)):
+            click.echo(line, err=True)
+        made = [real_fetched.build_once(log, Path(fetched), out / log.name) for log in logs]
+        places += [one for one in made if one is not None]
+    elif not places:
+        if not os.environ.get("BRICKPILOT_DATA"):
+            raise InputError("no data: name a folder of data sets, or set BRICKPILOT_DATA to one", field="FOLDER")
+        places.append(Path(os.environ["BRICKPILOT_DATA"]))
+    return [one for one in real_run.data_sets(places) if _matches(one.name, only)] if places else []
+
+
+def _matches(name: str, patterns: tuple[str, ...]) -> bool:
+    return not patterns or any(fnmatch(name, pattern) for pattern in patterns)

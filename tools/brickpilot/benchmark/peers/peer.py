@@ -1,0 +1,48 @@
+"""What a peer is: a name, a function that fits and simulates, and the package that it needs."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from brickpilot.benchmark.real_score import Predictions
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.holdout import Roles
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One peer.
+
+    Attributes:
+        function: ``module:name`` of a function that takes a data set and its roles, fits on the fit runs alone, and
+            returns the free run of every run.
+        package: the import that it needs, or ``import:name``; None: nothing beyond this package.
+    """
+
+    name: str
+    function: str
+    package: str | None
+
+    def missing(self) -> str | None:
+        """Returns a line for the user where the peer's package is not installed, else None."""
+        if self.package is None or _installed(self.package):
+            return None
+        package = self.package.partition(":")[0]
+        return f"{self.name} is left out: {package} is not installed; pip install 'brickpilot[peers]'"
+
+    def load(self) -> Callable[[Dataset, Roles], Predictions]:
+        module, _, name = self.function.partition(":")
+        found: Callable[[Dataset, Roles], Predictions] = getattr(importlib.import_module(module), name)
+        return found
+
+
+def _installed(needs: str) -> bool:
+    """Whether a package can be imported; with ``package:name``, whether it holds that name."""
+    package, _, name = needs.partition(":")
+    try:
+        return find_spec(package) is not None and (not name or hasattr(importlib.import_module(package), name))
+    except ImportError:
+        return False

@@ -1,0 +1,60 @@
+"""The kept results of the benchmark on real logs: one JSON file, from which the table is made again at any time."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from brickpilot.errors import InputError
+
+KEPT = Path(__file__).with_name("real_results.json")
+
+
+def load(path: Path) -> dict[str, dict[str, Any]]:
+    """Returns the results by data set. A file that does not exist holds none.
+
+    Raises:
+        InputError: the file is not what `save` writes.
+    """
+    if not path.exists():
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["logs"]
+        return {one["name"]: one for one in found}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError("is not a file of results that the benchmark wrote", file=path) from error
+
+
+def save(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
+    """Writes the results, sorted by data set, one data set a line, whole or not at all."""
+    lines = [json.dumps(results[name], allow_nan=False, sort_keys=True) for name in sorted(results)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside.write_text('{"logs": [\n' + ",\n".join(lines) + "\n]}\n", encoding="utf-8")
+    beside.replace(path)
+
+
+def pooled(entry: Mapping[str, Any] | None, role: str) -> float | None:
+    """Returns the pooled fit percent of a peer, or of a model of discovery; None: it has none."""
+    found = (entry or {}).get(role) or {}
+    value = found.get("pooled")
+    return None if value is None else float(value)
+
+
+def models(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Returns "before" and "after" -> role -> fit percent by signal, of the models that discovery fitted."""
+    found: Mapping[str, Any] = result.get("discover", {}).get("fit") or {}
+    return found
+
+
+def judged_on(result: Mapping[str, Any]) -> str:
+    """Returns the role whose runs judge: "held_out", or "fit" where no run is held out."""
+    return "held_out" if result["roles"]["held_out"] else "fit"
+
+
+def peers_of(results: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Returns the peers that any result has, in their first order."""
+    return list(dict.fromkeys(name for result in results for name in result.get("peers", {})))
