@@ -74,8 +74,9 @@ def test_fit_percent_is_one_less_error_over_spread(tmp_path):
     measured = {run.name: run.outputs["speed"] for run in data.runs}
     exact = fit_of(data, {name: {"speed": values} for name, values in measured.items()})
     assert exact["fit"].pooled == pytest.approx(100.0)
-    mean = fit_of(data, {name: {"speed": np.full_like(values, values.mean())} for name, values in measured.items()})
-    assert mean["held_out"].pooled == pytest.approx(0.0, abs=1e-9)
+    every = np.concatenate([measured[name] for name in ("r0", "r1", "r2")]).mean()
+    mean = fit_of(data, {name: {"speed": np.full_like(values, every)} for name, values in measured.items()})
+    assert mean["fit"].pooled == pytest.approx(0.0, abs=1e-9)
     held = data.runs[-1].outputs["speed"]
     off = fit_of(data, {data.runs[-1].name: {"speed": held + 0.25 * held.std()}})
     assert off["held_out"].by_signal["speed"] == pytest.approx(75.0)
@@ -89,9 +90,9 @@ def test_fit_percent_of_a_diverged_model_is_the_worst(tmp_path):
 
 
 def test_a_path_counts_from_its_first_sample():
-    path = np.array([5.0, 6.0, 7.0])
-    assert real_score._squares("angle", path, np.array([0.0, 1.0, 2.0])) == (0.0, 2.0)
-    assert real_score._squares("speed", path, np.array([0.0, 1.0, 2.0]))[0] == 75.0
+    path, other = np.array([5.0, 6.0, np.nan, 7.0]), np.array([0.0, 1.0, 1.0, 2.0])
+    np.testing.assert_array_equal(real_score._known("angle", path, other), [[0, 1, 2], [0, 1, 2]])
+    np.testing.assert_array_equal(real_score._known("speed", path, other), [[5, 6, 7], [0, 1, 2]])
 
 
 def test_held_input_is_averaged_over_the_step_that_follows():
@@ -242,7 +243,7 @@ def a_result(name="bench", verdict="named", before=40.0, after=90.0, peer=80.0, 
         ],
         "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before}},
                 "after": {"fit": {"pooled": after}, "held_out": {"pooled": after}}},
-        "fit_percent": {"held_out": {"speed": {"before": before, "after": after, "attainable": attainable}}},
+        "fit_percent": {"speed": {"free_run": {"held_out": {"attainable": attainable}}}},
     }  # fmt: skip
     peers = {PEERS[0].name: {"fit": {"pooled": peer}, "held_out": {"pooled": peer}, "seconds": 1.0}}
     return {"name": name, "roles": {"fit": 3, "held_out": 1}, "discover": said, "peers": peers}

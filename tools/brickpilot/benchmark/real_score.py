@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ ROLES = ("fit", "held_out")
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit percent of all runs of one role: 100 (1 - rms error / rms of the measured signal about its mean in each run).
+    """Fit percent: 100 (1 - rms error / rms of the signal about its mean), over all samples of all runs of one role.
 
     Attributes:
         by_signal: signal -> fit percent over these runs.
@@ -50,35 +50,39 @@ def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collec
 
 
 def _fit(dataset: Dataset, names: Collection[str], predicted: Predictions, signals: Collection[str]) -> Fit:
-    by_signal, shares = {}, []
+    shares = {}
     for signal in signals:
-        squares, spread = 0.0, 0.0
-        for run in dataset.runs:
-            if run.name in names and signal in run.outputs:
-                found = _squares(signal, run.outputs[signal], predicted.get(run.name, {}).get(signal))
-                squares, spread = squares + found[0], spread + found[1]
-        if spread > 0:
-            share = squares / spread
-            shares.append(share)
-            by_signal[signal] = _percent(share)
-    return Fit(by_signal, _percent(float(np.mean(shares))) if shares else None)
+        runs = [run for run in dataset.runs if run.name in names and signal in run.outputs]
+        pairs = [_known(signal, run.outputs[signal], predicted.get(run.name, {}).get(signal)) for run in runs]
+        share = _share(pairs)
+        if share is not None:
+            shares[signal] = share
+    by_signal = {signal: _percent(share) for signal, share in shares.items()}
+    return Fit(by_signal, _percent(float(np.mean(list(shares.values())))) if shares else None)
 
 
-def _squares(signal: str, measured: Array, predicted: Array | None) -> tuple[float, float]:
-    """Returns the sum of squared errors, and of squared differences of `measured` from its mean."""
+def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
+    """Returns the known samples of a run, and what is predicted there: NaN where nothing is."""
     known = np.isfinite(measured)
-    if not known.any():
-        return 0.0, 0.0
     values = measured[known]
-    spread = float(np.sum((values - values.mean()) ** 2))
-    if predicted is None:
-        return spread, spread
-    simulated = predicted[known]
-    if signal in SUMMED:
-        values, simulated = values - values[0], simulated - simulated[0]
+    simulated = np.full_like(values, np.nan) if predicted is None else predicted[known]
+    if signal in SUMMED and len(values):
+        return values - values[0], simulated - simulated[0]
+    return values, simulated
+
+
+def _share(pairs: Sequence[tuple[Array, Array]]) -> float | None:
+    """Returns the squared error over the squared spread about the mean of all runs; None: the signal never moves."""
+    if not pairs:
+        return None
+    values, simulated = (np.concatenate(columns) for columns in zip(*pairs, strict=True))
+    about = values - values.mean() if len(values) else values
+    spread = float(about @ about)
+    if spread <= 0:
+        return None
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = float(np.sum((values - simulated) ** 2))
-    return (squares if np.isfinite(squares) else np.inf), spread
+        error = np.where(np.isnan(simulated), about, values - simulated)
+        return float(np.sum(error**2)) / spread
 
 
 def _percent(share: float) -> float:

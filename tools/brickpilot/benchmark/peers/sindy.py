@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,8 @@ class _Setting:
 
 def fit(dataset: Dataset, roles: Roles) -> Predictions:
     """Returns the free runs of the best library and threshold. Each run starts from its first sample."""
-    grids = (on_grid(dataset, step) for step in steps_for(dataset))
+    steps = steps_for(dataset)
+    grids = (on_grid(dataset, step) for step in sorted({steps[-1], steps[len(steps) // 2]}))
     settings = [_Setting(*one) for one in product((1, 2), (False, True), (1e-3, 1e-2))]
     return choose(grids, settings, _simulated, roles)
 
@@ -51,24 +53,25 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
         warnings.simplefilter("ignore")
         runs = [grid.stretches[name] for name in used]
         peer.fit([run.outputs / y_size for run in runs], t=grid.step, u=[run.inputs / u_size for run in runs])
-    weights = np.asarray(peer.coefficients())
-    fitted = peer.feature_library
-    return {
-        name: y_size * _free_run(fitted, weights, run.outputs[0] / y_size, run.inputs / u_size)
-        for name in wanted
-        for run in [grid.stretches[name]]
-    }
+    shown = [grid.stretches[name] for name in wanted]
+    starts = np.array([run.outputs[0] / y_size for run in shown])
+    free = _free_runs(peer.feature_library, np.asarray(peer.coefficients()), starts, [r.inputs / u_size for r in shown])
+    return {name: y_size * channels for name, channels in zip(wanted, free, strict=True)}
 
 
-def _free_run(library: object, weights: Array, start: Array, inputs: Array) -> Array:
-    """Returns the channels (n, k), each sample from the one before; a model that diverges stays at its last bound."""
-    transform = library.transform  # type: ignore[attr-defined]
-    found = np.empty((len(inputs), len(start)))
-    found[0] = start
-    for row in range(1, len(inputs)):
-        features = np.asarray(transform(np.concatenate([found[row - 1], inputs[row - 1]])[np.newaxis]))
-        found[row] = np.clip(np.nan_to_num(weights @ np.ravel(features)), -_DIVERGED, _DIVERGED)
-    return found
+def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Array]) -> list[Array]:
+    """Returns the channels (n, k) of each run, each sample from the one before; a model that diverges stays at a bound.
+
+    All runs advance together, because the library takes as long for one row as for many.
+    """
+    lengths = [len(one) for one in inputs]
+    padded = np.stack([np.pad(one, ((0, max(lengths) - len(one)), (0, 0))) for one in inputs])
+    found = np.empty((len(inputs), max(lengths), starts.shape[1]))
+    found[:, 0] = starts
+    for row in range(1, max(lengths)):
+        features = np.asarray(library.transform(np.column_stack([found[:, row - 1], padded[:, row - 1]])))
+        found[:, row] = np.clip(np.nan_to_num(features @ weights.T), -_DIVERGED, _DIVERGED)
+    return [found[number, :length] for number, length in enumerate(lengths)]
 
 
 def _spread(values: Array) -> Array:
