@@ -66,9 +66,11 @@ def _free_run(space: _Space, run: Stretch) -> Array:
     states = len(space.a)
     few = min(len(run.inputs), max(_START_SAMPLES, 2 * states))
     forced = _outputs(space, np.zeros(states), run.inputs[:few])
-    free = [_outputs(space, one, np.zeros_like(run.inputs[:few])) for one in np.eye(states, dtype=np.float64)]
+    free = [_outputs(space, one, np.zeros_like(run.inputs[:few])) for one in np.eye(states)]
     columns = np.column_stack([one.ravel() for one in free])
-    start = np.linalg.lstsq(columns, (run.outputs[:few] - forced).ravel(), rcond=1e-8)[0]
+    start: Array = np.asarray(
+        np.linalg.lstsq(columns, (run.outputs[:few] - forced).ravel(), rcond=1e-8)[0], dtype=float
+    )
     return _outputs(space, start, run.inputs)
 
 
