@@ -85,6 +85,12 @@ def on_grid(dataset: Dataset, step: float) -> Grid:
     return Grid(dataset, step, signals, {run.name: _stretch(run, dataset, step, signals) for run in dataset.runs})
 
 
+def spread(values: Array) -> Array:
+    """Returns the standard deviation of each column (k,); 1 for a column that never changes."""
+    sizes = values.std(axis=0)
+    return np.where(sizes > 0, sizes, 1.0)
+
+
 def _stretch(run: Run, dataset: Dataset, step: float, signals: Sequence[str]) -> Stretch:
     count = max(int((run.time[-1] - run.time[0]) / step + 1e-6) + 1, 4)
     time = run.time[0] + step * np.arange(count)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.benchmark.peers.choice import choose
-from brickpilot.benchmark.peers.grid import Grid, on_grid, steps_for
+from brickpilot.benchmark.peers.grid import Grid, on_grid, spread, steps_for
 from brickpilot.benchmark.real_score import Predictions
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
@@ -41,7 +41,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
     inputs = np.vstack([grid.stretches[name].inputs for name in used])
     outputs = np.vstack([grid.stretches[name].outputs for name in used])
-    u_size, y_size = _spread(inputs), _spread(outputs)
+    u_size, y_size = spread(inputs), spread(outputs)
     simulated = {name: np.zeros_like(grid.stretches[name].outputs) for name in wanted}
     lags = [list(range(1, setting.lag + 1))] * inputs.shape[1]
     for channel in range(outputs.shape[1]):
@@ -57,8 +57,3 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
                 values = peer.predict(X=run.inputs / u_size, y=run.outputs[:, [channel]] / y_size[channel])
                 simulated[name][:, channel] = y_size[channel] * np.ravel(values)
     return simulated
-
-
-def _spread(values: Array) -> Array:
-    sizes = values.std(axis=0)
-    return np.where(sizes > 0, sizes, 1.0)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.benchmark.peers.choice import choose
-from brickpilot.benchmark.peers.grid import Grid, on_grid, steps_for
+from brickpilot.benchmark.peers.grid import Grid, on_grid, spread, steps_for
 from brickpilot.benchmark.real_score import Predictions
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
@@ -42,7 +42,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
     inputs = np.vstack([grid.stretches[name].inputs for name in used])
     outputs = np.vstack([grid.stretches[name].outputs for name in used])
-    u_size, y_size = _spread(inputs), _spread(outputs)
+    u_size, y_size = spread(inputs), spread(outputs)
     library = pysindy.PolynomialLibrary(degree=setting.degree, include_bias=True)
     if setting.friction:
         library = library + pysindy.CustomLibrary([lambda x: np.sign(x), lambda x: x * np.abs(x)])
@@ -72,8 +72,3 @@ def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Arr
         features = np.asarray(library.transform(np.column_stack([found[:, row - 1], padded[:, row - 1]])))
         found[:, row] = np.clip(np.nan_to_num(features @ weights.T), -_DIVERGED, _DIVERGED)
     return [found[number, :length] for number, length in enumerate(lengths)]
-
-
-def _spread(values: Array) -> Array:
-    sizes = values.std(axis=0)
-    return np.where(sizes > 0, sizes, 1.0)

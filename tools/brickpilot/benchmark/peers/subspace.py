@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.benchmark.peers.choice import choose
-from brickpilot.benchmark.peers.grid import Grid, Stretch, on_grid, steps_for
+from brickpilot.benchmark.peers.grid import Grid, Stretch, on_grid, spread, steps_for
 from brickpilot.benchmark.real_score import Predictions
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
@@ -43,7 +43,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], order: in
     inputs = np.vstack([grid.stretches[name].inputs for name in used])
     outputs = np.vstack([grid.stretches[name].outputs for name in used])
     u_mean, y_mean = inputs.mean(axis=0), outputs.mean(axis=0)
-    u_size, y_size = _spread(inputs), _spread(outputs)
+    u_size, y_size = spread(inputs), spread(outputs)
     u_names, y_names = ([f"{kind}{i}" for i in range(n)] for kind, n in (("u", len(u_mean)), ("y", len(y_mean))))
     table = np.column_stack([(inputs - u_mean) / u_size, (outputs - y_mean) / y_size])
     peer = NFourSID(
@@ -80,8 +80,3 @@ def _outputs(space: _Space, state: Array, inputs: Array) -> Array:
         found[row] = space.c @ state + space.d @ volts
         state = space.a @ state + space.b @ volts
     return found
-
-
-def _spread(values: Array) -> Array:
-    sizes = values.std(axis=0)
-    return np.where(sizes > 0, sizes, 1.0)
