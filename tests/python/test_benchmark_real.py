@@ -243,7 +243,7 @@ def a_result(name="bench", verdict="named", before=40.0, after=90.0, peer=80.0, 
         ],
         "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before}},
                 "after": {"fit": {"pooled": after}, "held_out": {"pooled": after}}},
-        "fit_percent": {"speed": {"free_run": {"held_out": {"attainable": attainable}}}},
+        "attainable": {"fit": {}, "held_out": {"speed": attainable}},
     }  # fmt: skip
     peers = {PEERS[0].name: {"fit": {"pooled": peer}, "held_out": {"pooled": peer}, "seconds": 1.0}}
     return {"name": name, "roles": {"fit": 3, "held_out": 1}, "discover": said, "peers": peers}
@@ -290,6 +290,12 @@ def test_damaged_results_are_refused(tmp_path):
     path.write_text('{"logs": [')
     with pytest.raises(InputError, match="not a file of results"):
         real_results.load(path)
+
+
+def test_what_is_attainable_is_read_from_the_verdict():
+    free = {"before": 1.0, "after": 2.0, "attainable": None, "held_out": {"attainable": 95.4321987}}
+    found = real_run._attainable({"speed": {"free_run": free, "1_s": {"attainable": 7.0}}, "angle": {}})
+    assert found == {"fit": {}, "held_out": {"speed": 95.4322}}
 
 
 def test_finding_without_a_number_is_valid_json():

@@ -30,6 +30,8 @@ from brickpilot.vehicle.model import Model
 
 Progress = Callable[[int, int, str], None]
 
+_FREE_RUN = "free_run"  # the horizon in verdict.json
+
 
 def data_sets(folders: Sequence[Path]) -> list[Path]:
     """Returns the folders of all data sets in or below `folders`, sorted.
@@ -153,7 +155,21 @@ def _said(found: Finding) -> dict[str, Any]:
         "evidence": full.get("evidence"),
         "effects": effects,
         "term": None if found.term is None else found.term.equation,
-        "fit_percent": full.get("fit_percent"),
+        "attainable": _attainable(full.get("fit_percent") or {}),
+    }
+
+
+def _attainable(fit_percent: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Returns "fit" and "held_out" -> signal -> the fit percent that a free run can reach, where discovery says so."""
+    free = {signal: horizons.get(_FREE_RUN) or {} for signal, horizons in fit_percent.items()}
+    by_role = {"fit": free, "held_out": {signal: one.get("held_out") or {} for signal, one in free.items()}}
+    return {
+        role: {
+            signal: float(f"{one['attainable']:.6g}")
+            for signal, one in found.items()
+            if one.get("attainable") is not None
+        }
+        for role, found in by_role.items()
     }
 
 

@@ -15,7 +15,6 @@ from brickpilot.errors import InputError
 BEGIN, END = "<!-- real logs -->", "<!-- end of real logs -->"
 
 _DELAYED = PEERS[0].name
-_FREE_RUN = "free_run"  # the horizon in verdict.json
 
 Result = Mapping[str, Any]
 
@@ -63,7 +62,7 @@ def _verdict(result: Result) -> str:
     if others:
         text += "; likely " + ", ".join(_effect(one) for one in others)
     if said["term"]:
-        text += f"; term {said['term']}"
+        text += f"; term {said['term'].split('. Δ')[0]}"  # what follows explains its letters
     return text
 
 
@@ -105,10 +104,8 @@ def _one(value: float | None) -> str:
 
 def attainable(result: Result) -> float | None:
     """Returns the pooled fit percent that can be reached on the runs that judge, by discovery; None: unknown."""
-    role = judged_on(result)
-    free = [one.get(_FREE_RUN) or {} for one in (result.get("discover", {}).get("fit_percent") or {}).values()]
-    values = [(one if role == "fit" else one.get(role) or {}).get("attainable") for one in free]
-    shares = [(1 - float(value) / 100) ** 2 for value in values if value is not None]
+    found = (result.get("discover", {}).get("attainable") or {}).get(judged_on(result)) or {}
+    shares = [(1 - float(value) / 100) ** 2 for value in found.values()]
     return 100 * (1 - (sum(shares) / len(shares)) ** 0.5) if shares else None
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +11,38 @@ from numpy.typing import NDArray
 from brickpilot.benchmark.peers.grid import on_grid, steps_for
 from brickpilot.benchmark.peers.wheels import Drive, simulated_by_side
 from brickpilot.benchmark.real_score import Predictions
-from brickpilot.data.dataset import Dataset
+from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
 
 Array = NDArray[np.float64]
 
+_MOST_SAMPLES = 10_000  # of all runs, in the fit with delays
 _MOVING = 0.02  # of the largest speed: WPILib leaves out samples that stand still
 
 
 def with_delays(dataset: Dataset, roles: Roles) -> Predictions:
-    """Returns the free runs of the law with a delay of the command and of each channel, fitted by simulation."""
+    """Returns the free runs of the law with a delay of the command and of each channel, fitted by simulation.
+
+    A long log is thinned first, by whole numbers of samples, because the fit simulates it some hundred times.
+    """
     from brickpilot.benchmark.feedforward_fit import fit_feedforward
 
-    return fit_feedforward(dataset, roles.by_run).predictions
+    every = 1 + sum(len(run.time) for run in dataset.runs) // _MOST_SAMPLES
+    thinned = dataclasses.replace(dataset, runs=tuple(_thinned(run, every) for run in dataset.runs))
+    found = fit_feedforward(thinned, roles.by_run).predictions
+    return {
+        run.name: {name: np.interp(run.time, few.time, values) for name, values in found[run.name].items()}
+        for run, few in zip(dataset.runs, thinned.runs, strict=True)
+    }
+
+
+def _thinned(run: Run, every: int) -> Run:
+    def few(signals: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: values[::every] for name, values in signals.items()}
+
+    return dataclasses.replace(
+        run, time=run.time[::every], inputs=few(run.inputs), outputs=few(run.outputs), raw_outputs=few(run.raw_outputs)
+    )
 
 
 def by_regression(dataset: Dataset, roles: Roles) -> Predictions:
