@@ -281,7 +281,7 @@ def test_table_of_the_manual_is_that_of_the_kept_results():
     )
     changed = {name: dict(one) for name, one in kept.items()}
     first = next(iter(changed))
-    changed[first]["peers"] = {}
+    changed[first]["discover"] = {}
     assert list(real_table.lines(changed, real_logs.by_name())) != wanted
 
 
