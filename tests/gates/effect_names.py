@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
-# The peers of discovery spell out their own library of laws; the README's picture shows one example; the kept results of
-# the benchmark on real logs say what was found.
+# The peers of discovery spell out their own library of laws; the README's picture shows one example; the kept results
+# of the benchmark on real logs say what was found.
 MAY_NAME = frozenset(
     {
         Path("tools/brickpilot/benchmark/feedforward_fit.py"),
