@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 
 import numpy as np
@@ -22,6 +21,7 @@ from brickpilot.discover.windows import cut_into_windows
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from synthetic import motor, robot, write
+from verdict_schema import check
 
 SIGNALS = {
     "accel_surge": 0.025,
@@ -298,7 +298,7 @@ def test_the_augmented_model_simulates_the_outputs_that_are_shown(friction):
 
 
 def test_the_verdict_is_plain_json_with_the_promised_keys(friction):
-    figures = json.loads(json.dumps(friction.to_json(), allow_nan=False))
+    figures = check(friction)
     keys = {"verdict", "effects", "where", "gap", "nominal", "data_faults", "next_experiment", "elapsed_s", "seed"}
     assert keys | {"version"} <= figures.keys()
     effect = figures["effects"][0]

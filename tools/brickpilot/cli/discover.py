@@ -42,7 +42,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
         with progress_shown(as_json) as progress:
             found = pipeline.discover(data, given, seed=seed, jobs=jobs, progress=progress)
         figures = found.to_json()
-        (beside / "verdict.json").write_text(json.dumps(figures, indent=2) + "\n")
+        (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
         (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
         model.save(found.augmented, beside / "model.toml")
         if found.term is not None:
@@ -51,7 +51,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
         if undone is not None:
             undone.save(beside / "compensation.toml")
     if as_json:
-        click.echo(json.dumps(figures))
+        click.echo(json.dumps(figures, allow_nan=False))
         return
     for note in found.notes:
         click.echo(f"note: {note}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -328,7 +329,11 @@ class Finding:
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the object of verdict.json."""
+        """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
+        found: dict[str, Any] = valid(self._figures())
+        return found
+
+    def _figures(self) -> dict[str, Any]:
         return {
             "verdict": self.verdict,
             "mechanism": self.mechanism,
@@ -366,6 +371,17 @@ class Finding:
             "seed": self.seed,
             "version": __version__,
         }
+
+
+def valid(value: Any) -> Any:
+    """Returns `value` as JSON can hold it: sequences as lists, and None for NaN and Infinity."""
+    if isinstance(value, Mapping):
+        return {key: valid(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [valid(one) for one in value]
+    if isinstance(value, float):  # numpy's float64 is one too
+        return float(value) if math.isfinite(value) else None
+    return value
 
 
 def _effect_json(effect: Effect) -> dict[str, Any]:
