@@ -21,7 +21,7 @@ from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 from test_dataset import measured
 
-DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "caster_drag"}
+DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "dead_time", "caster_drag"}
 """Effects that are equivalent while a vehicle drives one way only: below some voltage nothing moves."""
 
 Found = tuple[Dataset, Finding, Model]
@@ -125,7 +125,7 @@ def lego(scratch: Path) -> Found:
 
 
 def test_lego_motor_loses_a_part_of_its_voltage(lego: Found) -> None:
-    """Dead band and dry friction are one equation while a motor only starts and turns one way, as in every run here."""
+    """Dead band, dead time and dry friction are one equation while a motor only starts and turns one way, as here."""
     _, found, _ = lego
     assert found.verdict == "ambiguous"
     assert {"actuator_deadband", "coulomb_friction"} <= open_names(found) <= DRY - {"caster_drag"}
@@ -182,7 +182,7 @@ def test_frc_drivetrain_has_dry_friction_and_scrubs_in_turns(frc: Found) -> None
     _, found, _ = frc
     names = {effect.name for effect in found.effects}
     assert found.verdict == "named"
-    assert names & (DRY - {"actuator_deadband"})
+    assert names & (DRY - {"actuator_deadband", "dead_time"})
     assert names & {"yaw_scrub", "caster_drag"}
     for side in ("left", "right"):
         gap = found.by_signal[f"wheel_velocity_{side}"]
