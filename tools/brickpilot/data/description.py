@@ -18,10 +18,12 @@ from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 
 Role = Literal["fit", "held_out"]
+Sampling = Literal["instant", "mean"]
 
 _TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
+_SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
 _LONGEST_GAP_S = 1e8
@@ -45,6 +47,7 @@ class Signal:
     noise_sd: float | None
     resolution: float | None
     range: tuple[float, float] | None
+    sampling: Sampling | None = None  # of an accelerometer: what a sample is; see tools/README.md
 
     @property
     def to_si(self) -> float:
@@ -178,7 +181,8 @@ def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) ->
 def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     key = ("signals", name)
     entry = toml.table(key, value)
-    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL)
+    accelerometer = {"sampling"} if name.startswith("accel_") else set()
+    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | accelerometer)
     for needed in ("column", "unit"):
         if needed not in entry:
             toml.refuse(key, f"{needed} is missing")
@@ -200,6 +204,9 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
         noise_sd=sizes.get("noise_sd"),
         resolution=sizes.get("resolution"),
         range=_range(toml, name, entry["range"], factor, frame) if "range" in entry else None,
+        sampling=cast(Sampling, toml.choice((*key, "sampling"), entry["sampling"], _SAMPLED))
+        if "sampling" in entry
+        else None,
     )
 
 

@@ -13,6 +13,7 @@ from brickpilot.discover.finding import Experiment, Finding, NominalChange, Nomi
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
+from brickpilot.discover.sampling import sampling_note
 from brickpilot.discover.search import Searched
 from brickpilot.discover.terms import c_source
 from brickpilot.discover.terms.basis import PLACES
@@ -130,6 +131,8 @@ def _nominal_findings(prepared: Prepared, verdict: Verdict) -> tuple[NominalFind
 
 def _notes(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[str, ...]:
     notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes]
+    if (sampled := sampling_note(prepared, verdict.best)) is not None:
+        notes.append(sampled)
     if written.evidence is not None and written.evidence.kind == "fitted_only":
         notes.append(f"The best explanation is not claimed. {written.evidence.sentence}")
     if written.kind in ("named", "ambiguous") and not verdict.adequate:

@@ -71,6 +71,10 @@ class Prepared:
         error.adopt_scales(self.fine)
         return error
 
+    def part(self, compared: Dataset, role: str) -> Dataset:
+        """Returns a data set of the same runs without the samples that have another role."""
+        return part(compared, self.roles, role)
+
     def all_runs(self, plan: Plan) -> BinnedOutputError:
         """Returns the residual of all runs with the scales of the fit runs."""
         names = [run.name for run in self.compared.runs]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from brickpilot.constants import STEP_S
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
@@ -18,6 +19,7 @@ from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
+_JUMP = 0.05  # of the largest command: a smaller change from sample to sample is a ramp
 _LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, as a held-out stretch leaves, is left out
 
 
@@ -110,7 +112,9 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
             if _frozen(measured[known], rates.get(MOTOR_RATE_OF.get(signal, ""))):
                 notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
                 continue
-            block = _block(run, signal, measured, known, start, bins)
+            described = dataset.signals.get(signal)
+            instant = described is not None and described.sampling == "instant"
+            block = _block(run, signal, measured, known, start, bins, instant=instant)
             if len(block.measured) < 2:
                 continue
             found.append(block)
@@ -120,10 +124,20 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
     return found, notes
 
 
-def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], start: int, bins: Bins | None) -> Block:
+def _block(
+    run: Run,
+    signal: str,
+    measured: Array,
+    known: NDArray[np.bool_],
+    start: int,
+    bins: Bins | None,
+    *,
+    instant: bool,
+) -> Block:
     if bins is None:
-        values = measured[known]
-        return Block(run.name, signal, slice(start, start + len(values)), known, values, run.time[known])
+        values, time = measured[known], run.time[known]
+        at_instants = _instants(time, run.time, _jumps(run)) if instant else None
+        return Block(run.name, signal, slice(start, start + len(values)), known, values, time, at_instants)
     rows = np.flatnonzero(known)
     time = run.time[rows]
     number = np.floor((time - run.time[0]) / bins.width + 1e-9).astype(np.intp)
@@ -139,7 +153,9 @@ def _block(run: Run, signal: str, measured: Array, known: NDArray[np.bool_], sta
         mean, middle, filled = csr_array(change @ mean), middle[later + 1], filled[later + 1]
     values = np.asarray(mean @ measured[rows])
     grid = bins.grids.get(run.name)
-    if grid is None:
+    if instant:
+        reach = _instants(time, run.time, _jumps(run)) if grid is None else _instants(time, grid)
+    elif grid is None:
         reach = csr_array((np.ones(len(rows)), (np.arange(len(rows)), rows)), shape=(len(rows), len(run.time)))
     elif signal.startswith("accel"):
         reach = _overlap(time, bins.means[run.name], grid)
@@ -168,6 +184,35 @@ def _interpolation(time: Array, grid: Array) -> csr_array:
     return csr_array(
         (entries, (np.concatenate([rows, rows]), np.concatenate([left, left + 1]))), shape=(len(time), len(grid))
     )
+
+
+def _jumps(run: Run) -> NDArray[np.bool_]:
+    """Returns (n,): at which samples a command jumps, and the acceleration with it."""
+    found = np.zeros(len(run.time), dtype=np.bool_)
+    for values in run.inputs.values():
+        driven = np.nan_to_num(values)
+        found[1:] |= np.abs(np.diff(driven)) > _JUMP * np.max(np.abs(driven), initial=0.0)
+    return found
+
+
+def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
+    """Returns (times, simulated): accelerations at `time`, from the plant's, which are means over its last step.
+
+    A mean stands for the middle of the step. Between two middles the acceleration is taken as linear, which is exact to
+    the second order of the step. A sample at which a command jumps was taken before the jump: the mean stands for it.
+
+    Args:
+        jumps: (simulated,) where a command jumps; None: nowhere.
+    """
+    apart = np.diff(simulated)
+    steps = apart / np.ceil(apart / STEP_S - 1e-6)  # the plant's: equal ones, none longer than STEP_S
+    middles = simulated - np.append(0.0, steps) / 2
+    if jumps is None:
+        return _interpolation(time, middles)
+    before = np.flatnonzero(jumps[np.searchsorted(simulated, time)])
+    at = np.array(time)
+    at[before] = middles[np.searchsorted(simulated, time[before])]
+    return _interpolation(at, middles)
 
 
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:

@@ -1,0 +1,118 @@
+"""An accelerometer gives the instant or the mean over a sample: the data set may state it, or the data show it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic
+from brickpilot.data.dataset import Dataset, read
+from brickpilot.discover.calibrate import calibrate
+from brickpilot.discover.prepare import prepare
+from brickpilot.discover.sampling import sampling_note
+from brickpilot.errors import InputError
+from brickpilot.fit.blocks import blocks
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.plant import OpenLoopRun
+
+Table = dict[str, np.ndarray]
+
+TRUTH = synthetic.robot(inductance=0.5)
+NOISE = {"accel_surge": 0.005, "yaw_rate": 0.01, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
+_FINE_S = 5e-4
+
+
+def truth_of(table: Table) -> np.ndarray:
+    """The acceleration at the time of each sample, from a fine simulation: before a command that changes there."""
+    fine = np.arange(0.0, table["t"][-1] + _FINE_S, _FINE_S)
+    rows = np.clip(np.searchsorted(table["t"], fine + 1e-9, side="right") - 1, 0, len(table["t"]) - 1)
+    volts = np.column_stack([table["voltage_left"], table["voltage_right"]])[rows]
+    run = OpenLoopRun(time=fine, inputs=volts, body_step=_FINE_S)
+    outputs = plant.simulate([(TRUTH, run)])[0].outputs
+    return np.interp(table["t"], fine, outputs["accel_surge"])
+
+
+def written(folder: Path, kind: str) -> Dataset:
+    def spoil(_: str, table: Table) -> None:
+        if kind == "instant":
+            noise = np.random.default_rng(1).normal(0, NOISE["accel_surge"], len(table["t"]))
+            table["accel_surge"] = truth_of(table) + noise
+
+    other = {"mass", "force_per_volt", "torque_per_volt"}
+    known = "\n".join(f"{name} = {value}" for name, value in TRUTH.parameters.items() if name not in other)
+    nominal = f"{known}\nmass = {{ value = {TRUTH.parameters['mass']}, sd = 0.03 }}"
+    return read(synthetic.write(folder, TRUTH, NOISE, nominal, spoil=spoil))
+
+
+def stated(data: Dataset, kind: str | None) -> Dataset:
+    signals = {
+        name: dataclasses.replace(one, sampling=kind) if name.startswith("accel_") else one
+        for name, one in data.signals.items()
+    }
+    return dataclasses.replace(data, signals=signals)
+
+
+@pytest.mark.parametrize("kind", ["instant", "mean"])
+def test_what_a_sample_is_can_be_stated(kind: str, tmp_path: Path) -> None:
+    data = written(tmp_path / "s", "mean")
+    assert data.signals["accel_surge"].sampling is None
+    toml = tmp_path / "s" / "dataset.toml"
+    text = toml.read_text(encoding="utf-8")
+    key = 'accel_surge = { column = "accel_surge",'
+    toml.write_text(text.replace(key, f'{key} sampling = "{kind}",'), encoding="utf-8")
+    assert read(tmp_path / "s").signals["accel_surge"].sampling == kind
+
+
+@pytest.mark.parametrize(
+    ("signal", "value", "said"),
+    [
+        ("accel_surge", '"average"', "signals.accel_surge.sampling: 'average' is not one of instant, mean"),
+        ("accel_surge", "3", "signals.accel_surge.sampling: 3 is not one of instant, mean"),
+        ("yaw_rate", '"mean"', "signals.yaw_rate.sampling: unknown key; known:"),
+    ],
+)
+def test_a_wrong_statement_is_refused_in_one_line(signal: str, value: str, said: str, tmp_path: Path) -> None:
+    written(tmp_path / "s", "mean")
+    toml = tmp_path / "s" / "dataset.toml"
+    text = toml.read_text(encoding="utf-8")
+    key = f'{signal} = {{ column = "{signal}",'
+    toml.write_text(text.replace(key, f"{key} sampling = {value},"), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        read(tmp_path / "s")
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["instant", "mean"])
+def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
+    """The true model leaves noise alone with the right statement, and more than that with the wrong one."""
+    data = written(tmp_path / "s", kind)
+    left = {}
+    for said in ("instant", "mean"):
+        found, _ = blocks(stated(data, said), TRUTH, {run.name for run in data.runs})
+        outputs = {run.name: run for run in data.runs}
+        errors = []
+        for block in found:
+            if block.signal == "accel_surge":
+                run = outputs[block.run]
+                volts = np.column_stack([run.inputs["voltage_left"], run.inputs["voltage_right"]])
+                simulated = plant.simulate([(TRUTH, OpenLoopRun(time=run.time, inputs=volts))])[0].outputs
+                errors.append(block.measured - block.pick(simulated["accel_surge"]))
+        left[said] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    other = "mean" if kind == "instant" else "instant"
+    assert left[kind] < 1.6 * NOISE["accel_surge"]
+    assert left[other] > 1.6 * left[kind]
+
+
+@pytest.mark.parametrize("kind", ["instant", "mean"])
+def test_the_data_show_which_it_is(kind: str, tmp_path: Path) -> None:
+    data = written(tmp_path / "s", kind)
+    prepared = prepare(data, None, seed=0, jobs=1)
+    note = sampling_note(prepared, calibrate(prepared))
+    assert note is not None
+    words = {"instant": "the instant", "mean": "the mean since the sample before it"}
+    assert f"It is surely {words[kind]}" in note
+    prepared = prepare(stated(data, kind), None, seed=0, jobs=1)
+    assert sampling_note(prepared, calibrate(prepared)) is None
