@@ -188,6 +188,7 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
     planar = "tests/hidden/planar_effects.py"
     copy.insert(planar, "def _curve_scrub(", PLANAR_LAW)
     copy.insert(planar, '    "curve_scrub": ', '    "linear_drag": _linear_drag,\n')
+    copy.insert("tests/hidden/other_laws.py", "surge_drag quadratic_drag", "linear_drag ")
     assert copy.touched == listed("An effect", "linear_drag")
 
     plant = [
