@@ -185,7 +185,8 @@ def _interval(problem: Innovations, model: Model, noise: FittedNoise, size: Size
         total = 0.0
         for one in problem.predict(model, at, smooth=True):
             assert one.slopes is not None
-            total += (one.slopes.lasting if size.kind == "lasting" else one.slopes.drift)[size.name]
+            slopes = one.slopes.lasting if size.kind == "lasting" else one.slopes.drift
+            total += slopes.get(size.name, 0.0)  # a run that lacks a signal says nothing of its drift
         return total * 2 * sds[size] ** 2
 
     curvature = (slope(np.exp(-_STEP)) - slope(np.exp(_STEP))) / (2 * _STEP)
@@ -200,6 +201,8 @@ def _loads(problem: Innovations, model: Model, smoothed: list[Predicted], size: 
     """Returns the smoothed load or drift of each run with the quantities that it may vary with."""
     found = []
     for one, time, inputs, age in zip(smoothed, problem.times, problem.inputs(), problem.ages, strict=True):
+        if size.kind == "drift" and size.name not in one.drift:
+            continue  # the run lacks the signal
         load = one.smoothed[size.name] if size.kind == "lasting" else one.drift[size.name]
         sd = one.smoothed_sd[size.name] if size.kind == "lasting" else np.full(len(load), np.std(load))
         quantities = _quantities(one.smoothed, time, np.nan_to_num(inputs), size, model)
