@@ -68,7 +68,8 @@ def probes_of(candidate: Candidate, base: Model, excitation: Excitation) -> list
     infos = {one.name: one for one in effect.parameters if one.name in candidate.free}
     if limit := limit_of(candidate):
         largest = excitation.largest.get(limit.limits, 0.0)
-        return [Probe(candidate, ({limit.name: share * largest},), False) for share in _LIMIT_SHARES if largest > 0]
+        tried = [share * largest for share in _LIMIT_SHARES if limit.minimum <= share * largest <= limit.maximum]
+        return [Probe(candidate, ({limit.name: size},), False) for size in tried if size > 0]
     if scanned := scanned_parameter(candidate):
         settings = switch_settings(effect)
         return [Probe(candidate, ({scanned.name: v, **on},), False) for v in scanned.scan for on in settings]
