@@ -28,6 +28,7 @@ from brickpilot.discover.finding import (
     Visible,
     Whiteness,
 )
+from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit, Source, Yardstick
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.explain import Explained
 from brickpilot.fit.replay import Replay
@@ -132,6 +133,19 @@ def finding(data: Dataset, kind: str) -> Finding:
         seed=7,
         equations=() if kind == "none" else (YAW, GYRO),
     )
+
+
+def yardstick(none: bool) -> Yardstick:
+    """Returns figures of a yardstick; the second signal hardly moves on the held-out run."""
+    after, removed = (74.9, None) if none else (96.25, 0.97)
+    rate = SignalFit(Fit(81.2, after, 97.0), Fit(74.9, after, 98.0), 98.4)
+    still = SignalFit(Fit(-1234.5, after, 99.614), Fit(None, None, None), None)
+    sources = (Source("direction", 0.81), Source("speed", 0.32))
+    by_run = {"straight": 0.7, "spin": 0.28, "curve": 0.02}
+    share = Predictable(0.88, (0.8, 0.93), 0.9, (0.82, 0.94), removed, removed, by_run, () if none else sources)
+    horizons = ("free_run", "1_s", "0.2_s")
+    signals = {"yaw_rate": dict.fromkeys(horizons, rate), "wheel_speed_left": dict.fromkeys(horizons[:2], still)}
+    return Yardstick(signals, dict.fromkeys(horizons, share), ())
 
 
 class Page(HTMLParser):

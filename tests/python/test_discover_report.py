@@ -220,7 +220,7 @@ def test_the_equations_that_need_a_disturbance_are_shown_and_written(found):
     assert "lacks something" not in Page(page(found["none"], COMMAND)).sections["where"]
     first, second = found["named"].to_json()["equations"]
     assert first["equation"] == "yaw"
-    assert first["noise"] == {"value": 0.0121, "unit": "N m", "ci95": (0.0111, 0.013)}
+    assert first["noise"] == {"value": 0.0121, "unit": "N m", "ci95": [0.0111, 0.013]}
     assert first["best_explained_by"] == "turning"
     assert (second["best_explained_by"], second["explained"]) == (None, None)
 

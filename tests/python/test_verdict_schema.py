@@ -9,7 +9,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Effect, Gap, Parameter, Rank, Visible
+from brickpilot.discover.finding import Gap, Parameter, Rank, Visible
 from findings import FRICTION, VERDICTS, all_verdicts
 from jsonschema import Draft202012Validator
 from synthetic import motor, write
@@ -86,7 +86,7 @@ def test_a_key_that_nobody_described_is_found(of_a_motor):
 
 
 def test_an_effect_without_an_interval_holds_to_the_schema(found):
-    alone = Effect("gyro_bias", "sensor", "sensor", "r + bias", 0.9, {"bias": Parameter(0.02, "rad/s", None)})
+    alone = dataclasses.replace(FRICTION, name="gyro_bias", parameters={"bias": Parameter(0.02, "rad/s", None)})
     assert (
         check(dataclasses.replace(found["named"], effects=(alone,)))["effects"][0]["parameters"]["bias"]["ci95"] is None
     )

@@ -31,7 +31,7 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
-    from brickpilot.report import discover_page, discover_text, run_folder
+    from brickpilot.report import discover_fit, discover_page, discover_text, run_folder
     from brickpilot.vehicle import compensation, model
 
     data = dataset_module.read(Path(dataset))
@@ -60,6 +60,8 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
         for name, value in effect.parameters.items():
             shown = f"{value.value:12.5g} {value.unit:12} {interval(value.ci95)}"
             click.echo(f"{effect.name + '.' + name:40}{shown}")
+    for line in discover_fit.lines(found):
+        click.echo(line)
     for remark in undone.remarks if undone is not None else ():
         click.echo(f"not compensated: {remark}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

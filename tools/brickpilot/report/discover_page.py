@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.discover.finding import Finding, Gap
-from brickpilot.report import discover_plots, discover_tables
+from brickpilot.report import discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import OVER_NOISE, explanation, listed, say, verdict, words
 from brickpilot.report.quantities import ROLES, gap_text, plain, quantity
@@ -47,6 +47,7 @@ def page(finding: Finding, command: str) -> str:
         term_html=None if finding.term is None else Markup(finding.term.html),
         model_text=model_file.render(finding.augmented),
         command=command,
+        **discover_fit.shown(finding),
         **_gaps(finding),
         **_tables(finding),
         **_data(finding),

@@ -156,6 +156,35 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, title: str) 
     return _svg(_WIDTH, bottom + _BOTTOM, title, parts)
 
 
+def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *, title: str) -> Markup:
+    """Draws a row for each (label, fit before, after, attainable) in percent; what lies far below 0 is at the edge."""
+    known = [one for _, *values in rows for one in values if one is not None]
+    low = max(-20.0, 10.0 * math.floor(min([*known, 90.0]) / 10.0))
+    left = 200.0
+    x = _Axis(low, 100.0, left, _WIDTH - 24.0)
+    bottom = 10.0 + _ROW * len(rows)
+    parts = []
+    for tick in x.ticks(6):
+        at = float(x.at(tick))
+        parts += [
+            f'<path class="grid" d="M{at:.1f} 10V{bottom:.1f}"/>',
+            _text(at, bottom + 15.0, plain(tick), "middle"),
+        ]
+    parts.append(_text((x.start + x.end) / 2, bottom + 32.0, "fit (%)", "middle"))
+    for number, (label, *values) in enumerate(rows):
+        middle = 10.0 + _ROW * (number + 0.5)
+        parts.append(_text(left - 14.0, middle + 4.0, label, "end"))
+        before, after, most = (None if one is None else float(x.at(max(one, low))) for one in values)
+        if before is not None and after is not None:
+            parts.append(f'<path class="span" d="M{before:.1f} {middle:.1f}H{after:.1f}"/>')
+        if most is not None:
+            parts.append(f'<path class="one" d="M{most:.1f} {middle - 9:.1f}V{middle + 9:.1f}"/>')
+        for place, style in ((before, "nominal"), (after, "augmented")):
+            if place is not None:
+                parts.append(f'<circle class="dot {style}" cx="{place:.1f}" cy="{middle:.1f}" r="5"/>')
+    return _svg(_WIDTH, bottom + _BOTTOM, title, parts)
+
+
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
     """Draws a dot with its interval and a line at 0, within `inside`. It is decoration: the numbers stand beside it."""
     x = _Axis(*inside, 4.0, 116.0)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
 from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Parameter, Term
+from brickpilot.report import discover_fit
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
 
 OVER_NOISE = 1.1
@@ -108,10 +109,14 @@ def _none(finding: Finding) -> str:
     role, gap = _proof(finding)
     if gap.after is None:
         return "These data show no missing effect."
-    size = f"the gap of the calibrated model on {role} is {gap_text(gap.after)} times the noise"
+    fit = discover_fit.headline(finding)
+    if fit is not None:
+        size = discover_fit.change(fit)
+    else:
+        size = f"the gap of the calibrated model on {role} is {gap_text(gap.after)} times the noise"
     if gap.after > _PLAUSIBLE:
-        return f"No effect is named: {size}, but no effect that was tried removes enough of it to be credible."
-    return f"These data show no missing effect: {size}, and noise alone would give 1."
+        return f"No effect is named: {size}, but no effect that was tried removes enough of the error to be credible."
+    return f"These data show no missing effect: {size}{', and noise alone would give 1' if fit is None else ''}."
 
 
 def _ambiguous(finding: Finding) -> str:
@@ -141,9 +146,11 @@ def _unknown(finding: Finding) -> str:
     if role != _HELD_OUT or finding.term.removed_held_out is None:
         return f"{sentence} A composed term, {equation}, is added. With it, {_proved_change(finding)}."
     removed = percent(finding.term.removed_held_out)
+    fit = discover_fit.headline(finding)
+    changed = f"the gap {gap_change(gap.before, gap.after)}" if fit is None else discover_fit.change(fit)
     return (
         f"{sentence} A composed term, {equation}, explains {removed} of the gap above the noise on {role}. "
-        f"With it, the gap {gap_change(gap.before, gap.after)}."
+        f"With it, {changed}."
     )
 
 
@@ -184,7 +191,10 @@ def _proof(finding: Finding) -> tuple[str, Gap]:
 
 
 def _proved_change(finding: Finding) -> str:
-    """Returns how the gap changes on the runs that prove it."""
+    """Returns how the fit, or the gap where no fit was measured, changes on the runs that prove it."""
+    fit = discover_fit.headline(finding)
+    if fit is not None:
+        return discover_fit.change(fit) + ("" if fit.role == "held_out" else ", and no held-out run confirms it")
     role, gap = _proof(finding)
     if gap.after is None:
         return "the gap could not be measured"

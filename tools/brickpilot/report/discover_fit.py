@@ -1,0 +1,191 @@
+"""Fit in percent before, after and attainable: the headline of discovery, its table and its chart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from brickpilot.discover.finding import Finding
+from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit
+from brickpilot.report import discover_plots
+from brickpilot.report.quantities import DASH, percent
+
+HORIZONS = {"free_run": "free run", "1_s": "1 s", "0.2_s": "0.2 s"}
+"""A horizon as pages show it."""
+
+_HEADLINE = "free_run"
+_SPACE = "\N{NO-BREAK SPACE}"
+_MINUS = "\N{MINUS SIGN}"
+_LISTED = 4  # sources and runs that are named
+_WORTH_NAMING = 0.05  # of all that is predictable: a run with less is not named
+_SAME = 0.05  # percentage points: fits that differ by less read the same
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The mean fit over all signals in free runs, in percent, and the runs that it is of. `role`: "held_out", "fit"."""
+
+    role: str
+    before: float
+    after: float
+    attainable: float
+
+    @property
+    def runs(self) -> str:
+        return {"held_out": "the held-out runs", "fit": "the fit runs"}[self.role]
+
+
+def headline(finding: Finding, role: str | None = None) -> Headline | None:
+    """Returns the mean fit of the held-out runs, or of the fit runs if none is held out; None if there is none."""
+    for one in ("held_out", "fit") if role is None else (role,):
+        fits = [_of(signals[_HEADLINE], one) for signals in finding.yardstick.signals.values() if _HEADLINE in signals]
+        columns = [[f.before for f in fits], [f.after for f in fits], [f.attainable for f in fits]]
+        means = [_mean(column) for column in columns]
+        if None not in means:
+            before, after, attainable = (float(mean or 0.0) for mean in means)
+            return Headline(one, before, after, attainable)
+    return None
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [one for one in values if one is not None]
+    return sum(known) / len(known) if known else None
+
+
+def change(one: Headline) -> str:
+    """Returns "the fit on the held-out runs rises from 61.2 % to 93.1 %, and at least 95.0 % is attainable"."""
+    least = f"at least {fit_text(one.attainable)} is attainable"
+    if abs(one.after - one.before) < _SAME:
+        return f"the fit on {one.runs} is {fit_text(one.after)}, and {least}"
+    verb = "rises" if one.after > one.before else "falls"
+    return f"the fit on {one.runs} {verb} from {fit_text(one.before)} to {fit_text(one.after)}, and {least}"
+
+
+def fit_text(value: float | None) -> str:
+    """Returns a fit as text: "93.1 %", "99.62 %" near 100, "< -999 %"; a dash if there is none."""
+    return DASH if value is None else f"{_number(value)}{_SPACE}%"
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return DASH
+    if value < -999:
+        return f"< {_MINUS}999"
+    return f"{value:.2f}" if value >= 99 else f"{value:.1f}".replace("-", _MINUS)
+
+
+def shown(finding: Finding) -> dict[str, Any]:
+    """Returns what the page shows of the yardstick."""
+    roles = [(one, role) for role in ("held_out", "fit") if (one := headline(finding, role)) is not None]
+    return {
+        "fit_cards": [
+            (one.runs.removeprefix("the "), _number(one.before), _number(one.after), _number(one.attainable))
+            for one, _ in roles
+        ],
+        "fit_horizons": [text for name, text in HORIZONS.items() if name in finding.yardstick.predictable],
+        "fit_tables": [(one.runs.removeprefix("the "), _table(finding, role)) for one, role in roles],
+        "fit_chart": _chart(finding),
+        "fit_repeats": _repeats(finding),
+        "predictable": [
+            (HORIZONS[name], sentences(one)) for name, one in finding.yardstick.predictable.items() if sentences(one)
+        ],
+    }
+
+
+def sentences(one: Predictable) -> str:
+    """Returns what of the error is predictable, how much of that is taken away, where it is and from what."""
+    if one.share is None and one.held_out is None:
+        return ""
+    known = [f"{percent(value)} on {runs}" for value, runs in _by_role(one.share, one.held_out) if value is not None]
+    text = f"Of the calibrated model's squared error, a black box predicts {' and '.join(known)}"
+    text += " that it has not seen."
+    gone = [
+        f"{_removed(value)} on {runs}"
+        for value, runs in _by_role(one.removed, one.removed_held_out)
+        if value is not None
+    ]
+    if gone:
+        text += f" The augmented model takes away {' and '.join(gone)} of what is predictable."
+    if one.sources:
+        text += f" It is predictable from: {', '.join(source.what for source in one.sources[:_LISTED])}."
+    runs = sorted(one.by_run, key=lambda name: -one.by_run[name])
+    named = [f"{name} ({percent(one.by_run[name])})" for name in runs[:_LISTED] if one.by_run[name] >= _WORTH_NAMING]
+    if one.sources and named:
+        text += f" Most of it is in {', '.join(named)}."
+    return text
+
+
+def lines(finding: Finding) -> list[str]:
+    """Returns the table of fits for a terminal: a line for each signal, a column for each horizon."""
+    one = headline(finding)
+    if one is None:
+        return []
+    horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
+    head = f"fit in %, {one.runs}: before, after, attainable"
+    found = [f"{head:48}" + "".join(f"{HORIZONS[name]:>24}" for name in horizons)]
+    for signal, fits in finding.yardstick.signals.items():
+        cells = [_of(fits[name], one.role) if name in fits else Fit(None, None, None) for name in horizons]
+        values = [" ".join(f"{_ascii(value):>7}" for value in (f.before, f.after, f.attainable)) for f in cells]
+        found.append(f"{signal:48}" + "".join(f"{value:>24}" for value in values))
+    return found
+
+
+def _ascii(value: float | None) -> str:
+    return _number(value).replace(_MINUS, "-").replace(DASH, "-").replace(" ", "")
+
+
+def _of(fit: SignalFit, role: str) -> Fit:
+    return fit.held_out if role == "held_out" else fit.fit
+
+
+def _by_role(fit: float | None, held_out: float | None) -> list[tuple[float | None, str]]:
+    return [(fit, "fit runs"), (held_out, "held-out runs")]
+
+
+def _removed(share: float) -> str:
+    return percent(share) if share >= 0 else f"{_MINUS}{percent(-share)} (it makes the error larger)"
+
+
+def _table(finding: Finding, role: str) -> list[tuple[str, list[dict[str, str] | None]]]:
+    """Returns for each signal its cells, one for each horizon; None where the horizon is absent."""
+    horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
+    rows = []
+    for signal, fits in finding.yardstick.signals.items():
+        rows.append((_say(signal), [_cell(_of(fits[name], role)) if name in fits else None for name in horizons]))
+    return rows
+
+
+def _cell(fit: Fit) -> dict[str, str] | None:
+    if fit.before is None:
+        return None
+    return {"before": _number(fit.before), "after": _number(fit.after), "attainable": _number(fit.attainable)}
+
+
+def _repeats(finding: Finding) -> str:
+    """Returns a sentence on how far repeats of the same inputs allow a fit; empty where nothing was repeated."""
+    fits: Mapping[str, Mapping[str, SignalFit]] = finding.yardstick.signals
+    known = [(_say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
+    listed = [f"{name} {fit_text(value)}" for name, value in known if value is not None]
+    if not listed:
+        return ""
+    return (
+        f"Some runs repeat the same inputs. They differ so much that a perfect model would reach: {', '.join(listed)}."
+    )
+
+
+def _chart(finding: Finding) -> Any:
+    one = headline(finding)
+    if one is None:
+        return None
+    rows = []
+    for signal, fits in finding.yardstick.signals.items():
+        fit = _of(fits[_HEADLINE], one.role) if _HEADLINE in fits else None
+        if fit is not None and fit.before is not None:
+            rows.append((_say(signal), fit.before, fit.after, fit.attainable))
+    text = "; ".join(f"{name} {_number(a)} to {_number(b)}, attainable {_number(c)}" for name, a, b, c in rows)
+    return discover_plots.fits(rows, title=f"Fit in percent in free runs of {one.runs}: {text}")
+
+
+def _say(signal: str) -> str:
+    return signal.replace("_", " ")
