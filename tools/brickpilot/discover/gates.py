@@ -127,6 +127,12 @@ UNEXPLAINED = 1.6
 INDISPENSABLE = 1.25
 """A size without an interval stays if the cost without it is so many times as high: only its unit is unknown."""
 
+PREDICTABLE = 0.02
+"""Where no explanation was found and the error is above noise, this share of it has to be predictable for `unknown`."""
+
+CLEARLY_PREDICTABLE = 0.25
+"""The same where the error could be noise: small errors of tyres and vibration are predictable on clean data too."""
+
 SHOWS_MECHANISM = 0.7
 """An explanation that removes this share of the cost above noise, or a law whose change of the signals correlates so
 far with that of a composed term, shows the mechanism, although the law is not quite right."""

@@ -30,6 +30,7 @@ from brickpilot.discover.equations import find_equations
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
@@ -84,6 +85,7 @@ def discover(
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
     tell("measuring what is attainable")
     held: Yardstick = measure(reference(explained.prepared, explained.verdict.nominal.model), written.model)
+    written = dataclasses.replace(written, kind=settled(explained.verdict, written, held))
     finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment, held)
     equations: tuple[Deficient, ...] = find_equations(explained.prepared, finding)
     return dataclasses.replace(finding, equations=equations, elapsed_s=round(time.perf_counter() - began, 2))
