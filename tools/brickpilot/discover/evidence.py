@@ -21,6 +21,7 @@ _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
 _CONTRADICTED = "It explains the fit runs, but the held-out runs contradict it."
+_PARTLY = "It explains the fit runs, but little of the error of the held-out runs: something else is different in them."
 _MIXED = "On the held-out runs most signals improve with it, but the gap as a whole does not fall."
 _GROWS = "It explains the fit runs, but the error of a free run on the held-out runs grows, so it was not added."
 
@@ -99,19 +100,21 @@ def confirm(
         return Evidence("fitted_only", removed_fit, None, None, False, _NO_RUNS), True
     change = held_out_change(held_out, nominal, augmented)
     falls = gap.before is not None and gap.after is not None and gap.after < gap.before
-    sentence = _sentence(change, free_run_change(prepared, simulated), falls=falls)
+    partly = (change.removed or 0.0) < gates.HELD_OUT_SHARE * (removed_fit or 0.0)
+    sentence = _sentence(change, free_run_change(prepared, simulated), falls=falls, partly=partly)
     kind: EvidenceKind = "held_out" if sentence is _CONFIRMED else "fitted_only"
     contradicted = sentence not in (_CONFIRMED, _NOT_EXCITED)
     evidence = Evidence(kind, removed_fit, change.removed, change.draws, contradicted, sentence)
     return evidence, sentence is not _GROWS
 
 
-def _sentence(change: HeldOutChange, error: float, *, falls: bool) -> str:
+def _sentence(change: HeldOutChange, error: float, *, falls: bool, partly: bool) -> str:
     """Returns what held-out runs say, from the most serious objection to none.
 
     Args:
         error: how many times as large the error of free runs becomes.
         falls: the gap falls.
+        partly: the model removes much less of the held-out runs' cost than of the fit runs'.
     """
     if error >= (1.0 if change.is_excited else gates.FREE_RUN_GROWS):
         return _GROWS
@@ -119,7 +122,9 @@ def _sentence(change: HeldOutChange, error: float, *, falls: bool) -> str:
         return _NOT_EXCITED
     if change.is_contradicted:
         return _CONTRADICTED
-    return _CONFIRMED if falls else _MIXED
+    if not falls:
+        return _MIXED
+    return _PARTLY if partly else _CONFIRMED
 
 
 def free_run_change(prepared: Prepared, simulated: Mapping[str, Mapping[str, Outputs]]) -> float:

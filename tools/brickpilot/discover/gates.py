@@ -68,7 +68,8 @@ STRAIN_RELEASED = 2.0
 
 HELD_OUT_SHARE = 0.25
 """On held-out runs the cost has to fall by this share of what the effect changes there. 1: the effect is exactly right;
-below 0: the runs are better without it. A law that is a little wrong or noise may hide the rest."""
+below 0: the runs are better without it. A law that is a little wrong or noise may hide the rest. A model that is named
+also removes this part of the share that it removes on the fit runs."""
 
 FREE_RUN_GROWS = 1.02
 """An effect that held-out runs do not show may make free runs of them worse by so much: that is noise."""
