@@ -18,10 +18,18 @@ from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_sho
     "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default: the data set's nominal values."
 )
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/discover-NAME.")
+@click.option(
+    "--budget",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="Give the best answer so far after this time, and say what was left out.",
+)
 @seed_option
 @jobs_option
 @as_json
-def discover(dataset: str, model_file: str | None, out: str | None, seed: int, jobs: int, as_json: bool) -> None:
+def discover(
+    dataset: str, model_file: str | None, out: str | None, budget: float | None, seed: int, jobs: int, as_json: bool
+) -> None:
     """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
 
     The verdict is "named", "none", "ambiguous" (several effects fit equally well, and an experiment is proposed that
@@ -38,9 +46,10 @@ def discover(dataset: str, model_file: str | None, out: str | None, seed: int, j
     given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
+    command += ["--budget", f"{budget:g}"] if budget is not None else []
     with run_folder.fresh_folder(folder, conclude.file_names(data)) as beside:
         with progress_shown(as_json) as progress:
-            found = pipeline.discover(data, given, seed=seed, jobs=jobs, progress=progress)
+            found = pipeline.discover(data, given, seed=seed, jobs=jobs, budget_s=budget, progress=progress)
         figures = found.to_json()
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
         (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")

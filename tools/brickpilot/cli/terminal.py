@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -10,6 +11,8 @@ import click
 from tqdm import tqdm
 
 from brickpilot.errors import InputError
+
+_SHOWN_S = 2.0  # a shorter rest is not told
 
 as_json = click.option(
     "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout and nothing else."
@@ -51,20 +54,26 @@ def interval(ci95: tuple[float, float] | None) -> str:
 
 @contextmanager
 def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """Yields a function that takes (done, total, text) and shows the progress.
+    """Yields a function that takes (done, total, text) and shows the progress; 0 of 0 is a line on its own.
 
-    On a terminal it draws a bar. Where stderr is piped it prints a line for each new text. `quiet` shows nothing.
+    On a terminal it draws a bar. Where stderr is piped it prints a line for each new text. Both say how long it will
+    go on, from the time so far. `quiet` shows nothing.
     """
-    piped = not sys.stderr.isatty()
+    piped, began = not sys.stderr.isatty(), time.monotonic()
     with tqdm(total=1, disable=quiet or piped, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
         printed = ""
 
         def report(done: int, total: int, text: str) -> None:
             nonlocal printed
+            if total == 0:
+                bar.write(text, file=sys.stderr) if not quiet else None
+                return
             bar.total, bar.n = total, done
-            bar.set_description_str(text)
+            left = (time.monotonic() - began) * (total - done) / done if done else 0.0
+            line = f"{text}, about {left:.0f} s left" if left >= _SHOWN_S else text
+            bar.set_description_str(line)
             if not quiet and piped and text != printed:
-                click.echo(text, err=True)
+                click.echo(line, err=True)
             printed = text
 
         yield report

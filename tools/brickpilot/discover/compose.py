@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from brickpilot.discover import gates
 from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.deadline import COMPOSED, Deadline
 from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.segment import Segment
@@ -54,8 +55,11 @@ def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None
     nearly_explained = prepared.excitation.windowed and verdict.removed > gates.WINDOWS_EXPLAINED
     if verdict.adequate or nearly_explained:
         return None
+    deadline = prepared.until(COMPOSED)
+    if not deadline.allows("a composed term"):
+        return None
     tell("composing a term for the rest")
-    composed = _best_composed(prepared.coarse, prepared.fine, verdict, tell)
+    composed = _best_composed(prepared.coarse, prepared.fine, verdict, tell, deadline)
     if composed is None or not _holds_on_held_out_runs(prepared, verdict, composed):
         return None
     tell("matching the term with the laws of the library")
@@ -84,12 +88,14 @@ class View:
         return self._error.whiten(self._error.predict(models))
 
 
-def _best_composed(coarse: BinnedOutputError, fine: BinnedOutputError, verdict: Verdict, tell: Tell) -> Composed | None:
+def _best_composed(
+    coarse: BinnedOutputError, fine: BinnedOutputError, verdict: Verdict, tell: Tell, deadline: Deadline
+) -> Composed | None:
     """Returns the best term, beside no effect or beside the named ones; None if it does not pass the gates."""
     bases = [verdict.nominal] if verdict.best is verdict.nominal else [verdict.nominal, verdict.best]
     found: list[tuple[float, bool, ComposedTerms]] = []
     for base in bases:
-        one = find_terms(View(fine, base), rough=View(coarse, base), tell=tell)
+        one = find_terms(View(fine, base), rough=View(coarse, base), tell=tell, deadline=deadline)
         if one is not None:
             each = gates.parameter_cost(one.cost_after, fine.floor_cost())
             penalised = one.cost_after + each * (len(one.terms) + len(one.settings))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term, TermMatch
+from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term, TermMatch, Visible
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
@@ -60,7 +61,7 @@ def conclude(
         next_experiment=experiment,
         ranking=ranking(verdict, searched),
         whiteness=locate.whiteness(prepared.fine, prepared.fine.residual_of(written.model)),
-        power=power.smallest(prepared.coarse, verdict.best, prepared.excitation),
+        power=_power(prepared, verdict),
         term=_term(prepared.dataset, written),
         nominal_model=nominal_model,
         augmented=written.model,
@@ -73,6 +74,13 @@ def conclude(
         elapsed_s=0.0,
         seed=prepared.seed,
     )
+
+
+def _power(prepared: Prepared, verdict: Verdict) -> Mapping[str, Visible]:
+    """Returns the smallest size of each effect that would show; nothing if there is no time left."""
+    if not prepared.deadline.allows("the smallest size of each effect that would show"):
+        return {}
+    return power.smallest(prepared.coarse, verdict.best, prepared.excitation)
 
 
 def _term_name(dataset: Dataset) -> str:
@@ -133,14 +141,17 @@ def _notes(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[str,
     notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes]
     if (sampled := sampling_note(prepared, verdict.best)) is not None:
         notes.append(sampled)
+    left_out = prepared.deadline.left_out
+    if left_out:
+        notes.append(f"The budget of {prepared.deadline.budget_s:g} s left out: {'; '.join(left_out)}.")
     if written.evidence is not None and written.evidence.kind == "fitted_only":
         notes.append(f"The best explanation is not claimed. {written.evidence.sentence}")
-    if written.kind in ("named", "ambiguous") and not verdict.adequate:
+    if written.kind in ("named", "ambiguous") and not verdict.adequate and not left_out:
         notes.append(
             f"The residual is not noise alone: its cost is {verdict.best.cost / verdict.noise:.1f} times that of "
             "noise. No further effect and no composed term removes the rest."
         )
-    if not verdict.best.chosen and not verdict.adequate:
+    if not verdict.best.chosen and not verdict.adequate and not left_out:
         notes.append(
             f"The residual is not noise alone: its cost is {verdict.nominal.cost / verdict.noise:.1f} times that of "
             "noise. But no effect of the library removes enough of it to be believed."

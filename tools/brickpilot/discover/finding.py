@@ -141,6 +141,22 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Budget:
+    """The time that the user gave.
+
+    Attributes:
+        estimated_s: what a discovery without a limit takes on this machine, as estimated before the search.
+        exhausted: something was left out to keep to it.
+        skipped: what was left out, in order.
+    """
+
+    seconds: float
+    estimated_s: float
+    exhausted: bool
+    skipped: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Rank:
     """One explanation that was tried.
 
@@ -327,6 +343,7 @@ class Finding:
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     equations: tuple[Deficient, ...] = ()
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
+    budget: Budget | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
@@ -368,6 +385,7 @@ class Finding:
             "held_out_stretches": {name: list(span) for name, span in self.held_out_stretches.items()},
             "notes": list(self.notes),
             "elapsed_s": self.elapsed_s,
+            "budget": None if self.budget is None else dataclasses.asdict(self.budget),
             "seed": self.seed,
             "version": __version__,
         }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import Candidate, sizes_of
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.gates import parameter_cost
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import descend
@@ -82,7 +83,9 @@ def fit(
     return FittedModel(tuple(chosen), plan, end, cost, cost + each * sum(len(one.free) for one in chosen), losses)
 
 
-def refine(error: BinnedOutputError, fits: Sequence[FittedModel], jobs: int) -> list[FittedModel]:
+def refine(
+    error: BinnedOutputError, fits: Sequence[FittedModel], jobs: int, deadline: Deadline = NO_LIMIT
+) -> list[FittedModel]:
     """Fits each model to the end, with sensitivities of its own, and returns them with the best one first.
 
     Sensitivities of nominal parameters cost most. They are computed once per descent, and descents are repeated until
@@ -97,11 +100,11 @@ def refine(error: BinnedOutputError, fits: Sequence[FittedModel], jobs: int) -> 
             if better is None:
                 return None
             gain, found = found.cost - better.cost, better
-            if gain < _LEAST_GAIN_SHARE * better.cost:
+            if gain < _LEAST_GAIN_SHARE * better.cost or deadline.passed:
                 break
         return found
 
-    return best_first(fit_each(one, fits, jobs))
+    return best_first(fit_each(one, fits, jobs, deadline))
 
 
 def without_effect(found: FittedModel, name: str) -> FittedModel:
@@ -134,10 +137,19 @@ def unfitted(chosen: tuple[Candidate, ...], plan: Plan, point: Array) -> FittedM
     return FittedModel(chosen, plan, point, np.inf, np.inf, np.empty(0))
 
 
-def fit_each(work: Callable[[_Item], FittedModel | None], items: Sequence[_Item], jobs: int) -> list[FittedModel]:
-    """Returns the results of `work` in the order of `items`, without None. Runs `jobs` at a time."""
+def fit_each(
+    work: Callable[[_Item], FittedModel | None], items: Sequence[_Item], jobs: int, deadline: Deadline = NO_LIMIT
+) -> list[FittedModel]:
+    """Returns the results of `work` in the order of `items`, without None. Runs `jobs` at a time.
+
+    The first item is always worked on; those behind it only before the deadline.
+    """
+
+    def one(item: _Item) -> FittedModel | None:
+        return work(item) if item is items[0] or not deadline.passed else None
+
     with ThreadPoolExecutor(jobs) as pool:
-        return [found for found in pool.map(work, items) if found is not None]
+        return [found for found in pool.map(one, items) if found is not None]
 
 
 def best_first(fits: Sequence[FittedModel]) -> list[FittedModel]:

@@ -26,9 +26,11 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
+from brickpilot.discover.deadline import SEARCHED, Deadline
 from brickpilot.discover.equations import find_equations
+from brickpilot.discover.estimate import Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
-from brickpilot.discover.finding import Experiment, Finding
+from brickpilot.discover.finding import Budget, Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
@@ -37,10 +39,8 @@ from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remov
 from brickpilot.discover.written import Written, write
 from brickpilot.discover.yardstick import Yardstick, measure, reference
 from brickpilot.fit.deficient import Deficient
-from brickpilot.fit.descent import Counter, Progress
+from brickpilot.fit.descent import Progress
 from brickpilot.vehicle.model import Model
-
-_PROGRESS_STEPS = 10
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ def discover(
     *,
     seed: int = 0,
     jobs: int = 2,
+    budget_s: float | None = None,
     progress: Progress | None = None,
 ) -> Finding:
     """Finds what the simulator of `dataset` lacks.
@@ -66,16 +67,19 @@ def discover(
         model: the search starts from this model and its effects. None: from the data set's nominal values.
         seed: seed of the random starts. They are used where nominal values are not given.
         jobs: number of fits at the same time.
+        budget_s: the answer is the best one so far after this time. What has to be done at any rate may take longer.
+            None: no limit.
         progress: called with (done, total, text).
 
     Raises:
         InputError: no measured signal is one that the model gives, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
     """
-    began = time.perf_counter()
-    tell = Counter(progress, _PROGRESS_STEPS)
-    prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs)
+    deadline, tell = Deadline(budget_s), Stages(progress)
     tell("preparing the data")
+    prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs, deadline=deadline)
+    estimated_s = estimate(prepared)
+    tell.announce(f"estimate: about {estimated_s:.0f} s, more where something remains that no effect explains")
     tell("calibrating the nominal model")
     explained: Explained = _explain(prepared, tell)
     explained = _explain_in_windows(explained, tell)
@@ -84,14 +88,26 @@ def discover(
     written: Written = write(explained.prepared, explained.verdict, composed)
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
     tell("measuring what is attainable")
-    held: Yardstick = measure(reference(explained.prepared, explained.verdict.nominal.model), written.model)
+    held: Yardstick = _attainable(explained, written)
     written = dataclasses.replace(written, kind=settled(explained.verdict, written, held))
     finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment, held)
-    equations: tuple[Deficient, ...] = find_equations(explained.prepared, finding)
-    return dataclasses.replace(finding, equations=equations, elapsed_s=round(time.perf_counter() - began, 2))
+    equations: tuple[Deficient, ...] = ()
+    if deadline.allows("which equation lacks something"):
+        equations = find_equations(explained.prepared, finding)
+    elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
+    budget = None if budget_s is None else Budget(budget_s, round(estimated_s, 1), bool(skipped), skipped)
+    return dataclasses.replace(finding, equations=equations, elapsed_s=elapsed_s, budget=budget)
 
 
-def _explain(prepared: Prepared, tell: Counter) -> Explained:
+def _attainable(explained: Explained, written: Written) -> Yardstick:
+    """Returns what a model without physics attains on the same data; nothing if there is no time left."""
+    prepared = explained.prepared
+    if not prepared.deadline.allows("what is attainable"):
+        return Yardstick()
+    return measure(reference(prepared, explained.verdict.nominal.model), written.model)
+
+
+def _explain(prepared: Prepared, tell: Stages) -> Explained:
     """Calibrates the nominal model, searches for effects on the coarse grid, and judges at the measured samples."""
     nominal: FittedModel = calibrate(prepared)
     searched: Searched = search(prepared, nominal, tell)
@@ -100,7 +116,7 @@ def _explain(prepared: Prepared, tell: Counter) -> Explained:
     return Explained(prepared, searched, verdict)
 
 
-def _explain_in_windows(whole: Explained, tell: Counter) -> Explained:
+def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     """Explains the runs again, cut into short windows; returns `whole` unless the windows explain clearly more.
 
     Each window starts from the measured state. An effect that depends on the angle of a wheel makes two simulations
@@ -110,7 +126,7 @@ def _explain_in_windows(whole: Explained, tell: Counter) -> Explained:
     if whole.verdict.adequate or least >= 1:
         return whole
     windows = prepare_windows(whole.prepared)
-    if windows is None:
+    if windows is None or not windows.until(SEARCHED).allows("the search in short windows"):
         return whole
     tell("searching again in short windows")
     again = _explain(windows, tell)

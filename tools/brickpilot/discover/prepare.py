@@ -16,6 +16,7 @@ from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Nominal, motor_inputs
 from brickpilot.discover import gates, harmonics
 from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.default_sd import with_default_sds
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.start_state import with_averaged_starts, with_rates
@@ -48,6 +49,7 @@ class Prepared:
         excitation: what the runs excite.
         seed: seed of random starts.
         jobs: number of fits at the same time.
+        deadline: of the whole discovery.
     """
 
     measured: Dataset
@@ -60,6 +62,11 @@ class Prepared:
     excitation: Excitation
     seed: int
     jobs: int
+    deadline: Deadline
+
+    def until(self, share: float) -> Deadline:
+        """Returns the deadline of a stage that has to be done after this share of the budget."""
+        return self.deadline.until(share)
 
     def held_out(self) -> BinnedOutputError | None:
         """Returns the residual of the held-out runs with the scales of the fit runs; None if no run is held out."""
@@ -83,7 +90,7 @@ class Prepared:
         return error
 
 
-def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Prepared:
+def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, deadline: Deadline = NO_LIMIT) -> Prepared:
     """Leaves out contradictory channels, assigns roles, and sets up the residuals.
 
     Raises:
@@ -114,6 +121,7 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> P
         excitation=_excitation(stated, ready, inputs, windowed=windows is not None),
         seed=seed,
         jobs=jobs,
+        deadline=deadline,
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import Candidate, scanned_parameter
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.probes import Probe, fit_amplitudes, probes_of, values_at
 from brickpilot.vehicle.model import Model
@@ -42,7 +43,12 @@ class Trial:
 
 
 def screen(
-    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], *, excitation: Excitation
+    error: BinnedOutputError,
+    point: Array,
+    chosen: Sequence[Candidate],
+    *,
+    excitation: Excitation,
+    deadline: Deadline = NO_LIMIT,
 ) -> list[Trial]:
     """Returns every candidate from each of its sizes, the best first, without those that change nothing.
 
@@ -50,8 +56,9 @@ def screen(
         error: with the plan of the model, and its sensitivities kept at `point`.
         point: where the fit of that plan ended.
         excitation: how far the vehicle was driven.
+        deadline: the candidates behind it are left out.
     """
-    residual, probed = _probed(error, point, chosen, excitation)
+    residual, probed = _probed(error, point, chosen, excitation, deadline)
     before, trials = float(np.sum(residual**2)) / 2, []
     for probe, signatures in probed:
         amplitudes = fit_amplitudes(probe, signatures, residual)
@@ -74,7 +81,11 @@ def signature_strengths(
 
 
 def _probed(
-    error: BinnedOutputError, point: Array, chosen: Sequence[Candidate], excitation: Excitation
+    error: BinnedOutputError,
+    point: Array,
+    chosen: Sequence[Candidate],
+    excitation: Excitation,
+    deadline: Deadline = NO_LIMIT,
 ) -> tuple[Array, list[tuple[Probe, Array]]]:
     """Returns the residual (rows,), and each visible probe with its signatures (rows, simulations), projected."""
     base = error.plan.at(point)
@@ -84,8 +95,10 @@ def _probed(
     probes = [probe for candidate in chosen for probe in probes_of(candidate, base, excitation)]
     models = [probe.candidate.starting(plan, values).model for probe in probes for values in probe.values]
     simulated = (row for chunk in _chunks(models) for row in error.predict(chunk))
-    found = []
+    found: list[tuple[Probe, Array]] = []
     for probe in probes:
+        if found and deadline.passed:
+            break
         changes = np.array([residual - error.whiten(next(simulated)) for _ in probe.values])
         if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
             continue

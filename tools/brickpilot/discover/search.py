@@ -15,6 +15,7 @@ import numpy as np
 
 from brickpilot.discover.backward import prune
 from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.deadline import FIRST_EFFECT, SEARCHED, Deadline
 from brickpilot.discover.fitting import (
     ROUGH,
     FittedModel,
@@ -80,13 +81,16 @@ def search(prepared: Prepared, nominal: FittedModel, tell: Tell) -> Searched:
     Over whole runs the search ends at a periodic effect that leaves structure: simulated wheels get out of phase, and
     what is tried beside the effect would fit that error.
     """
-    error, excitation, jobs = prepared.coarse, prepared.excitation, prepared.jobs
+    error, excitation, jobs, deadline = prepared.coarse, prepared.excitation, prepared.jobs, prepared.until(SEARCHED)
     current, rounds, structured = nominal, list[Round](), STRUCTURED * error.noise_cost()
     while len(current.chosen) < MOST_EFFECTS and len(rounds) < _ROUNDS:
-        tell(f"searching for effect {len(current.chosen) + 1}")
-        tried, taken = _search_wider(
-            prepared, nominal, current, rounds, try_candidates(error, current, excitation, jobs)
-        )
+        number = len(current.chosen) + 1
+        if rounds and not deadline.allows(f"the search for effect {number}"):
+            break
+        tell(f"searching for effect {number}")
+        found = try_candidates(error, current, excitation, jobs, deadline)
+        tried, taken = _search_wider(prepared, nominal, current, rounds, found, deadline)
+        deadline.allows(f"a part of the search for effect {number}" if rounds else FIRST_EFFECT)
         rounds.append(Round(current, tuple(tried), taken))
         if not taken:
             break
@@ -95,11 +99,18 @@ def search(prepared: Prepared, nominal: FittedModel, tell: Tell) -> Searched:
         if loses_phase and current.cost > structured:
             break
     tell("removing needless effects")
-    return Searched(nominal, prune(error, current, jobs), tuple(rounds))
+    if len(current.chosen) > 1 and deadline.allows("the removal of needless effects on the coarse grid"):
+        current = prune(error, current, jobs)
+    return Searched(nominal, current, tuple(rounds))
 
 
 def _search_wider(
-    prepared: Prepared, nominal: FittedModel, current: FittedModel, rounds: Sequence[Round], tried: list[FittedModel]
+    prepared: Prepared,
+    nominal: FittedModel,
+    current: FittedModel,
+    rounds: Sequence[Round],
+    tried: list[FittedModel],
+    deadline: Deadline,
 ) -> tuple[list[FittedModel], bool]:
     """Returns the models of a round, the best one first, and whether that one is accepted.
 
@@ -108,15 +119,15 @@ def _search_wider(
     error, excitation, jobs = prepared.coarse, prepared.excitation, prepared.jobs
     structured = STRUCTURED * error.noise_cost()
     taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
-    if len(current.chosen) == 1 and (taken or current.cost > structured):
-        tried += _fit_pairs(error, nominal, rounds[-1].tried, jobs)
+    if len(current.chosen) == 1 and (taken or current.cost > structured) and not deadline.passed:
+        tried += _fit_pairs(error, nominal, rounds[-1].tried, jobs, deadline)
         if tried and min(one.cost for one in tried) > structured:
             for other in _near_ties(rounds[-1].tried):
-                tried += try_candidates(error, other, excitation, jobs)
+                tried += try_candidates(error, other, excitation, jobs, deadline)
         tried = best_first(tried)
         taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
-    if not taken and len(current.chosen) > 1 and current.cost > structured:
-        tried = best_first(tried + _exchange(prepared, current))
+    if not taken and len(current.chosen) > 1 and current.cost > structured and not deadline.passed:
+        tried = best_first(tried + _exchange(prepared, current, deadline))
         taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
     return tried, taken
 
@@ -135,7 +146,7 @@ def _is_accepted(error: BinnedOutputError, nominal: FittedModel, current: Fitted
 
 
 def _fit_pairs(
-    error: BinnedOutputError, nominal: FittedModel, singles: Sequence[FittedModel], jobs: int
+    error: BinnedOutputError, nominal: FittedModel, singles: Sequence[FittedModel], jobs: int, deadline: Deadline
 ) -> list[FittedModel]:
     """Returns the best pairs of the best single candidates, each fitted from where both stood alone."""
     best: dict[str, FittedModel] = {}
@@ -150,8 +161,8 @@ def _fit_pairs(
         own.keep_sensitivities(joined.point, len(nominal.point))
         return fit(own, joined.chosen, joined.plan, joined.point, ROUGH)
 
-    rough = best_first(fit_each(one, list(itertools.combinations(few, 2)), jobs))
-    return refine(error, rough[:2], jobs)
+    rough = best_first(fit_each(one, list(itertools.combinations(few, 2)), jobs, deadline))
+    return refine(error, rough[:2], jobs, deadline)
 
 
 def _joined(nominal: FittedModel, pair: tuple[FittedModel, FittedModel]) -> FittedModel:
@@ -172,10 +183,10 @@ def _near_ties(tried: Sequence[FittedModel]) -> list[FittedModel]:
     return [one for one in others[:1] if one.penalised_cost < (1 + _NEAR_TIE) * tried[0].penalised_cost]
 
 
-def _exchange(prepared: Prepared, current: FittedModel) -> list[FittedModel]:
+def _exchange(prepared: Prepared, current: FittedModel, deadline: Deadline) -> list[FittedModel]:
     """Returns `current` with each of its effects in turn replaced by what is best beside the others."""
     found: list[FittedModel] = []
     starts = [without_effect(current, name) for name in current.names]
-    for fewer in refine(prepared.coarse, starts, prepared.jobs):
-        found += try_candidates(prepared.coarse, fewer, prepared.excitation, prepared.jobs)[:2]
+    for fewer in refine(prepared.coarse, starts, prepared.jobs, deadline):
+        found += try_candidates(prepared.coarse, fewer, prepared.excitation, prepared.jobs, deadline)[:2]
     return found

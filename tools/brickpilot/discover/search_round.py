@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import Candidate, candidates, read_limits
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.fitting import ROUGH, FittedModel, best_first, fit, fit_each, refine
 from brickpilot.discover.gates import (
@@ -33,7 +34,7 @@ _LOWER = 0.98  # of the cost: another order is worth a descent below it
 
 
 def try_candidates(
-    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int
+    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int, deadline: Deadline = NO_LIMIT
 ) -> list[FittedModel]:
     """Returns the best candidates fitted beside `current`, the best one first.
 
@@ -43,27 +44,27 @@ def try_candidates(
     points = [current.point]
     if largest_prior_shift(error, current) > PRIOR_STRAINED_SD:
         points.append(_at_stated_values(current))
-    rough = [found for point in points for found in _fit_screened(error, current, point, excitation, jobs)]
+    rough = [found for point in points for found in _fit_screened(error, current, point, excitation, jobs, deadline)]
     if rough and (first := best_first(rough)[0]).chosen[-1].is_periodic and (other := _with_better_order(error, first)):
         rough.append(other)
     best = min((one.penalised_cost for one in rough), default=0.0)
     limit = best + _NEAR_BEST * max(current.cost - best, 0.0)
     near = [one for one in best_first(rough) if one.penalised_cost < limit][:_REFINED]
-    refined = [one for one in refine(error, near, jobs) if _agrees_with_its_name(one, excitation)]
+    refined = [one for one in refine(error, near, jobs, deadline) if _agrees_with_its_name(one, excitation)]
     return best_first(refined + [one for one in rough if one not in near])
 
 
 def instead_of_moved_values(
-    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int
+    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int, deadline: Deadline
 ) -> list[FittedModel]:
     """Returns the candidates that explain the data with nominal values as they were stated, the best one first.
 
     What they gain over `current`, which moved those values, is at most the cost of the priors, so that less is asked
     for than of an effect that explains a gap.
     """
-    rough = _fit_screened(error, current, _at_stated_values(current), excitation, jobs, least=PARAMETER_COST)
+    rough = _fit_screened(error, current, _at_stated_values(current), excitation, jobs, deadline, PARAMETER_COST)
     released = [one for one in best_first(rough) if largest_prior_shift(error, one) < PRIOR_LEFT_SD]
-    return refine(error, released[:_REFINED], jobs)
+    return refine(error, released[:_REFINED], jobs, deadline)
 
 
 def largest_prior_shift(error: BinnedOutputError, found: FittedModel) -> float:
@@ -84,6 +85,7 @@ def _fit_screened(
     point: Array,
     excitation: Excitation,
     jobs: int,
+    deadline: Deadline,
     least: float | None = None,
 ) -> list[FittedModel]:
     """Returns the most promising candidates, fitted beside `current` from `point`.
@@ -94,7 +96,8 @@ def _fit_screened(
     here = error.with_plan(current.plan)
     here.keep_sensitivities(point, len(point))
     first: dict[tuple[str, tuple[str, ...]], Trial] = {}
-    for trial in screen(here, point, candidates(current.model, here.signals), excitation=excitation):
+    chosen = candidates(current.model, here.signals)
+    for trial in screen(here, point, chosen, excitation=excitation, deadline=deadline):
         promised = PROMISED_SHARE * required_gain(trial.after, error.floor_cost()) if least is None else least
         if trial.before - trial.after > promised:
             first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
@@ -104,8 +107,9 @@ def _fit_screened(
         start = np.concatenate([point, plan.start()[len(point) :]])
         return fit(here, (*current.chosen, trial.candidate), plan, start, ROUGH)
 
-    fits = fit_each(one, list(first.values())[:_FITTED], jobs)
-    fits += fit_each(lambda pair: _with_two_phases(here, current, *pair), _with_one_phase(current, fits), jobs)
+    fits = fit_each(one, list(first.values())[:_FITTED], jobs, deadline)
+    two_phases = _with_one_phase(current, fits)
+    fits += fit_each(lambda pair: _with_two_phases(here, current, *pair), two_phases, jobs, deadline)
     return [found for found in fits if _agrees_with_its_name(found, excitation)]
 
 

@@ -13,6 +13,7 @@ from brickpilot.discover import gates
 from brickpilot.discover.backward import passes_gates, prune
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import sizes_of
+from brickpilot.discover.deadline import FIRST_EFFECT, JUDGED, RIVALS
 from brickpilot.discover.determined import drop_undetermined
 from brickpilot.discover.finding import VerdictKind
 from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
@@ -76,6 +77,8 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     nominal = _first(refine(error, [searched.nominal], jobs), searched.nominal)
     noise = error.noise_cost()
     nothing: VerdictKind = "unknown" if nominal.cost > gates.UNEXPLAINED * noise else "none"
+    if FIRST_EFFECT in prepared.deadline.left_out:
+        nothing = "unknown"
     if not searched.best.chosen:
         rivals = _instead_of_moved_values(prepared, searched, nominal)
         if rivals and rivals[0].penalised_cost < nominal.penalised_cost:
@@ -85,7 +88,9 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
         return Verdict(nothing, nominal, nominal, (), rivals, noise, 1.0, nominal_rivals=rivals)
     best = _first(refine(error, [searched.best], jobs), searched.best)
     best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
-    found = [one for one in [best, *refine(error, _near_best(searched, best), jobs)] if one.chosen]
+    near = _near_best(searched, best)
+    refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
+    found = [one for one in [best, *refitted] if one.chosen]
     ranked = tuple(best_first(found))
     passing = [one for one in ranked if passes_gates(error, nominal, one, held_out)]
     determined = list(_determined(error, best, passing, jobs))
@@ -96,8 +101,15 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     best, rivals = near[0], _rivals(error, near, jobs)
     later = [one for one in ranked if one.penalised_cost >= first.penalised_cost and _is_another(one, best)]
     confidence = _confidence(error, best, [nominal, *later])
-    kind: VerdictKind = "ambiguous" if rivals else "named"
+    kind: VerdictKind = "unknown" if _cut_short(prepared, best, noise) else "ambiguous" if rivals else "named"
     return Verdict(kind, nominal, best, rivals, ranked, noise, confidence)
+
+
+def _cut_short(prepared: Prepared, best: FittedModel, noise: float) -> bool:
+    """Returns whether what the budget left out may have been a better explanation than `best`."""
+    left_out = prepared.deadline.left_out
+    rest_unsearched = bool(left_out) and best.cost > gates.ADEQUATE * noise
+    return FIRST_EFFECT in left_out or RIVALS in left_out or rest_unsearched
 
 
 def share_windows_must_remove(searched: Searched, verdict: Verdict) -> float:
@@ -118,8 +130,11 @@ def _instead_of_moved_values(prepared: Prepared, searched: Searched, nominal: Fi
     error = prepared.fine
     if largest_prior_shift(error, nominal) <= gates.PRIOR_LEFT_SD:
         return ()
+    deadline = prepared.until(JUDGED)
+    if FIRST_EFFECT in deadline.left_out or not deadline.allows("explanations with the nominal values as stated"):
+        return ()
     limit = gates.rival_margin(nominal.penalised_cost, nominal.cost, error.floor_cost())
-    found = instead_of_moved_values(prepared.coarse, searched.nominal, prepared.excitation, prepared.jobs)
+    found = instead_of_moved_values(prepared.coarse, searched.nominal, prepared.excitation, prepared.jobs, deadline)
     fits = refine(error, found, prepared.jobs)
     kept = [drop_undetermined(error, one, prepared.jobs) for one in fits if one.penalised_cost < limit]
     first = {one.names: one for one in reversed(best_first(kept)) if one.chosen and one.penalised_cost < limit}

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.gates import LEAST_GAIN, LEAST_GAIN_SHARE, MOST_TERMS, TERM_RIVAL_MARGIN
 from brickpilot.discover.terms.atoms import Atom
 from brickpilot.discover.terms.basis import EFFECT, Term, basis
@@ -74,18 +75,21 @@ class ComposedTerms:
         return tuple(dict.fromkeys(term.basis.place for term in self.terms))
 
 
-def find_terms(problem: Problem, *, rough: Problem | None = None, tell: Tell = lambda _: None) -> ComposedTerms | None:
+def find_terms(
+    problem: Problem, *, rough: Problem | None = None, tell: Tell = lambda _: None, deadline: Deadline = NO_LIMIT
+) -> ComposedTerms | None:
     """Returns the terms that remove most of the structure in the residual; None if no term gains enough.
 
     Args:
         problem: the data of the last fit.
         rough: the same data for the search, faster to simulate; None: `problem`.
         tell: called with what is being done.
+        deadline: the best terms so far are taken when it passes.
 
     Nothing here is random: the same problem gives the same result.
     """
     searched = problem if rough is None else rough
-    best, tried = _search(searched, tell)
+    best, tried = _search(searched, tell, deadline)
     if not best.atoms:
         return None
     tell("fitting the composed term")
@@ -96,30 +100,34 @@ def find_terms(problem: Problem, *, rough: Problem | None = None, tell: Tell = l
     return _result(problem, before, final, _rivals(best, tried))
 
 
-def _search(problem: Problem, tell: Tell) -> tuple[Fit, list[Fit]]:
+def _search(problem: Problem, tell: Tell, deadline: Deadline) -> tuple[Fit, list[Fit]]:
     """Adds one atom at a time, exchanges each for a better one, and removes needless ones; returns all fits too."""
     current = unfitted(problem)
     tell("simulating every possible term")
     library = Screen(problem, nominal_point(problem, problem.base))
     everything: list[Fit] = []
-    while len(current.atoms) < MOST_TERMS and _may_gain(problem, current):
+    while len(current.atoms) < MOST_TERMS and _may_gain(problem, current) and not (everything and deadline.passed):
         tell(f"fitting term {len(current.atoms) + 1}")
-        tried = _fit_beside(problem, library, current, library.atoms)
+        tried = _fit_beside(problem, library, current, library.atoms, deadline)
         everything += tried
         if not tried or not _gains_enough(current, tried[0]):
             break
         tell("exchanging terms for others")
-        current, more = _exchange(problem, library, tried[0])
+        current, more = _exchange(problem, library, tried[0], deadline)
         everything += more
+    deadline.allows("a part of the search for composed terms")
     return _pruned(problem, current), everything
 
 
-def _fit_beside(problem: Problem, library: Screen, beside: Fit, atoms: Sequence[Atom]) -> list[Fit]:
+def _fit_beside(problem: Problem, library: Screen, beside: Fit, atoms: Sequence[Atom], deadline: Deadline) -> list[Fit]:
     """Returns the best of `atoms`, each fitted beside those of `beside`, the best first."""
     usable = [a for a in atoms if a.agrees(beside.settings) and not set(a.names) & _names(beside)]
     trials = _diverse(library.best(beside.model, usable, _SIMULATED))
-    fits = [one for trial in trials if (one := _fit_trial(problem, beside, trial)) is not None]
+    begun = (trial for trial in trials if trial is trials[0] or not deadline.passed)
+    fits = [one for trial in begun if (one := _fit_trial(problem, beside, trial)) is not None]
     for effort in (ROUGH, SETTLED):
+        if deadline.passed:
+            break
         fits = _fitted_further(problem, fits, effort)
     return sorted(fits, key=lambda one: one.penalised_cost)
 
@@ -140,10 +148,12 @@ def _fitted_further(problem: Problem, fits: Sequence[Fit], effort: Effort) -> li
     return found
 
 
-def _exchange(problem: Problem, library: Screen, found: Fit) -> tuple[Fit, list[Fit]]:
+def _exchange(problem: Problem, library: Screen, found: Fit, deadline: Deadline) -> tuple[Fit, list[Fit]]:
     """Replaces each atom by a better one: at the period that is fitted now, or one not tried beside the rest."""
     everything: list[Fit] = []
     for atom in found.atoms:
+        if deadline.passed:
+            break
         if atom not in found.atoms or not (atom.tuned or len(found.atoms) > 1):
             continue
         rest = _without(problem, found, atom)
@@ -152,7 +162,7 @@ def _exchange(problem: Problem, library: Screen, found: Fit) -> tuple[Fit, list[
         others = library.family(atom, found.settings) if atom.tuned else []
         library.add(others)
         others += [one for one in library.atoms if len(found.atoms) > 1 and one not in others]
-        tried = _fit_beside(problem, library, rest, [one for one in others if one != atom])
+        tried = _fit_beside(problem, library, rest, [one for one in others if one != atom], deadline)
         everything += tried
         if tried and tried[0].penalised_cost < found.penalised_cost:
             found = tried[0]

@@ -1,0 +1,82 @@
+"""A discovery that has to end early says what it left out, and claims nothing that it did not compare."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from brickpilot.data import dataset
+from brickpilot.data.dataset import Dataset
+from brickpilot.discover import deadline, pipeline
+from brickpilot.discover.deadline import FIRST_EFFECT, Deadline
+from command import brickpilot
+from hidden import folder
+from hidden.manoeuvre import short
+from hidden.recipe import Recipe
+
+RECIPE = Recipe("set", {"coulomb_friction": {"torque": 0.005}}, engine="planar", runs=short(), seed=3)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return dataset.read(folder.write(RECIPE, tmp_path_factory.mktemp("data")))
+
+
+def plain(found: Any) -> dict[str, Any]:
+    return {key: value for key, value in found.to_json().items() if key not in ("elapsed_s", "budget")}
+
+
+def test_a_budget_that_is_not_used_up_changes_nothing(data: Dataset) -> None:
+    free, limited = (pipeline.discover(data, jobs=1, budget_s=budget) for budget in (None, 1e6))
+    assert plain(free) == plain(limited)
+    assert free.to_json()["budget"] is None
+    assert limited.budget is not None
+    assert (limited.budget.seconds, limited.budget.exhausted, limited.budget.skipped) == (1e6, False, ())
+    assert limited.budget.estimated_s > 0
+
+
+def test_without_time_the_first_round_is_cut_and_nothing_is_claimed(data: Dataset) -> None:
+    began = time.perf_counter()
+    whole = pipeline.discover(data, jobs=1)
+    middle = time.perf_counter()
+    cut = pipeline.discover(data, jobs=1, budget_s=1e-3)
+    assert time.perf_counter() - middle < middle - began
+    assert [effect.name for effect in whole.effects if effect.claimed] == ["coulomb_friction"]
+    assert cut.verdict == "unknown"
+    assert not any(effect.claimed for effect in cut.effects)
+    assert cut.budget is not None
+    assert cut.budget.exhausted
+    assert cut.budget.skipped[0] == FIRST_EFFECT
+    assert any(note.startswith("The budget of 0.001 s left out: ") for note in cut.notes)
+
+
+def test_a_deadline_passes_at_its_share_of_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(deadline.time, "perf_counter", lambda: now[0])
+    whole = Deadline(10.0, began=100.0)
+    half = whole.until(0.5)
+    now[0] = 104.9
+    assert half.allows("a")
+    now[0] = 105.1
+    assert not half.allows("b")
+    assert whole.allows("c")
+    now[0] = 110.1
+    assert not whole.allows("d")
+    assert list(whole.left_out) == ["b", "d"]
+    assert Deadline(None, began=0.0).allows("e")
+
+
+def test_the_command_prints_the_estimate_and_the_time_left(data: Dataset, tmp_path: Path) -> None:
+    ended = brickpilot("discover", str(data.path.parent), "--budget", "0.001", "--out", "out", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    lines = ended.stderr.splitlines()
+    assert any(line.startswith("estimate: about ") for line in lines)
+    found = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert found["budget"]["seconds"] == 0.001
+    assert found["budget"]["exhausted"]
+    assert found["budget"]["skipped"][0] == FIRST_EFFECT
+    refused = brickpilot("discover", str(data.path.parent), "--budget", "0", cwd=tmp_path)
+    assert refused.returncode == 2
