@@ -30,6 +30,17 @@ static void test_a_share_of_the_braking_is_missing_at_zero_command(void)
         }
 }
 
+/* The back EMF is that of the middle of a step, so that long steps do too. */
+static void test_long_steps_coast_alike(void)
+{
+    const bp_state moving = {.surge = 0.4};
+    const double expected = 0.4 * exp(-0.4 * braking() * 0.3);
+    on("zero_coast", 0.6, 0, 0);
+    TEST_ASSERT_EQUAL_INT(0, plant_start(&plant, model, &moving, 0.003, 0.003));
+    go(0, 0, 0.3);
+    TEST_ASSERT_DOUBLE_WITHIN(2e-4 * expected, expected, state()->surge);
+}
+
 static void test_a_turn_coasts_too(void)
 {
     const bp_state turning = {.yaw_rate = 3};
@@ -63,6 +74,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_a_share_of_the_braking_is_missing_at_zero_command);
+    RUN_TEST(test_long_steps_coast_alike);
     RUN_TEST(test_a_turn_coasts_too);
     RUN_TEST(test_other_commands_pass);
     RUN_TEST(test_it_is_off_at_zero);
