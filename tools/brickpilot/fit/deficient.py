@@ -216,21 +216,26 @@ def _quantities(
 ) -> dict[str, Array]:
     """Returns name -> values of what a load may vary with, the plainest first: its own motion, then others."""
     right = size.name.endswith("_right")
-    own, word, volts = estimate[f"wheel_speed_{'right' if right else 'left'}"], "wheel speed", inputs[:, -right]
-    body = {}
+    own, word = estimate[f"wheel_speed_{'right' if right else 'left'}"], "wheel speed"
+    volts: Array | None = inputs[:, 1 if right else 0]
+    body: dict[str, Array] = {}
     if model.vehicle != "motor":
         body = {"forward speed": estimate["surge"], "turning": estimate["yaw_rate"]}
         if size.name in _YAWS:
-            own, word, volts = estimate["yaw_rate"], "turning", inputs[:, 0] - inputs[:, 1]
+            own, word, volts = estimate["yaw_rate"], "turning", None
         elif not size.name.endswith(("_left", "_right")):
-            own, word, volts = estimate["surge"], "forward speed", inputs.mean(axis=1)
-        body["speed times turning"] = estimate["surge"] * estimate["yaw_rate"]
+            own, word, volts = estimate["surge"], "forward speed", None
+        body |= {
+            "speed times turning": estimate["surge"] * estimate["yaw_rate"],
+            "sum of the voltages": inputs.sum(axis=1),
+            "difference of the voltages": inputs[:, 0] - inputs[:, 1],
+        }
     still = _STILL * max(float(np.max(np.abs(own))), 1e-12)
     return {
         "constant": np.zeros(len(time)),
         f"direction of {word}": np.where(np.abs(own) > still, np.sign(own), 0.0),
         word: own,
         "acceleration": np.gradient(own, time),
-        "voltage": volts,
+        **({} if volts is None else {"voltage": volts}),
         WHEEL_ANGLE: estimate[f"wheel_angle_{'right' if right else 'left'}"],
     } | body
