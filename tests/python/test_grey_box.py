@@ -144,6 +144,19 @@ def test_friction_is_a_deficient_motor_that_varies_with_its_direction(tmp_path: 
     assert first.best[0].share > 0.6
 
 
+def test_a_run_in_which_a_sensor_stands_still_is_predicted_without_it(tmp_path: Path) -> None:
+    def freeze(run: str, table: dict[str, np.ndarray]) -> None:
+        if run == "curve":
+            table["yaw_rate"][:] = 0.5
+
+    truth = robot()
+    wrong = Model(truth.name, truth.vehicle, truth.profile, truth.parameters, {"gyro_scale": {"error": 0.05}})
+    data = dataset.read(write(tmp_path / "data", wrong, DRIVE, "mass = 0.6", spoil=freeze))
+    problem = innovations(data, truth, 0.02)
+    assert ["yaw_rate" in one for one in problem.measured()] == [True, True, True, False]
+    assert deficient_equations(problem, truth, 0.004)[0].equation == "sensor yaw_rate"
+
+
 def test_explanations_prefer_the_plainer_quantity_and_time_only_across_runs() -> None:
     random = np.random.default_rng(3)
 
