@@ -18,6 +18,7 @@ from brickpilot.data.audit.blame import Contradiction
 from brickpilot.data.audit.channels import contradictions
 from brickpilot.data.audit.clock import clock_faults
 from brickpilot.data.audit.collisions import collisions
+from brickpilot.data.audit.delays import delay_note, delays
 from brickpilot.data.audit.fault import Fault, Kind, channel_note, collision_note, range_note, rows_note
 from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import blank, jumps
@@ -81,6 +82,8 @@ def audit(
         faults += found
         notes += its_notes
     notes += _keep_samples(runs, views)
+    if late := delays(views):
+        notes.append(delay_note(late))
     outputs = {run.name: dict(view.outputs) for run, view in zip(runs, views, strict=True)}
     order = {run.name: number for number, run in enumerate(runs)}
     faults.sort(key=lambda one: (order[one.run], one.from_s, one.signal))
