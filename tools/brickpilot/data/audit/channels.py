@@ -26,6 +26,8 @@ LEAST_SAMPLES = 20
 """A run of fewer samples is not compared."""
 
 _MOST = 8  # contradictions that are searched for
+_LEAST_WINDOWS = 4  # of a run, for a ratio
+_UNSATURATED = 0.8  # of the fastest turn of all runs: slower turns show the geometry
 _TURNS = 0.3  # rad/s: least rate of a turn that shows the geometry
 _TOGETHER = 0.9  # correlation of the yaw and the difference of the wheels, for the same
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
@@ -91,7 +93,7 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
     """Returns the yaw per difference of the wheels in most runs, where the data set does not state the geometry.
 
     A value that no small vehicle has is divided by the first unit factor that makes it plausible. The relation is then
-    broken in all runs.
+    broken in all runs. The fastest turns are left out: a gyro at the end of its range would give another geometry.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -101,17 +103,33 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
                 continue
             limits = _TURN_PER_METRE if geometry.metres(kind) == 1.0 else _TURN_PER_RADIAN
             per = float(np.sqrt(limits[0] * limits[1]))
-            ratios = [turn for one in windows.values() if (turn := _turn_ratio(one, yaw, left, right, per)) is not None]
+            fastest = max((_fastest(one, yaw) for one in windows.values()), default=0.0)
+            for below in (_UNSATURATED * fastest, np.inf):  # without slower turns, all of them have to do
+                ratios = [
+                    turn
+                    for one in windows.values()
+                    if (turn := _turn_ratio(one, yaw, left, right, per, below)) is not None
+                ]
+                if ratios:
+                    break
             if ratios:
                 found[yaw, kind] = _plausible(float(np.median(ratios)), limits)
     return found
 
 
-def _turn_ratio(windows: Windows, yaw: str, left: str, right: str, per: float) -> float | None:
+def _fastest(windows: Windows, yaw: str) -> float:
+    """Returns the largest mean rate of turn in a window, rad/s."""
+    return float(np.nanmax(np.abs(windows.moved[yaw] / windows.seconds), initial=0.0)) if yaw in windows.moved else 0.0
+
+
+def _turn_ratio(windows: Windows, yaw: str, left: str, right: str, per: float, below: float) -> float | None:
+    """Returns yaw per difference of the wheels from windows that turn more slowly than `below` rad/s; None: too few."""
     if not {yaw, left, right} <= windows.moved.keys():
         return None
     turn, apart = windows.moved[yaw], windows.moved[left] - windows.moved[right]
-    known = np.isfinite(turn) & np.isfinite(apart)
+    known = np.isfinite(turn) & np.isfinite(apart) & (np.abs(turn) < below * windows.seconds)
+    if np.count_nonzero(known) < _LEAST_WINDOWS:
+        return None
     turn, apart, seconds = turn[known], apart[known], windows.seconds[known]
     power, other = float(turn @ turn), float(apart @ apart)
     rates = [float(np.sqrt(np.mean((values / seconds) ** 2))) for values in (turn, per * apart)]
