@@ -9,8 +9,7 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
         const motor_t *motor = &vehicle->motor[k];
         const double voltage = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
         const double torque = motor->torque_constant * vehicle->state.current[k] + motor->torque_per_volt * voltage;
-        const double share = value[0] + (torque * vehicle->state.wheel_speed[k] < 0 ? value[1] : 0);
-        vehicle->dry[DRY_LEFT + k] += fmax(share, 0) * fabs(torque);
+        vehicle->dry[DRY_LEFT + k] += value[0] * fabs(torque);
     }
 }
 
@@ -22,17 +21,6 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = 0,
      .maximum = 0.95,
      .preset = 0.15},
-    {.name = "braking",
-     .role = BP_ROLE_SIZE,
-     .unit = "1",
-     .meaning = "the same while the motor brakes, less that while it drives",
-     .minimum = -0.95,
-     .maximum = 10,
-     .preset = 0,
-     .optional = 1,
-     .trial = 0.15,
-     .only_with = "share",
-     .variation = "another one while the motor brakes"},
 };
 
 const effect_t effect_load_friction = {
@@ -41,13 +29,12 @@ const effect_t effect_load_friction = {
              .summary = "Gears and bearings lose a share of the torque that passes through them.",
              .mechanism = "bearing",
              .acts_on = "wheel",
-             .equation = "T_f = -share |T_m| sign(w), with share + braking where T_m w < 0; T_m: torque of the motor; "
-                         "at rest it holds any torque up to that size",
+             .equation = "T_f = -share |T_m| sign(w), T_m: torque of the motor; at rest it holds any torque up to that "
+                         "size. A share of its own while the motor brakes would be another torque constant",
              .source = "Duclusaud, Passault, Padois & Daney 2025, Extended Friction Models for the Physics Simulation "
-                       "of Servo Actuators: the load-dependent term of model M3 with the torque of the motor as the "
-                       "load, and a share for each direction of power as in M5; solved as a bounded impulse, Moreau "
-                       "1988",
-             .parameter_count = 2,
+                       "of Servo Actuators: the load-dependent term of model M3, with the torque of the motor as the "
+                       "load; solved as a bounded impulse, Moreau 1988",
+             .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",
              .variation = "in proportion to the torque"},

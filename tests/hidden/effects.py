@@ -118,7 +118,7 @@ LIBRARY: dict[str, Effect] = {
     "voltage_compression": _one("compression", 0.15),
     "zero_coast": Effect({"share": 0.45}, ("share",)),
     "dead_time": _one("voltage", 0.2),
-    "load_friction": Effect({"share": 0.15, "braking": 0.0}, ("share",)),
+    "load_friction": _one("share", 0.15),
     "viscous_loss": Effect(
         {"drag": 4e-4}, ("drag",), kind="torque", absent=("viscous_friction", "rolling_friction")
     ),

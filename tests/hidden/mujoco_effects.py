@@ -55,8 +55,7 @@ def _rolling_sqrt(s: Step, p: Parameters) -> None:
 
 def _load_friction(s: Step, p: Parameters) -> None:
     for i in (0, 1):
-        brakes = s.torque[i] * s.speeds[i] < 0
-        s.dry[i] += max(p["share"] + (p.get("braking", 0.0) if brakes else 0.0), 0.0) * abs(s.torque[i])
+        s.dry[i] += p["share"] * abs(s.torque[i])
 
 
 def _viscous_loss(s: Step, p: Parameters) -> None:

@@ -265,11 +265,10 @@ def _rolling_sqrt(plant: Plant, p: Parameters) -> None:
 
 
 def _load_friction(plant: Plant, p: Parameters) -> None:
-    share, braking = p["share"], p.get("braking", 0.0)
+    share = p["share"]
 
     def hook(plant: Plant) -> None:
-        torque = plant.vehicle.torque_constant * plant.flux * plant.current
-        plant.bound += np.maximum(share + braking * (torque * plant.wheel < 0), 0.0) * np.abs(torque)
+        plant.bound += share * np.abs(plant.vehicle.torque_constant * plant.flux * plant.current)
 
     plant.bounds.append(hook)
 
