@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping
 
@@ -10,7 +11,16 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
-from brickpilot.discover.finding import Experiment, Finding, NominalChange, NominalFinding, Term, TermMatch, Visible
+from brickpilot.discover.finding import (
+    Experiment,
+    Finding,
+    NominalChange,
+    NominalFinding,
+    Place,
+    Term,
+    TermMatch,
+    Visible,
+)
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
@@ -22,6 +32,7 @@ from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.written import Written
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
+from brickpilot.fit.replay import Replay
 from brickpilot.vehicle.model import Model, unit_on
 
 Array = NDArray[np.float64]
@@ -42,9 +53,6 @@ def conclude(
 ) -> Finding:
     """Returns the finding. Its `elapsed_s` is 0; the pipeline knows the time."""
     nominal_model = verdict.nominal.model
-    everything = prepared.all_runs(written.plan)
-    before, after = everything.losses(nominal_model), everything.losses(written.model)
-    where = locate.places(everything, prepared.dataset, before, after, written.simulated["augmented"])
     effects = named_effects(prepared, verdict, written)
     return Finding(
         dataset=prepared.dataset,
@@ -52,7 +60,7 @@ def conclude(
         mechanism=mechanism(effects, written),
         evidence=written.evidence,
         effects=effects,
-        where=where if written.kind != "none" else (),
+        where=_places(prepared, verdict, written),
         yardstick=yardstick,
         gap=written.gap,
         by_signal=written.by_signal,
@@ -81,6 +89,22 @@ def _power(prepared: Prepared, verdict: Verdict) -> Mapping[str, Visible]:
     if not prepared.deadline.allows("the smallest size of each effect that would show"):
         return {}
     return power.smallest(prepared.coarse, verdict.best, prepared.excitation)
+
+
+def _places(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[Place, ...]:
+    """Returns where what was added to the model shows; where nothing was, where the nominal model leaves an error."""
+    dataset, noise_sd = prepared.dataset, prepared.fine.sample_noise
+    if written.kind == "none":
+        return ()
+    motion = written.simulated["augmented"]
+    if written.plan is verdict.nominal.plan:
+        measured = {run.name: run.outputs for run in dataset.runs}
+        return locate.places(dataset, measured, motion, motion, noise_sd, gates.ERROR_SHOWN)
+    known = prepared.plan.model.effects
+    effects = {name: table for name, table in written.model.effects.items() if name in known}
+    without = dataclasses.replace(written.model, effects=effects)
+    plain = Replay(dataset).simulate([without], threads=prepared.jobs)[0]
+    return locate.places(dataset, motion, plain, motion, noise_sd, gates.EFFECT_SHOWN)
 
 
 def _term_name(dataset: Dataset) -> str:

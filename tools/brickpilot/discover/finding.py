@@ -98,7 +98,7 @@ class Place:
     """Where the gap was: a time span of one signal of one run.
 
     Attributes:
-        share_of_gap: its share of all the squared residual that the augmented model removed, 0..1.
+        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
         when: what the vehicle was doing.
     """
 

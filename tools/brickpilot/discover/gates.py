@@ -138,6 +138,12 @@ SHOWS_MECHANISM = 0.7
 """An explanation that removes this share of the cost above noise, or a law whose change of the signals correlates so
 far with that of a composed term, shows the mechanism, although the law is not quite right."""
 
+EFFECT_SHOWN = 1.0
+"""An effect shows where it changes a signal by more than so many noise sd, rms over a tenth of a second."""
+
+ERROR_SHOWN = 1.5
+"""The same for an error without an explanation, which has the noise on it: noise alone has 1."""
+
 WORTH_LISTING = 0.1
 """For `unknown`, the best explanation is listed, without a claim, if it removes this share of the cost above noise."""
 

@@ -13,14 +13,12 @@ from brickpilot.data.signals import SUMMED
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.finding import Gap, Place, Whiteness
 from brickpilot.discover.gates import BIN_S
-from brickpilot.discover.windows import run_of
 from brickpilot.fit.replay import Outputs
 
 Array = NDArray[np.float64]
 
-_PLACES = 8  # that are reported
-_LEAST_SHARE = 0.02  # of the gap: a smaller place is not reported
-_TAIL = 0.05  # of a place's gap at either end: its time span leaves so much out
+_SHOWN_S = 0.1  # a difference is an rms over windows of this length
+_BRIDGED_S = 0.3  # a shorter break in a span is part of it
 _CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers less is not reported
 _CONDITION_LIFT = 1.3  # the condition covers so many times more of the gap than of the time
 _LAGS = 20
@@ -77,41 +75,54 @@ def residual(run: Run, signal: str, simulated: Array) -> Array:
 
 
 def places(
-    error: BinnedOutputError, dataset: Dataset, before: Array, after: Array, motion: Mapping[str, Outputs]
+    dataset: Dataset,
+    changed: Mapping[str, Outputs],
+    plain: Mapping[str, Outputs],
+    motion: Mapping[str, Outputs],
+    noise_sd: Mapping[str, float],
+    above: float,
 ) -> tuple[Place, ...]:
-    """Returns the runs and signals that most of the gap came from, the largest first.
+    """Returns the spans of runs and signals in which `changed` and `plain` differ, the largest difference first.
 
     Args:
-        error: the residual of all runs.
-        before, after: (samples,) its losses with the nominal and with the augmented model.
+        changed, plain: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
         motion: run -> outputs of the augmented model: they say what the vehicle was doing.
+        noise_sd: signal -> sd of the noise of a sample.
+        above: a difference whose rms over `_SHOWN_S` is larger, in noise sd, is shown.
     """
-    fall = before - after
-    total = float(fall[fall > 0].sum())
-    if total <= 0:
-        return ()
-    clock = {run.name: run for run in dataset.runs}
-    found = []
-    for block in error.blocks:
-        part = np.maximum(fall[block.place], 0.0)
-        share = float(part.sum()) / total
-        if share < _LEAST_SHARE:
-            continue
-        grown = np.cumsum(part) / part.sum()
-        first, last = int(np.searchsorted(grown, _TAIL)), int(np.searchsorted(grown, 1 - _TAIL))
-        run = clock[run_of(block.run)]
-        when = _condition(run, motion[run.name], block.middle, part)
-        found.append(
-            Place(
-                run.name,
-                block.signal,
-                round(float(block.middle[first]) - BIN_S / 2, 3),
-                round(float(block.middle[min(last, len(part) - 1)]) + BIN_S / 2, 3),
-                share,
-                when,
-            )
-        )
-    return tuple(sorted(found, key=lambda one: -one.share_of_gap)[:_PLACES])
+    found: list[tuple[Run, str, slice, Array]] = []
+    for run in dataset.runs:
+        for signal, sd in noise_sd.items():
+            if signal in changed[run.name] and signal in plain[run.name]:
+                apart = (changed[run.name][signal] - plain[run.name][signal]) / sd
+                square = np.nan_to_num(apart - apart[0] if signal in SUMMED else apart) ** 2
+                found += [(run, signal, span, square) for span in _spans(run.time, square, above)]
+    total = sum(float(square[span].sum()) for _, _, span, square in found)
+    made = [_place(run, signal, span, square, motion[run.name], total) for run, signal, span, square in found]
+    return tuple(sorted(made, key=lambda one: -one.share_of_gap))
+
+
+def _place(run: Run, signal: str, span: slice, square: Array, motion: Outputs, total: float) -> Place:
+    part = np.zeros(len(square))
+    part[span] = square[span]
+    first, last = (float(run.time[index]) for index in (span.start, span.stop - 1))
+    when = _condition(run, motion, run.time, part)
+    return Place(run.name, signal, round(first, 3), round(last, 3), float(part.sum()) / total, when)
+
+
+def _spans(time: Array, square: Array, above: float) -> list[slice]:
+    """Returns the samples of each span in which the rms over `_SHOWN_S` is above a limit; short breaks are bridged."""
+    number = np.floor((time - time[0]) / _SHOWN_S).astype(np.intp)
+    means = np.bincount(number, square) / np.maximum(np.bincount(number), 1)
+    shown = means[number] > above**2
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(np.int8))).reshape(-1, 2)
+    spans: list[slice] = []
+    for first, end in edges.tolist():
+        if spans and time[first] - time[spans[-1].stop - 1] < _BRIDGED_S:
+            spans[-1] = slice(spans[-1].start, end)
+        else:
+            spans.append(slice(first, end))
+    return spans
 
 
 def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:

@@ -16,6 +16,7 @@ from brickpilot.report.template import render
 from brickpilot.vehicle import model as model_file
 
 _RANKED = 8  # candidates that are shown; the others are folded
+_PLACES = 8  # places that are shown
 _LISTED = 20  # faults that are shown; the others are folded
 
 _ROLE_ROWS = (("held_out", "held-out runs"), ("fit", "fit runs"))
@@ -66,7 +67,7 @@ def _gaps(finding: Finding) -> dict[str, Any]:
 def _tables(finding: Finding) -> dict[str, Any]:
     """Returns the rows of the tables on effects, candidates and parameters."""
     return {
-        "places": [discover_tables.place(one, finding) for one in finding.where],
+        "places": [discover_tables.place(one, finding) for one in finding.where[:_PLACES]],
         "equations": [discover_tables.equation(one) for one in finding.equations],
         "effects": [discover_tables.effect(one) for one in finding.effects],
         "equivalents": discover_tables.equivalents(finding),

@@ -88,7 +88,9 @@ def figures(
     finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
     """Returns the figures that are open, and the folded ones as (run, role, figures)."""
-    places = {(one.run, one.signal): one for one in finding.where}
+    places: dict[tuple[str, str], Place] = {}
+    for one in finding.where:  # the largest place of each signal comes first
+        places.setdefault((one.run, one.signal), one)
     by_gap = sorted(compared, key=lambda key: -compared[key].gaps[0])
     chosen = _varied([key for key in places if key in compared] or by_gap)
     held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
