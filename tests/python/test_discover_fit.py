@@ -96,3 +96,12 @@ def test_the_terminal_shows_a_line_for_each_signal(found):
     assert still.split() == ["wheel_speed_left", *["-"] * 9]
     assert DASH not in still
     assert discover_fit.lines(dataclasses.replace(found["named"], yardstick=Yardstick())) == []
+
+
+def test_runs_that_are_held_out_in_part_are_named(found):
+    roles = dict.fromkeys(found["named"].roles, "fit")
+    made = dataclasses.replace(found["named"], roles=roles, held_out_stretches={"spin": (1.0, 1.9)})
+    read = Page(page(made, COMMAND))
+    assert "1 held out in part" in " ".join(read.sections["verdict"].split())
+    assert "Of these runs a part was held out: spin." in read.sections["proof"]
+    assert "No run was held out" not in read.sections["proof"]
