@@ -60,6 +60,9 @@
     EFFECT(gyro_drift) \
     EFFECT(gyro_saturation) \
     EFFECT(encoder_scale) \
+    EFFECT(speed_lag) \
+    EFFECT(speed_delay) \
+    EFFECT(gyro_delay) \
     EFFECT(sensor_delay)
 /* clang-format on */
 

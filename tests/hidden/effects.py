@@ -125,6 +125,9 @@ LIBRARY: dict[str, Effect] = {
     "viscous_scrub": _one("drag", 0.002, kind="moment"),
     "surge_drag": _one("drag", 1.0, kind="force"),
     "tyre_grip": Effect({"creep": 0.1, "friction": 0.8}, ("creep",), ranges={"friction": (0.7, 1.0)}),
+    "speed_lag": _one("time_constant", 0.03),
+    "speed_delay": _one("delay", 0.03),
+    "gyro_delay": _one("delay", 0.03),
 }  # fmt: skip
 """Every effect of the library that these engines can make, with the library's names, parameters and signs."""
 

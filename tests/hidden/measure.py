@@ -33,7 +33,8 @@ SEEDED = frozenset({"planar"})
 
 SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-     "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
+     "gyro_saturation", "encoder_scale", "speed_lag", "speed_delay", "gyro_delay",
+     "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
 )  # fmt: skip
 """The effects that act here and not in an engine."""
 
@@ -100,10 +101,23 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
     if recipe.sensors == "imu+encoders":
         out["wheel_speed_left"] = ideal.left * scale
         out["wheel_speed_right"] = ideal.right * scale
-    delay = hidden.get("sensor_delay", {}).get("delay", 0.0)
-    if delay > 0:
-        out = {name: np.interp(track.time - delay, track.time, values) for name, values in out.items()}
+    out = {name: _late(name, values, hidden, track) for name, values in out.items()}
     return {name: values[::hold].copy() for name, values in out.items()}
+
+
+def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], track: Track) -> Floats:
+    """Returns a signal behind its own lag and delay and behind the delay of all sensors."""
+    effects, own = ["sensor_delay"], "speed_delay" if "speed" in name else "gyro_delay"
+    lag = hidden.get("speed_lag", {}).get("time_constant", 0.0) if "speed" in name else 0.0
+    if lag > 0:
+        values = _lagged(values, lag, track.oversample_s)
+    if name.startswith(("wheel_speed", "yaw")):
+        effects.append(own)
+    for effect in effects:
+        delay = hidden.get(effect, {}).get("delay", 0.0)
+        if delay > 0:
+            values = np.interp(track.time - delay, track.time, values)
+    return values
 
 
 def _lagged(values: Floats, lag: float, step: float) -> Floats:

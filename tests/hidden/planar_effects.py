@@ -16,7 +16,8 @@ Parameters = Mapping[str, float]
 
 ELSEWHERE = (
     "imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-    "gyro_saturation", "encoder_scale", "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
+    "gyro_saturation", "encoder_scale", "speed_lag", "speed_delay", "gyro_delay",
+    "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
 """Sensor effects: they change what is measured, not what happens."""
 
