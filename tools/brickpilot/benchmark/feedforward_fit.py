@@ -2,7 +2,7 @@
 
 For each wheel, or for the motor,
 
-    u(t - input_delay) = kS sign(v) + kV v + kA dv/dt
+    u(t - command_delay) = kS sign(v) + kV v + kA dv/dt
 
 as WPILib's SysId has it, with the speed v in the unit of the data set's first rate or travel. A drivetrain has one more
 number, `turn`: in a turn the wheels move the body's inertia and not its mass, so the difference of their accelerations
@@ -116,7 +116,7 @@ class _Law:
         self.names = [f"{number}{one.side}" for one in wheels for number in ("kS", "kV", "kA")]
         self.names += ["turn"] if len(wheels) > 1 else []
         self.names += ["yaw"] if self._body else []
-        self.names += ["input_delay", *(f"delay of {name}" for name in self._channels)]
+        self.names += ["command_delay", *(f"delay of {name}" for name in self._channels)]
         self._summed = SUMMED.intersection(self._channels)
         self._spread = {name: _spread(fitted, name, summed=name in self._summed) for name in self._channels}
         self._metres = _metres_per_unit(dataset, wheels)
@@ -192,7 +192,7 @@ class _Law:
                 self._speeds.clear()
             sides = [wheel.side for wheel in self._wheels]
             numbers = [tuple(value[f"{name}{side}"] for name in ("kS", "kV", "kA")) for side in sides]
-            driven = _delayed(one, value["input_delay"])
+            driven = _delayed(one, value["command_delay"])
             self._speeds[key] = _speeds(numbers, value.get("turn", 1.0), driven, np.diff(one.clock), one.first)
         return self._speeds[key]
 

@@ -26,7 +26,7 @@ from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.rates import MOTOR_RATE_OF
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.robust import pseudo_huber_loss
+from brickpilot.fit.robust import pseudo_huber_loss, robust_size
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -44,6 +44,7 @@ class BinnedOutputError(OutputError):
         coarse: simulates on a grid of a third of a bin, with the mean of the inputs over each step. That is exact
             enough for a search; what is reported is fitted at the measured samples.
         samples: the data set with only the samples that are compared; None: all of `dataset` are.
+        as_measured: signals that sum up are compared as such, and not by their change.
     """
 
     def __init__(
@@ -55,10 +56,11 @@ class BinnedOutputError(OutputError):
         threads: int = 2,
         coarse: bool = False,
         samples: Dataset | None = None,
+        as_measured: bool = False,
     ) -> None:
-        self.changes = _compared_by_change(dataset)
+        self.changes = frozenset[str]() if as_measured else _compared_by_change(dataset)
         grid = on_coarse_grid(dataset) if coarse else (Replay(dataset, motor_step=_MOTOR_STEP_S), Bins(BIN_S))
-        replay, bins = grid[0], dataclasses.replace(grid[1], changes=self.changes)
+        replay, bins = grid[0], dataclasses.replace(grid[1], changes=self.changes, as_measured=as_measured)
         super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=samples or dataset)
         self._dataset, self.matched = dataset, MODEL_ERROR_SHARE
         self._noise = {signal: self._estimated_noise(signal) for signal in self.signals}
@@ -114,6 +116,13 @@ class BinnedOutputError(OutputError):
                 sd = 1.4826 * float(np.median(np.abs(np.concatenate(parts)))) / 6**0.5
                 self.noise_floors[signal] = max(self.noise_floors[signal], sd)
                 self.scales[signal] = self._scale(signal)
+
+    def weigh_by_residual(self, point: Array) -> None:
+        """Takes the robust size of each signal's residual at `point` for its scale: no signal swamps another."""
+        error = self.measured - self._simulated(point)
+        for signal, scale in self.scales.items():
+            size = robust_size(np.concatenate([error[b.place] for b in self.blocks if b.signal == signal]))
+            self.scales[signal] = dataclasses.replace(scale, size=max(size, self._scale(signal).size))
 
     def adopt_scales(self, other: BinnedOutputError) -> None:
         """Weights each signal as `other` does."""

@@ -162,7 +162,7 @@ def _nominal_findings(prepared: Prepared, verdict: Verdict) -> tuple[NominalFind
 
 
 def _notes(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[str, ...]:
-    notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes]
+    notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes, *written.notes]
     if (sampled := sampling_note(prepared, verdict.best)) is not None:
         notes.append(sampled)
     left_out = prepared.deadline.left_out

@@ -83,6 +83,12 @@ STRUCTURED = 1.2
 MOST_EFFECTS = 4
 """The search adds no more effects: with more, beside the nominal parameters, any data can be fitted."""
 
+MOST_FREE_RUN_EFFECTS = 5
+"""Effects that the fit to whole runs adds to the written model, at most: friction, two timings, offset and one more."""
+
+FREE_RUN_GAIN_SHARE = 0.03
+"""The least fall of the penalised cost of whole runs, as a share, for an effect that joins without a claim."""
+
 # What an effect's name says has to be true of the fitted values.
 
 LIMIT_OVER_READING = 0.9

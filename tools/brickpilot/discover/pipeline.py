@@ -9,6 +9,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     compose          -> Composed      a term without a name, where it explains more than the named effects
     write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
     measure          -> Yardstick     fit in percent before, after and attainable            (yardstick/)
+    follow_whole_runs -> Written      the same model, fitted to free runs of whole runs     (long_horizon.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
     conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
     find_equations   -> Deficient     the equations that need a disturbance, and what it varies with   (equations.py)
@@ -26,12 +27,13 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
-from brickpilot.discover.deadline import SEARCHED, Deadline
+from brickpilot.discover.deadline import COMPOSED, SEARCHED, Deadline
 from brickpilot.discover.equations import find_equations
 from brickpilot.discover.estimate import Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Budget, Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.long_horizon import follow_whole_runs
 from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.search import Searched, search
@@ -86,6 +88,9 @@ def discover(
     composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
     tell("computing intervals and the next experiment")
     written: Written = write(explained.prepared, explained.verdict, composed)
+    if deadline.until(COMPOSED).allows("the fit to whole runs"):
+        tell("fitting whole runs")
+        written = follow_whole_runs(explained.prepared, explained.verdict, written)
     experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
     tell("measuring what is attainable")
     held: Yardstick = _attainable(explained, written)

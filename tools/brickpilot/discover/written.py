@@ -38,6 +38,7 @@ class Written:
         simulated: "nominal", "augmented" -> run -> outputs, over whole runs.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         evidence: None if nothing was added to the nominal model and nothing was tried.
+        notes: on how it was fitted, one sentence each.
     """
 
     kind: VerdictKind
@@ -49,6 +50,7 @@ class Written:
     gap: Mapping[str, Gap]
     by_signal: Mapping[str, Gap]
     evidence: Evidence | None
+    notes: tuple[str, ...] = ()
 
 
 def write(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Written:
@@ -92,14 +94,14 @@ def _written(
     """Returns the model as read back from its file, without evidence."""
     estimates = assess(prepared.fine.with_plan(plan), model, plan.free).estimates if plan.free else {}
     basis = {key: f"fitted to {prepared.dataset.name}: {estimate.basis}" for key, estimate in estimates.items()}
-    read = _read_back(dataclasses.replace(model, basis=basis))
+    read = read_back(dataclasses.replace(model, basis=basis))
     outputs = Replay(prepared.dataset).simulate([verdict.nominal.model, read], threads=prepared.jobs)
     simulated = dict(zip(("nominal", "augmented"), outputs, strict=True))
     gap, by_signal = locate.gaps(prepared.dataset, simulated, prepared.roles, prepared.fine.sample_noise)
     return Written(kind, plan, read, composed, estimates, simulated, gap, by_signal, None)
 
 
-def _read_back(model: Model) -> Model:
+def read_back(model: Model) -> Model:
     """Returns the model as it is read back from its file: what is shown is simulated from what is written."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"

@@ -79,13 +79,15 @@ class Bins:
     Attributes:
         grids: run -> time of the simulated samples, s, where they are not the measured ones.
         means: run -> s; a measured acceleration is the mean over this time before its sample.
-        changes: signals that are compared by their change from bin to bin; at least those in `SUMMED`.
+        changes: signals that are compared by their change from bin to bin.
+        as_measured: a motor's position or angle is compared as such, and not its derivative.
     """
 
     width: float
     grids: Mapping[str, Array] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
     changes: frozenset[str] = SUMMED
+    as_measured: bool = False
 
 
 def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
@@ -105,7 +107,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
         if run.name not in fitted:
             continue
         rates = measured_rates(run)
-        for signal, measured in _fitted_signals(run, names, rates).items():
+        for signal, measured in _fitted_signals(run, names, rates, bins).items():
             known = np.isfinite(measured)
             if np.count_nonzero(known) < 2:
                 continue
@@ -226,12 +228,14 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
     )
 
 
-def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array]) -> dict[str, Array]:
-    """Returns the measured signals that are compared; of a motor's position, its velocity instead.
+def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins | None) -> dict[str, Array]:
+    """Returns the measured signals that are compared; of a motor's position, its velocity, unless `as_measured`.
 
     A position sums up the velocity's error over the run: the same data, with an error that only grows.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
+    if bins is not None and bins.as_measured:
+        return fitted
     for summed, rate in MOTOR_RATE_OF.items():
         if summed in fitted and rate not in fitted:
             del fitted[summed]
