@@ -11,7 +11,6 @@ TABLE = Path("sim_host/effects/effects.c")
 # of the benchmark on real logs say what was found.
 MAY_NAME = frozenset(
     {
-        Path("tools/brickpilot/benchmark/feedforward_fit.py"),
         Path("tools/brickpilot/benchmark/real_results.json"),
         Path("tools/brickpilot/benchmark/sindy_library.py"),
         Path("tools/brickpilot/gen/discovery_picture.py"),
