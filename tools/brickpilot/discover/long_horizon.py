@@ -19,6 +19,7 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.discover import gates, locate
 from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.fitting import FittedModel, refine, unfitted
 from brickpilot.discover.prepare import Prepared, part
 from brickpilot.discover.search_round import try_candidates
@@ -140,11 +141,11 @@ def _loosened(dataset: Dataset, plan: Plan, model: Model) -> Plan:
 
 def _extended(prepared: Prepared, data: _Followed, found: FittedModel) -> list[FittedModel]:
     """Returns `found` and, after it, models with one more effect each that free runs of the fit runs ask for."""
-    error, stages = data.coarse, [found]
-    for _ in range(gates.MOST_FREE_RUN_EFFECTS):
+    error, stages, deadline = data.coarse, [found], prepared.until(COMPOSED)
+    while len(stages) <= gates.MOST_FREE_RUN_EFFECTS and not deadline.passed:
         error.with_plan(found.plan).weigh_by_residual(found.point)
         found = _rated(error, found)
-        tried = try_candidates(error, found, prepared.excitation, prepared.jobs)
+        tried = try_candidates(error, found, prepared.excitation, prepared.jobs, deadline)
         if not tried or tried[0].penalised_cost > (1 - gates.FREE_RUN_GAIN_SHARE) * found.penalised_cost:
             break
         found = tried[0]
