@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import gates, locate, power
 from brickpilot.discover.finding import (
@@ -21,6 +22,7 @@ from brickpilot.discover.finding import (
     TermMatch,
     Visible,
 )
+from brickpilot.discover.harmonics import resolved_order
 from brickpilot.discover.named_effects import mechanism, named_effects
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.ranking import ranking
@@ -165,6 +167,12 @@ def _notes(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[str,
     notes = [prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes, *written.notes]
     if (sampled := sampling_note(prepared, verdict.best)) is not None:
         notes.append(sampled)
+    timed = any(one.mechanism == "timing" for one in catalogue.effects_of(verdict.best.names))
+    if timed and (order := resolved_order(prepared.measured)) is not None:
+        notes.append(
+            f"The samples show ripples of up to {order:.0f} periods per turn, where wheels turn slowly. A ripple of "
+            "more periods can look like dead time; only faster samples would tell."
+        )
     left_out = prepared.deadline.left_out
     if left_out:
         notes.append(f"The budget of {prepared.deadline.budget_s:g} s left out: {'; '.join(left_out)}.")

@@ -13,7 +13,9 @@ from brickpilot.discover.windows import wheel_angles
 Array = NDArray[np.float64]
 
 _STEP = 2 * math.pi / 256  # rad
-_LOWEST, _HIGHEST = 0.9, 64.0  # orders
+_LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
+_SLOW = 0.1  # quantile of the turn from sample to sample: the slow parts of the runs show the highest orders
+_TURNS = 1e-3  # rad between samples: a wheel that turns less stands
 _PADDING = 4
 _NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
 _PROMINENCE = 6.0  # times the median of its neighbourhood
@@ -51,6 +53,17 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     for power in (*coherent, alone):
         found += [one for one in _peaks(power) if all(abs(one - other) > _SAME for other in found)]
     return tuple(found)
+
+
+def resolved_order(dataset: Dataset) -> float | None:
+    """Returns the highest order that the samples can show; None if no wheel was measured.
+
+    Two samples a period are needed. A ripple of a higher order than this is seen at a wrong one or not at all, and what
+    it does on average may pose as friction or as dead time.
+    """
+    steps = [np.abs(np.diff(angle)) for run in dataset.runs for angle in (wheel_angles(run) or {}).values()]
+    turning = np.concatenate([step[step > _TURNS] for step in steps]) if steps else np.empty(0)
+    return math.pi / float(np.quantile(turning, _SLOW)) if len(turning) else None
 
 
 def _peaks(power: Array) -> list[float]:
