@@ -91,6 +91,9 @@ FREE_RUN_GAIN_SHARE = 0.03
 
 # What an effect's name says has to be true of the fitted values.
 
+AT_BOUND = 1e-3
+"""A fitted parameter this near to an end of its range other than 0, as a share of itself, stands at it."""
+
 LIMIT_OVER_READING = 0.9
 """A sensor never reads beyond its limit. A limit may lie so far below the largest reading, which has noise on it."""
 

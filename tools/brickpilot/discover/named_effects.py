@@ -70,10 +70,10 @@ def _effects(
     *,
     claimed: bool,
 ) -> tuple[Effect, ...]:
-    """Returns the effects of `found`; the rivals stand with the first one."""
+    """Returns the effects of `found`, that which removes most alone first; the rivals stand with the first one."""
     equivalents = _equivalents(verdict)
     effects = []
-    for candidate in found.chosen:
+    for candidate in sorted(found.chosen, key=lambda one: -verdict.alone.get(one.effect, 0.0)):
         info = catalogue.effect(candidate.effect)
         values = {}
         for name in candidate.free:

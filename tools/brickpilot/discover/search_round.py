@@ -14,6 +14,7 @@ from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.fitting import ROUGH, FittedModel, best_first, fit, fit_each, refine
 from brickpilot.discover.gates import (
+    AT_BOUND,
     LEAST_BASE_SHARE,
     LIMIT_OVER_READING,
     PARAMETER_COST,
@@ -50,7 +51,8 @@ def try_candidates(
     best = min((one.penalised_cost for one in rough), default=0.0)
     limit = best + _NEAR_BEST * max(current.cost - best, 0.0)
     near = [one for one in best_first(rough) if one.penalised_cost < limit][:_REFINED]
-    refined = [one for one in refine(error, near, jobs, deadline) if _agrees_with_its_name(one, excitation)]
+    refined = [one for one in refine(error, near, jobs, deadline) if not ends_at_a_bound(one)]
+    refined = [one for one in refined if _agrees_with_its_name(one, excitation)]
     return best_first(refined + [one for one in rough if one not in near])
 
 
@@ -149,6 +151,17 @@ def _with_better_order(error: BinnedOutputError, found: FittedModel) -> FittedMo
     if costs[best] > _LOWER * float(problem.losses(found.model).sum()):
         return None
     return fit(problem, found.chosen, found.plan, starts[best], ROUGH)
+
+
+def ends_at_a_bound(found: FittedModel) -> bool:
+    """Returns whether a fitted parameter of an effect stands at the end of its range: the data ask for another law."""
+    for one in found.chosen:
+        for info in catalogue.effect(one.effect).parameters:
+            value = found.model.effects[one.effect].get(info.name, info.preset)
+            away = min(abs(value - end) for end in (info.minimum, info.maximum) if end != 0)
+            if info.name in one.free and away < AT_BOUND * abs(value):
+                return True
+    return False
 
 
 def _agrees_with_its_name(found: FittedModel, excitation: Excitation) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import takewhile
 
 import numpy as np
@@ -19,7 +19,7 @@ from brickpilot.discover.finding import VerdictKind
 from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Searched
-from brickpilot.discover.search_round import instead_of_moved_values, largest_prior_shift
+from brickpilot.discover.search_round import ends_at_a_bound, instead_of_moved_values, largest_prior_shift
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class Verdict:
         noise: the cost that noise alone would leave.
         confidence: how often `best` comes first when stretches of time are drawn again, 0..1.
         unclaimed: where nothing passed the gates, the explanation that fits the fit runs best; None: there is none.
+        alone: effect -> the cost that it takes away alone, as the search found.
         nominal_rivals: where nominal values leave what is stated of them, the explanations that need not move them.
     """
 
@@ -53,6 +54,7 @@ class Verdict:
     confidence: float
     unclaimed: FittedModel | None = None
     nominal_rivals: tuple[FittedModel, ...] = ()
+    alone: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def adequate(self) -> bool:
@@ -92,7 +94,7 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
     found = [one for one in [best, *refitted] if one.chosen]
     ranked = tuple(best_first(found))
-    passing = [one for one in ranked if passes_gates(error, nominal, one, held_out)]
+    passing = [one for one in ranked if not ends_at_a_bound(one) and passes_gates(error, nominal, one, held_out)]
     determined = list(_determined(error, best, passing, jobs))
     if not determined:
         unclaimed = ranked[0] if ranked else None
@@ -102,7 +104,7 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     later = [one for one in ranked if one.penalised_cost >= first.penalised_cost and _is_another(one, best)]
     confidence = _confidence(error, best, [nominal, *later])
     kind: VerdictKind = "unknown" if _cut_short(prepared, best, noise) else "ambiguous" if rivals else "named"
-    return Verdict(kind, nominal, best, rivals, ranked, noise, confidence)
+    return Verdict(kind, nominal, best, rivals, ranked, noise, confidence, alone=_alone(searched))
 
 
 def _cut_short(prepared: Prepared, best: FittedModel, noise: float) -> bool:
@@ -110,6 +112,14 @@ def _cut_short(prepared: Prepared, best: FittedModel, noise: float) -> bool:
     left_out = prepared.deadline.left_out
     rest_unsearched = bool(left_out) and best.cost > gates.ADEQUATE * noise
     return FIRST_EFFECT in left_out or RIVALS in left_out or rest_unsearched
+
+
+def _alone(searched: Searched) -> dict[str, float]:
+    """Returns effect -> the cost that it takes away alone, as the search found."""
+    found: dict[str, float] = {}
+    for one in [one for step in searched.rounds for one in step.tried if len(one.chosen) == 1]:
+        found[one.names[0]] = max(found.get(one.names[0], 0.0), searched.nominal.cost - one.cost)
+    return found
 
 
 def share_windows_must_remove(searched: Searched, verdict: Verdict) -> float:

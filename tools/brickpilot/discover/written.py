@@ -12,17 +12,23 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from brickpilot.discover import locate
+from brickpilot.discover import gates, locate
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import confirm
 from brickpilot.discover.finding import Evidence, Gap, VerdictKind
 from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.search_round import largest_prior_shift
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.model import Model
+
+_PATCHED = (
+    "They do so only with nominal values that leave what is stated of them: a law is not quite right, and the other "
+    "effects may only patch it."
+)
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,9 @@ def write(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Wr
         )
         tried = tried or evidence
         if writable:
+            if kind == "named" and _is_patched(prepared, verdict):
+                evidence = dataclasses.replace(evidence, sentence=_PATCHED)
+                return dataclasses.replace(written, kind="unknown", evidence=evidence)
             return dataclasses.replace(written, kind=_allowed(kind, evidence), evidence=evidence)
     return dataclasses.replace(written, kind=verdict.kind if tried is None else "unknown", evidence=tried)
 
@@ -77,6 +86,15 @@ def _allowed(kind: VerdictKind, evidence: Evidence) -> VerdictKind:
     if kind == "named":
         return "named" if evidence.kind == "held_out" else "unknown"
     return "unknown" if evidence.contradicted else kind
+
+
+def _is_patched(prepared: Prepared, verdict: Verdict) -> bool:
+    """Returns whether several effects explain the runs only with nominal values that leave what is stated of them.
+
+    Where a law is not quite right, others beside it and moved nominal values take up what it leaves.
+    """
+    several = len(verdict.best.chosen) > 1
+    return several and largest_prior_shift(prepared.fine, verdict.best) > gates.PRIOR_LEFT_SD
 
 
 def _models(verdict: Verdict, composed: Composed | None) -> Iterator[tuple[VerdictKind, Plan, Model, Composed | None]]:
