@@ -242,8 +242,8 @@ def a_result(name="bench", verdict="named", before=40.0, after=90.0, peer=80.0, 
              "parameters": {}, "equivalents": []}
         ],
         "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before}},
-                "after": {"fit": {"pooled": after}, "held_out": {"pooled": after}}},
-        "attainable": {"fit": {}, "held_out": {"speed": attainable}},
+                "after": {"fit": {"pooled": after}, "held_out": {"pooled": after, "speed": after}}},
+        "attainable": {"fit": {}, "held_out": {"speed": attainable, "not measured": 10.0}},
     }  # fmt: skip
     peers = {PEERS[0].name: {"fit": {"pooled": peer}, "held_out": {"pooled": peer}, "seconds": 1.0}}
     return {"name": name, "roles": {"fit": 3, "held_out": 1}, "discover": said, "peers": peers}

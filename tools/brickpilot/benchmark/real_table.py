@@ -104,8 +104,10 @@ def _one(value: float | None) -> str:
 
 def attainable(result: Result) -> float | None:
     """Returns the pooled fit percent that can be reached on the runs that judge, by discovery; None: unknown."""
-    found = (result.get("discover", {}).get("attainable") or {}).get(judged_on(result)) or {}
-    shares = [(1 - float(value) / 100) ** 2 for value in found.values()]
+    role = judged_on(result)
+    found = (result.get("discover", {}).get("attainable") or {}).get(role) or {}
+    scored = models(result).get("after", {}).get(role) or {}
+    shares = [(1 - float(value) / 100) ** 2 for signal, value in found.items() if signal in scored]
     return 100 * (1 - (sum(shares) / len(shares)) ** 0.5) if shares else None
 
 
