@@ -56,13 +56,14 @@ class Work:
     Attributes:
         discover: whether discovery runs.
         peers: the peers that run.
-        seed, jobs: of discovery.
+        seed, jobs, budget_s: of discovery; None: it takes as long as it needs.
     """
 
     discover: bool = True
     peers: Collection[Peer] = PEERS
     seed: int = 0
     jobs: int = 2
+    budget_s: float | None = None
 
 
 def run_log(
@@ -97,7 +98,7 @@ def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> 
     """Returns what discovery says of a data set and how well its written model fits, and the roles that it used."""
     began = time.perf_counter()
     try:
-        found = pipeline.discover(data, seed=work.seed, jobs=work.jobs, progress=_named(data.name, progress))
+        found = _found(data, work, _named(data.name, progress))
         seconds = time.perf_counter() - began
         written = _written(found.augmented)
         used = Roles(dict(found.roles), roles.note)
@@ -110,6 +111,10 @@ def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> 
         for name, runs in scored.items()
     }
     return {**_said(found), "fit": fit, "seconds": round(seconds, 1), "version": __version__}, used
+
+
+def _found(data: Dataset, work: Work, progress: Progress) -> Finding:
+    return pipeline.discover(data, seed=work.seed, jobs=work.jobs, budget_s=work.budget_s, progress=progress)
 
 
 def _signals(data: Dataset, simulated: Predictions) -> tuple[str, ...]:
@@ -212,7 +217,7 @@ def _tested(data: Dataset, test: HiddenTest, work: Work, before: dict[str, Any],
     roles = Roles({run.name: "held_out" if run.name == test.run else "fit" for run in data.runs}, test.source)
     if work.discover:
         try:
-            found = pipeline.discover(fitted, seed=work.seed, jobs=work.jobs, progress=_named("test", progress))
+            found = _found(fitted, work, _named("test", progress))
             free = _free_runs(data, _written(found.augmented), [test.run])
             before["discover"] = {"rmse": _error(data, test, free), "effects": [one.name for one in found.effects]}
         except (InputError, SimulationError) as error:

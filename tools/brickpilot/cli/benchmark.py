@@ -136,6 +136,12 @@ def benchmark_tune_peer(results: str, as_json: bool) -> None:
     help="What runs; the other results stay as they are.",
 )
 @click.option("--peer", "peers", multiple=True, metavar="NAME", help="Run only this peer; repeatable.")
+@click.option(
+    "--budget",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SECONDS",
+    help="Discovery gives its best so far after this time.",
+)
 @seed_option
 @jobs_option
 @click.option(
@@ -149,7 +155,7 @@ def benchmark_tune_peer(results: str, as_json: bool) -> None:
 @as_json
 def benchmark_real(
     folders: tuple[str, ...], fetched: str | None, out: str, only: tuple[str, ...], part: Any, peers: tuple[str, ...],
-    seed: int, jobs: int, results: str, page: str | None, as_json: bool,
+    budget: float | None, seed: int, jobs: int, results: str, page: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Runs discovery on measured data sets, and beside it well-known libraries on the same runs and inputs.
 
@@ -167,6 +173,7 @@ def benchmark_real(
             peers=real_run.peers_named(peers) if part in ("all", "peers") else (),
             seed=seed,
             jobs=jobs,
+            budget_s=budget,
         )
         for peer in work.peers:
             if missing := peer.missing():
