@@ -233,7 +233,11 @@ def _error(data: Dataset, test: HiddenTest, predicted: Predictions) -> float | N
 
     run = next(run for run in data.runs if run.name == test.run)
     simulated = predicted.get(run.name, {}).get(test.signal)
-    return None if simulated is None else _plain(float(RMSE(run.outputs[test.signal], simulated, n_init=test.skip)))
+    if simulated is None:
+        return None
+    measured = run.outputs[test.signal]
+    counted = np.isfinite(measured) & (np.arange(len(measured)) >= test.skip)
+    return _plain(float(RMSE(measured[counted], simulated[counted])))
 
 
 def peers_named(names: Sequence[str]) -> tuple[Peer, ...]:
