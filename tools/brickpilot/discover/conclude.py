@@ -62,7 +62,7 @@ def conclude(
         mechanism=mechanism(effects, written),
         evidence=written.evidence,
         effects=effects,
-        where=_places(prepared, verdict, written),
+        where=_places(prepared, written),
         yardstick=yardstick,
         gap=written.gap,
         by_signal=written.by_signal,
@@ -93,17 +93,17 @@ def _power(prepared: Prepared, verdict: Verdict) -> Mapping[str, Visible]:
     return power.smallest(prepared.coarse, verdict.best, prepared.excitation)
 
 
-def _places(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[Place, ...]:
+def _places(prepared: Prepared, written: Written) -> tuple[Place, ...]:
     """Returns where what was added to the model shows; where nothing was, where the nominal model leaves an error."""
     dataset, noise_sd = prepared.dataset, prepared.fine.sample_noise
     if written.kind == "none":
         return ()
     motion = written.simulated["augmented"]
-    if written.plan is verdict.nominal.plan:
-        measured = {run.name: run.outputs for run in dataset.runs}
-        return locate.places(dataset, measured, motion, motion, noise_sd, gates.ERROR_SHOWN)
     known = prepared.plan.model.effects
     effects = {name: table for name, table in written.model.effects.items() if name in known}
+    if len(effects) == len(written.model.effects):
+        measured = {run.name: run.outputs for run in dataset.runs}
+        return locate.places(dataset, measured, motion, motion, noise_sd, gates.ERROR_SHOWN)
     without = dataclasses.replace(written.model, effects=effects)
     plain = Replay(dataset).simulate([without], threads=prepared.jobs)[0]
     return locate.places(dataset, motion, plain, motion, noise_sd, gates.EFFECT_SHOWN)

@@ -25,7 +25,7 @@ from brickpilot.discover.prepare import Prepared, part
 from brickpilot.discover.search_round import try_candidates
 from brickpilot.discover.start_state import with_averaged_starts
 from brickpilot.discover.verdict import Verdict
-from brickpilot.discover.written import Written, read_back
+from brickpilot.discover.written import Written, confirmed_again, read_back
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Outputs, Replay
@@ -70,7 +70,7 @@ def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) ->
     outputs = Replay(prepared.dataset).simulate([model], threads=prepared.jobs)[0]
     simulated = {**written.simulated, "augmented": outputs}
     gap, by_signal = locate.gaps(prepared.dataset, simulated, prepared.roles, prepared.fine.sample_noise)
-    return dataclasses.replace(
+    followed = dataclasses.replace(
         written,
         plan=found.plan,
         model=model,
@@ -79,6 +79,9 @@ def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) ->
         gap=gap,
         by_signal=by_signal,
         notes=(*written.notes, *_notes(prepared, data, written.model, model)),
+    )
+    return confirmed_again(prepared, verdict, written, followed) or dataclasses.replace(
+        written, notes=(*written.notes, _KEPT)
     )
 
 

@@ -81,6 +81,18 @@ def write(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Wr
     return dataclasses.replace(written, kind=verdict.kind if tried is None else "unknown", evidence=tried)
 
 
+def confirmed_again(prepared: Prepared, verdict: Verdict, before: Written, after: Written) -> Written | None:
+    """Returns `after`, the same model with other values, with what proves it now; None if that is less than before."""
+    if before.evidence is None or before.plan is verdict.nominal.plan:
+        return after
+    evidence, writable = confirm(prepared, verdict.nominal.model, after.model, after.simulated, after.gap["held_out"])
+    if not writable or (before.evidence.kind, evidence.kind) == ("held_out", "fitted_only"):
+        return None
+    return dataclasses.replace(
+        after, evidence=dataclasses.replace(evidence, kind=before.evidence.kind, sentence=before.evidence.sentence)
+    )
+
+
 def _allowed(kind: VerdictKind, evidence: Evidence) -> VerdictKind:
     """Returns the verdict that the evidence allows: a name needs proof, rivals need that nothing contradicts them."""
     if kind == "named":
