@@ -20,6 +20,9 @@ ABOVE = 1.0
 BRIDGED_S = 0.3
 """A shorter break in a region is part of it."""
 
+SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
+"""A run that never drives or turns faster than this has no condition of speed or turn."""
+
 COVERS, LIFT = 0.6, 1.3
 """A condition covers this share of a region's squared difference, and this many times its own share of the time."""
 
@@ -89,7 +92,8 @@ def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
 
 def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
     """Returns text -> (n,) whether it holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
-    fast, turning = 0.5 * float(np.abs(speed).max()), 0.2 * float(np.abs(turn).max())
+    fast = max(0.5 * float(np.abs(speed).max()), SLOW_M_S)
+    turning = max(0.2 * float(np.abs(turn).max()), SLOW_RAD_S)
     return {
         "speed > 0": speed > 0.1 * fast,
         "speed < 0": speed < -0.1 * fast,

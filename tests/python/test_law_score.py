@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.benchmark import law_claims, law_score, table, table_text
+from brickpilot.benchmark import law_claims, law_score, real_table, table, table_text
 from hidden import effects, folder, manoeuvre, measure, other_laws, quick_suites, regions, scales, suites
 from hidden.recipe import BENCH, Recipe
 from test_benchmark import effect, result
+
+TOOLS = Path(__file__).parents[2] / "tools"
 
 SAME = {"law": "same", "mechanisms": None, "names": ["coulomb_friction"]}
 OTHER = {"law": "other", "mechanisms": ["supply"], "names": ["battery_discharge", "battery_fade"]}
@@ -152,6 +155,12 @@ def test_the_table_holds_the_suites_beside_the_long_ones_and_is_written(tmp_path
     table_text.write(made, tmp_path)
     assert json.loads((tmp_path / "table.json").read_text())["sets"] == 2
     page = (tmp_path / "table.md").read_text()
+    begin, end = table_text.MARKS
+    assert (TOOLS / "README.md").read_text().count(begin) == (TOOLS / "README.md").read_text().count(end) == 1
+    readme = tmp_path / "README.md"
+    readme.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
+    real_table.write_between_marks(readme, page.splitlines(), table_text.MARKS)
+    assert readme.read_text() == f"before\n{begin}\n{page}{end}\nafter\n"
     assert "| `other` | one effect, by another law: mechanism right | 100.0 % | 20.7..100.0 | 1 | >= 95 % |" in page
 
 
@@ -181,6 +190,15 @@ def test_spans_bridge_short_breaks_and_keep_long_ones() -> None:
     square[100:200] = square[250:300] = square[700:800] = 4.0
     assert regions._spans(square, 0.01) == [(100, 200), (250, 300), (700, 800)]
     assert regions._spans(square, 0.001) == [(100, 300), (700, 800)]
+
+
+def test_a_straight_run_does_not_turn() -> None:
+    """What is left of the turn is rounding: no condition may come from it."""
+    speed, turn = np.linspace(0.0, 0.5, 100), 1e-9 * np.sin(np.arange(100))
+    found = regions.conditions(speed, turn)
+    assert not any(found[name].any() for name in ("turning", "turning left", "turning right"))
+    assert found["at high speed"].sum() == 50
+    assert not regions.conditions(0 * speed, turn)["speed > 0"].any()
 
 
 # ---- the suites

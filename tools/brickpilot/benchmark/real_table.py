@@ -196,18 +196,19 @@ def _test(result: Result, known: Mapping[str, RealLog]) -> str:
     return f"`{result['name']}` by the benchmark's own protocol{source}: {', '.join(parts) or 'not run'}."
 
 
-def write_between_marks(path: Path, text: Sequence[str]) -> None:
+def write_between_marks(path: Path, text: Sequence[str], marks: tuple[str, str] = (BEGIN, END)) -> None:
     """Replaces what stands between the marks of a file.
 
     Raises:
         InputError: the file has not each mark once.
     """
     content = path.read_text(encoding="utf-8")
-    if content.count(BEGIN) != 1 or content.count(END) != 1:
-        raise InputError(f"needs {BEGIN} and {END} once each", file=path)
-    head, rest = content.split(BEGIN)
-    _, tail = rest.split(END)
-    path.write_text(f"{head}{BEGIN}\n" + "\n".join(text) + f"\n{END}{tail}", encoding="utf-8")
+    begin, end = marks
+    if content.count(begin) != 1 or content.count(end) != 1:
+        raise InputError(f"needs {begin} and {end} once each", file=path)
+    head, rest = content.split(begin)
+    _, tail = rest.split(end)
+    path.write_text(f"{head}{begin}\n" + "\n".join(text) + f"\n{end}{tail}", encoding="utf-8")
 
 
 def between_marks(path: Path) -> list[str]:

@@ -37,6 +37,10 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"{name}: {text}" for name, text in table["errors"].items())
 
 
+MARKS = ("<!-- hidden effects -->", "<!-- end of hidden effects -->")
+"""They enclose the quick suites' table on a page."""
+
+
 def write(table: Mapping[str, Any], folder: Path) -> None:
     """Writes FOLDER/table.json, everything, and FOLDER/table.md, the quick suites."""
     (folder / "table.json").write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -65,10 +65,11 @@ def benchmark() -> None:
 @click.option(
     "--table", "table_alone", is_flag=True, help="Run nothing; print the table of the results that are there."
 )
+@click.option("--write", "page", metavar="FILE.md", help="Write the quick suites' table between its marks.")
 @as_json
 def benchmark_discover(
     suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
-    out: str, peer: Any, table_alone: bool, as_json: bool,
+    out: str, peer: Any, table_alone: bool, page: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Runs discovery on data sets with one hidden effect, with several, with none, and with an effect of no library.
 
@@ -76,7 +77,7 @@ def benchmark_discover(
     makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun continues where the
     last one stopped. The table is computed from these lines and written beside them, as table.json and table.md.
     """
-    from brickpilot.benchmark import blind_test, result, sets, table, table_text
+    from brickpilot.benchmark import blind_test, real_table, result, sets, table, table_text
 
     folder = Path(out)
     if table_alone:
@@ -92,6 +93,8 @@ def benchmark_discover(
             results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
     found = table.table(results)
     table_text.write(found, folder)
+    if page is not None:
+        real_table.write_between_marks(Path(page), list(table_text.markdown(found)), table_text.MARKS)
     if as_json:
         click.echo(json.dumps(found))
         return
