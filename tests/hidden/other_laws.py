@@ -148,8 +148,9 @@ OTHER: dict[str, Law] = {
     "gyro_soft_limit": _law({"limit": -1.5}, "limit", "sensor", "gyro_saturation", offset={"limit": 6.5}, kind="spin"),
     "encoder_eccentric": _law({"share": 0.05}, "share", "sensor", "encoder_scale"),
     "encoder_one_side": _law({"error": 0.05}, "error", "sensor", "encoder_scale", signed=True),
-    "wheel_speed_late": _law({"delay": 0.04}, "delay", "sensor", "sensor_delay"),
-    "wheel_speed_filtered": _law({"time_constant": 0.04}, "time_constant", "sensor", "sensor_delay imu_lag"),
+    "wheel_speed_counted": _law({"window": 0.08}, "window", "sensor", "speed_delay speed_lag sensor_delay"),
+    "wheel_speed_smoothed": _law({"time": 0.03}, "time", "sensor", "speed_lag speed_delay"),
+    "gyro_smoothed": _law({"time": 0.03}, "time", "sensor", "gyro_delay imu_lag"),
 }  # fmt: skip
 """Laws other than the library's, by name. README.md says what each does."""
 

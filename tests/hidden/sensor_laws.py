@@ -103,22 +103,29 @@ def _encoder_one_side(r: Readings, p: Parameters, _: Track) -> None:
     r.left = r.left * (1 + p["error"])
 
 
-def _wheel_speed_late(r: Readings, p: Parameters, _: Track) -> None:
-    late = r.time - p["delay"]
-    r.left, r.right = np.interp(late, r.time, r.left), np.interp(late, r.time, r.right)
+def _wheel_speed_counted(r: Readings, p: Parameters, _: Track) -> None:
+    """Speeds are counts over a window that has passed: means over it."""
+    count = max(1, round(p["window"] / r.step))
+    r.left, r.right = (
+        np.asarray(lfilter(np.ones(count) / count, [1.0], one), dtype=float) for one in (r.left, r.right)
+    )
 
 
-def _wheel_speed_filtered(r: Readings, p: Parameters, _: Track) -> None:
-    kept = math.exp(-r.step / p["time_constant"])
-    r.left, r.right = (np.asarray(lfilter([1 - kept], [1, -kept], one), dtype=float) for one in (r.left, r.right))
+def _wheel_speed_smoothed(r: Readings, p: Parameters, _: Track) -> None:
+    omega, damping = 1 / p["time"], math.sqrt(0.5)
+    r.left, r.right = (_second_order(one, omega, damping, r.step) for one in (r.left, r.right))
+
+
+def _gyro_smoothed(r: Readings, p: Parameters, _: Track) -> None:
+    r.rate = _second_order(r.rate, 1 / p["time"], math.sqrt(0.5), r.step)
 
 
 LAWS: dict[str, Callable[[Readings, Parameters, Track], None]] = {
     act.__name__[1:]: act
     for act in (
         _arm_on_mast, _accel_cross_axis, _imu_second_order, _accel_bias_fading, _gyro_scale_bent, _gyro_bias_by_run,
-        _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side, _wheel_speed_late,
-        _wheel_speed_filtered,
+        _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side, _wheel_speed_counted,
+        _wheel_speed_smoothed, _gyro_smoothed,
     )
 }  # fmt: skip
 """In the order in which a reading passes them."""

@@ -94,6 +94,8 @@ def test_a_wrong_nominal_value_is_reported_by_itself_or_as_its_effect() -> None:
     wrong = {"wrong": {"mass": -0.2, "yaw_inertia": -0.1}, "called": ["payload_mass"]}
     assert law_score.nominal_found(said(None, "none", left_prior=["yaw_inertia"], **wrong))
     assert law_score.nominal_found(said(None, "named", "payload_mass", **wrong))
+    assert law_score.nominal_found(said(None, "ambiguous", suspected=["payload_mass"], **wrong))
+    assert not law_score.nominal_found(said(None, "ambiguous", suspected=["yaw_scrub"], **wrong))
     assert not law_score.nominal_found(said(None, "none", left_prior=["resistance"], **wrong))
     assert not law_score.nominal_found(said(None, "none", **wrong))
     assert law_score.false_names(said(None, "named", "payload_mass", **wrong)) == []

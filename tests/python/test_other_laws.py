@@ -348,9 +348,13 @@ def test_sensors_err_by_laws_of_their_own() -> None:
     one = read(0, encoder_one_side={"error": 0.05})
     np.testing.assert_allclose(one.left, 1.05 * first.wheel_speed_left)
     np.testing.assert_array_equal(one.right, first.wheel_speed_right)
-    late = read(0, wheel_speed_late={"delay": 0.05})
-    np.testing.assert_allclose(late.left[50:], first.wheel_speed_left[:-50], atol=1e-9)
-    np.testing.assert_array_equal(late.rate, first.yaw_rate)
+    counted = read(0, wheel_speed_counted={"window": 0.05})
+    assert counted.left[700] == pytest.approx(first.wheel_speed_left[651:701].mean())
+    np.testing.assert_array_equal(counted.rate, first.yaw_rate)
+    smooth = read(0, gyro_smoothed={"time": 0.02}, wheel_speed_smoothed={"time": 0.02})
+    for slow, fast in ((smooth.rate, first.yaw_rate), (smooth.left, first.wheel_speed_left)):
+        assert np.sum(fast - slow) * 0.001 == pytest.approx(2 * math.sqrt(0.5) * 0.02 * fast[-1], rel=0.02)
+    np.testing.assert_array_equal(smooth.surge, first.accel_surge)
     swing = read(0, encoder_eccentric={"share": 0.1})
     assert np.ptp(swing.left[1000:]) == pytest.approx(0.2 * first.wheel_speed_left[-1], rel=0.05)
 

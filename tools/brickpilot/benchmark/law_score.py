@@ -119,10 +119,11 @@ def false_names(result: Result) -> list[str]:
 
 
 def nominal_found(result: Result) -> bool:
-    """Returns whether a wrong nominal value is reported: one of them leaves its sd, or its effect is claimed."""
+    """Returns whether a wrong nominal value is reported: one of them leaves its sd, or its effect is named, at least
+    as a suspicion."""
     wrong = set(result["wrong"])
-    claimed = {name for one in explanations(result) for name in one}
-    return not result.get("error") and bool(wrong & set(result["left_prior"]) or claimed & set(result["called"]))
+    told = {name for one in explanations(result) for name in one} | set(first_names(result))
+    return not result.get("error") and bool(wrong & set(result["left_prior"]) or told & set(result["called"]))
 
 
 def overlap(result: Result) -> Overlap:
