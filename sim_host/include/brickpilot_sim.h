@@ -186,19 +186,19 @@ const char *bp_estimate_name(int index); /* "wheel_speed_left", ..., then BP_LOA
 const char *bp_estimate_unit(int index);
 
 typedef struct {
-    bp_run run;                 /* its `output` is filled with predictions from `horizon` before; NULL: not wanted */
+    bp_run run; /* its `output` is filled with predictions from `horizon` before; NULL: not wanted */
     double start_sd[BP_ESTIMATES - BP_LOADS]; /* of run.initial, in the order of bp_estimate_name() */
-    int measured_count;         /* 1..BP_MAX_MEASURED */
-    const int *measured_output; /* of each measured signal: its index in bp_output_name() */
-    const double *measured;     /* samples x measured_count; NaN: a blank. The first sample is not used: run.initial
+    int measured_count;                       /* 1..BP_MAX_MEASURED */
+    const int *measured_output;               /* of each measured signal: its index in bp_output_name() */
+    const double *measured; /* samples x measured_count; NaN: a blank. The first sample is not used: run.initial
                                    holds what it tells */
-    const double *noise;        /* sd of each reading, above 0 */
-    const double *drift;        /* sd of the noise that drives b, per root of a second; 0: no drift */
-    double drift_decay;         /* s */
-    double white[BP_LOADS];     /* N m or N, times root of a second: left wheel, right wheel, surge, yaw */
-    double walk[BP_LOADS];      /* N m or N, per root of a second */
-    double decay;               /* s */
-    double horizon;             /* s: predictions start again from the estimate so often, without loads; 0: never */
+    const double *noise;    /* sd of each reading, above 0 */
+    const double *drift;    /* sd of the noise that drives b, per root of a second; 0: no drift */
+    double drift_decay;     /* s */
+    double white[BP_LOADS]; /* N m or N, times root of a second: left wheel, right wheel, surge, yaw */
+    double walk[BP_LOADS];  /* N m or N, per root of a second */
+    double decay;           /* s */
+    double horizon;         /* s: predictions start again from the estimate so often, without loads; 0: never */
 
     double *innovation;          /* samples x measured_count: reading less prediction; NaN in blanks; or NULL */
     double *innovation_variance; /* the same; or NULL */

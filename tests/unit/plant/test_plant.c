@@ -356,7 +356,7 @@ static void test_a_run_with_a_restart_is_two_windows(void)
     for (int k = 1; k < SAMPLES - MARK; k++)
         for (int i = 0; i < OUTPUT_COUNT; i++)
             if (!isnan(second[k][i]))
-TEST_ASSERT_DOUBLE_WITHIN(1e-5, second[k][i], whole[MARK + k][i]);
+                TEST_ASSERT_DOUBLE_WITHIN(1e-5, second[k][i], whole[MARK + k][i]);
     TEST_ASSERT_TRUE(whole[MARK][OUTPUT_WHEEL_SPEED_LEFT] < 3);
 }
 
