@@ -50,15 +50,16 @@ class _Followed:
 def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) -> Written:
     """Returns `written` with its model fitted to free runs of whole runs, where that makes them better.
 
-    All is fitted and ordered on the fit runs alone. The held-out runs only veto: the largest model is kept that makes
-    the free runs of the fit runs better and those of the held-out runs not worse; see `free_run_errors`.
+    All is fitted and ordered on the fit runs alone. The held-out runs only veto: a model is kept if it makes the free
+    runs of the fit runs better and those of the held-out runs not worse; see `free_run_errors`. Where nothing is held
+    out, nothing can veto an effect, so none joins.
     """
     if written.kind == "none" or not written.plan.free:
         return written
     try:
         data = _whole_runs(prepared, written.plan)
         stages = _extended(prepared, data, _fitted(data, written, verdict, prepared.jobs))
-        found = _largest_accepted(prepared, data, written.model, stages)
+        found = _last_accepted(prepared, data, written.model, stages)
     except (InputError, SimulationError):
         found = None
     if found is None:
@@ -145,7 +146,8 @@ def _loosened(dataset: Dataset, plan: Plan, model: Model) -> Plan:
 def _extended(prepared: Prepared, data: _Followed, found: FittedModel) -> list[FittedModel]:
     """Returns `found` and, after it, models with one more effect each that free runs of the fit runs ask for."""
     error, stages, deadline = data.coarse, [found], prepared.until(COMPOSED)
-    while len(stages) <= gates.MOST_FREE_RUN_EFFECTS and not deadline.passed:
+    most = gates.MOST_FREE_RUN_EFFECTS if prepared.roles.tested() else 0
+    while len(stages) <= most and not deadline.passed:
         error.with_plan(found.plan).weigh_by_residual(found.point)
         found = _rated(error, found)
         tried = try_candidates(error, found, prepared.excitation, prepared.jobs, deadline)
@@ -157,20 +159,22 @@ def _extended(prepared: Prepared, data: _Followed, found: FittedModel) -> list[F
     return stages
 
 
-def _largest_accepted(
+def _last_accepted(
     prepared: Prepared, data: _Followed, before: Model, stages: Sequence[FittedModel]
 ) -> FittedModel | None:
-    """Returns the last of `stages` whose free runs are better than those of `before`, fitted at the measured samples.
+    """Returns the last of `stages` that is better than `before` and than every stage that was accepted before it.
 
-    Returns None if none is better. The values of the coarse grid stay where those at the samples are worse.
+    It is fitted at the measured samples; the values of the coarse grid stay where those at the samples are worse.
+    Returns None if no stage is better.
     """
-    now = _errors(prepared, data, [before])[0]
-    for stage, errors in reversed(list(zip(stages, _errors(prepared, data, [s.model for s in stages]), strict=True))):
-        if not _is_better(now, errors):
-            continue
-        finer = (refine(data.fine, [stage], prepared.jobs) or [stage])[0]
-        return finer if _is_better(errors, _errors(prepared, data, [finer.model])[0]) else stage
-    return None
+    best, now = None, _errors(prepared, data, [before])[0]
+    for stage, errors in zip(stages, _errors(prepared, data, [one.model for one in stages]), strict=True):
+        if _is_better(now, errors):
+            best, now = stage, errors
+    if best is None:
+        return None
+    finer = (refine(data.fine, [best], prepared.jobs) or [best])[0]
+    return finer if _is_better(now, _errors(prepared, data, [finer.model])[0]) else best
 
 
 def _errors(prepared: Prepared, data: _Followed, models: Sequence[Model]) -> list[dict[str, dict[str, float]]]:
