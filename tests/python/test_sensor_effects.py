@@ -146,7 +146,7 @@ def test_imu_effects_leave_a_motor_alone_and_encoder_and_delay_do_not():
         plain, changed = (one.outputs for one in plant.simulate([(base, run), (model, run)]))
         if any(not np.array_equal(plain[name], changed[name]) for name in plain):
             acting.add(effect.name)
-    assert acting == {"encoder_scale", "sensor_delay"}
+    assert acting == {"encoder_scale", "sensor_delay", "speed_delay", "speed_lag"}
 
 
 def fly(**effects):

@@ -33,6 +33,8 @@ NAMED = {
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
     "vehicle/flight.py",  # a scenario's cruise
+    "vehicle/compensation.py",  # the reserve, which depends on the robot's own battery
+    "vehicle/compensation_limits.py",  # the gains that the firmware has in any case
     "vehicle/compensation_values.py",  # the equations of the compensation
     "constants.py",  # reads the value of one from the vehicle file
 }

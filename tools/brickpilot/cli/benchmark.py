@@ -178,11 +178,12 @@ def benchmark_real(
             jobs=jobs,
             budget_s=budget,
         )
+        asked = _real_data_sets(folders, fetched, Path(out), only)
         for peer in work.peers:
             if missing := peer.missing():
                 click.echo(missing, err=True)
         with progress_shown(as_json) as progress:
-            for folder in _real_data_sets(folders, fetched, Path(out), only):
+            for folder in asked:
                 result = real_run.run_log(folder, known, work, kept, progress)
                 kept[result["name"]] = result
                 real_results.save(kept, Path(results))

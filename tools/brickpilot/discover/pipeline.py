@@ -78,8 +78,8 @@ def discover(
         SimulationError: the plant diverges with the nominal values.
     """
     deadline, tell = Deadline(budget_s), Stages(progress)
-    tell("preparing the data")
     prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs, deadline=deadline)
+    tell("preparing the data")  # after it, so that bad input gets one line and no other
     estimated_s = estimate(prepared)
     tell.announce(f"estimate: about {estimated_s:.0f} s, more where something remains that no effect explains")
     tell("calibrating the nominal model")
