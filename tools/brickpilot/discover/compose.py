@@ -114,13 +114,16 @@ def _best_composed(
 
 
 def _holds_on_held_out_runs(prepared: Prepared, verdict: Verdict, composed: Composed) -> bool:
-    """Returns whether the term removes enough of the gap on the held-out runs; True if no run is held out."""
+    """Returns whether the term removes enough of the gap on the held-out runs; True if no run is held out.
+
+    It also has to leave less of it than the named effects alone do.
+    """
     held_out = prepared.held_out()
     if held_out is None:
         return True
-    noise = held_out.noise_cost()
-    before, after = (float(held_out.losses(model).sum()) - noise for model in (verdict.nominal.model, composed.model))
-    return after < gates.TERM_HELD_OUT * before
+    noise, models = held_out.noise_cost(), (verdict.nominal.model, verdict.best.model, composed.model)
+    before, named, after = (float(held_out.losses(model).sum()) - noise for model in models)
+    return after < gates.TERM_HELD_OUT * before and (not verdict.best.chosen or after < named)
 
 
 def _plan(base: Plan, found: ComposedTerms) -> Plan:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from brickpilot import catalogue
 from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import sizes_of
+from brickpilot.discover.candidates import Candidate, sizes_of
 from brickpilot.discover.fitting import FittedModel, refine, without_parameter
 from brickpilot.discover.gates import INDISPENSABLE
 from brickpilot.fit.uncertainty import Estimate, assess
@@ -28,6 +29,7 @@ def drop_undetermined(error: BinnedOutputError, found: FittedModel, jobs: int) -
         if not doubtful:
             return found
         _, candidate, name = min(doubtful, key=lambda one: one[0])
+        name = _dropped_first(candidate, name)
         shorter = refine(error, [without_parameter(found, candidate, name)], jobs)
         if not shorter:
             return found
@@ -37,6 +39,12 @@ def drop_undetermined(error: BinnedOutputError, found: FittedModel, jobs: int) -
             continue
         found = shorter[0]
     return found
+
+
+def _dropped_first(candidate: Candidate, name: str) -> str:
+    """Returns what goes before `name` does: an addition to it, as a breakaway torque is to dry friction."""
+    infos = catalogue.effect(candidate.effect).parameters
+    return next((one.name for one in infos if one.only_with == name and one.name in sizes_of(candidate)), name)
 
 
 def _excludes_zero(estimate: Estimate) -> bool:

@@ -23,6 +23,8 @@ import dataclasses
 import time
 from dataclasses import dataclass
 
+from threadpoolctl import threadpool_limits
+
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
@@ -77,8 +79,15 @@ def discover(
         InputError: no measured signal is one that the model gives, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
     """
-    deadline, tell = Deadline(budget_s), Stages(progress)
-    prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs, deadline=deadline)
+    # Fits run side by side already, and their matrices are small: threads of BLAS would only wait for each other.
+    with threadpool_limits(1, "blas"):
+        prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs, deadline=Deadline(budget_s))
+        return _find(prepared, Stages(progress))
+
+
+def _find(prepared: Prepared, tell: Stages) -> Finding:
+    """Runs the stages behind `prepare`."""
+    deadline = prepared.deadline
     tell("preparing the data")  # after it, so that bad input gets one line and no other
     estimated_s = estimate(prepared)
     tell.announce(f"estimate: about {estimated_s:.0f} s, more where something remains that no effect explains")
@@ -100,7 +109,9 @@ def discover(
     if deadline.allows("which equation lacks something"):
         equations = find_equations(explained.prepared, finding)
     elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
-    budget = None if budget_s is None else Budget(budget_s, round(estimated_s, 1), bool(skipped), skipped)
+    budget = (
+        None if deadline.budget_s is None else Budget(deadline.budget_s, round(estimated_s, 1), bool(skipped), skipped)
+    )
     return dataclasses.replace(finding, equations=equations, elapsed_s=elapsed_s, budget=budget)
 
 

@@ -52,7 +52,7 @@ def try_candidates(
     limit = best + _NEAR_BEST * max(current.cost - best, 0.0)
     near = [one for one in best_first(rough) if one.penalised_cost < limit][:_REFINED]
     refined = [one for one in refine(error, near, jobs, deadline) if not ends_at_a_bound(one)]
-    refined = [one for one in refined if _agrees_with_its_name(one, excitation)]
+    refined = [one for one in refined if agrees_with_its_name(one, excitation)]
     return best_first(refined + [one for one in rough if one not in near])
 
 
@@ -112,7 +112,7 @@ def _fit_screened(
     fits = fit_each(one, list(first.values())[:_FITTED], jobs, deadline)
     two_phases = _with_one_phase(current, fits)
     fits += fit_each(lambda pair: _with_two_phases(here, current, *pair), two_phases, jobs, deadline)
-    return [found for found in fits if _agrees_with_its_name(found, excitation)]
+    return [found for found in fits if agrees_with_its_name(found, excitation)]
 
 
 def _with_one_phase(current: FittedModel, fits: Sequence[FittedModel]) -> list[tuple[FittedModel, Candidate]]:
@@ -164,7 +164,7 @@ def ends_at_a_bound(found: FittedModel) -> bool:
     return False
 
 
-def _agrees_with_its_name(found: FittedModel, excitation: Excitation) -> bool:
+def agrees_with_its_name(found: FittedModel, excitation: Excitation) -> bool:
     """Returns whether the fitted values are possible for effects of these names.
 
     A periodic effect has at least about one period. A sensor never reads beyond its limit. A parameter that adds to

@@ -19,7 +19,12 @@ from brickpilot.discover.finding import VerdictKind
 from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Searched
-from brickpilot.discover.search_round import ends_at_a_bound, instead_of_moved_values, largest_prior_shift
+from brickpilot.discover.search_round import (
+    agrees_with_its_name,
+    ends_at_a_bound,
+    instead_of_moved_values,
+    largest_prior_shift,
+)
 
 Array = NDArray[np.float64]
 
@@ -94,7 +99,8 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
     found = [one for one in [best, *refitted] if one.chosen]
     ranked = tuple(best_first(found))
-    passing = [one for one in ranked if not ends_at_a_bound(one) and passes_gates(error, nominal, one, held_out)]
+    possible = [one for one in ranked if _is_possible(prepared, one)]
+    passing = [one for one in possible if passes_gates(error, nominal, one, held_out)]
     determined = list(_determined(error, best, passing, jobs))
     if not determined:
         unclaimed = ranked[0] if ranked else None
@@ -105,6 +111,11 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     confidence = _confidence(error, best, [nominal, *later])
     kind: VerdictKind = "unknown" if _cut_short(prepared, best, noise) else "ambiguous" if rivals else "named"
     return Verdict(kind, nominal, best, rivals, ranked, noise, confidence, alone=_alone(searched))
+
+
+def _is_possible(prepared: Prepared, found: FittedModel) -> bool:
+    """Returns whether its effects can have the values that were fitted at the measured samples."""
+    return not ends_at_a_bound(found) and agrees_with_its_name(found, prepared.excitation)
 
 
 def _cut_short(prepared: Prepared, best: FittedModel, noise: float) -> bool:

@@ -9,6 +9,7 @@ simulated signals by their rms.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ _FAR = 0.3  # of the natural size: from here on a parameter is far above zero
 _MEMBER = 0.02  # share of a parameter that lies in directions that are not identifiable
 _STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not smooth on smaller steps
 _SLOPE_ERROR = 1e-2  # relative: of finite differences of a plant with dry friction
+_LARGEST_LOG = 700.0  # of a double; an interval ends at the parameter's range long before
 _FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
 _STRETCHES = 20  # of time, at least, whose spread gives the intervals
 
@@ -209,7 +211,7 @@ def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: A
 
 def _estimate(free: Free, value: float, sd: float, size: float, quantile: float, *, relative: bool) -> Estimate:
     low, high = (
-        (value * np.exp(-quantile * sd), value * np.exp(quantile * sd))
+        (value * math.exp(-min(quantile * sd, _LARGEST_LOG)), value * math.exp(min(quantile * sd, _LARGEST_LOG)))
         if relative
         else (value - quantile * sd * size, value + quantile * sd * size)
     )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.atoms import Atom
 from brickpilot.discover.terms.basis import EFFECT, parameters
 from brickpilot.discover.terms.problem import Problem, with_terms
@@ -39,6 +40,8 @@ class Coordinates:
         self.tuned = tuple(dict.fromkeys(name for atom in atoms for name in atom.tuned))
         self._signs = {name: math.copysign(1.0, table[name]) for atom in atoms for name in atom.names}
         self._strip = table.get("patch_half_width", 1.0)
+        # What swings less than once in a run is a drift or a loss: it would pass for any of them.
+        self._slowest = periods.time_resolution(problem.segments, table.get("clock", 0.0))
         start = [one.to_coordinate(value_of(model, one.name)) for one in problem.free]
         for atom in atoms:
             values = [table[name] for name in atom.names]
@@ -78,7 +81,8 @@ class Coordinates:
             if name == "patch_x":
                 low[first + k], high[first + k] = info.minimum / self._strip, info.maximum / self._strip
             else:
-                low[first + k], high[first + k] = math.log(max(info.minimum, _LEAST)), math.log(info.maximum)
+                least = self._slowest if name == "frequency" else max(info.minimum, _LEAST)
+                low[first + k], high[first + k] = math.log(least), math.log(info.maximum)
         return low, high
 
     def sds(self, point: Array, covariance: Array) -> dict[str, float]:
