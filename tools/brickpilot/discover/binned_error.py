@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _MOTOR_STEP_S = 0.003  # at the measured samples
+_CHUNK = 24  # models that are simulated at once: their outputs take memory
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 
 
@@ -97,7 +98,12 @@ class BinnedOutputError(OutputError):
 
     def residual_of(self, model: Model) -> Array:
         """Returns (samples,): the residual of `model`, in scales."""
-        return self.whiten(self.predict([model])[0])
+        return next(self.residuals_of([model]))
+
+    def residuals_of(self, models: Sequence[Model]) -> Iterator[Array]:
+        """Yields (samples,): the residual of each model, in scales; NaN where it diverges. Simulates as it goes on."""
+        for first in range(0, len(models), _CHUNK):
+            yield from self.whiten(self.predict(models[first : first + _CHUNK]))
 
     def losses(self, model: Model) -> Array:
         """Returns (samples,): what each sample adds to the cost, without priors."""

@@ -18,11 +18,10 @@ from brickpilot.discover.candidates import Candidate, scanned_parameter
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.probes import Probe, fit_amplitudes, probes_of, values_at
-from brickpilot.vehicle.model import Model
+from brickpilot.discover.projection import Projection
 
 Array = NDArray[np.float64]
 
-_CHUNK = 24  # models that are simulated at once: their outputs take memory
 _INVISIBLE = 1e-3  # scales: a signature that is smaller everywhere shows nothing
 
 
@@ -90,43 +89,17 @@ def _probed(
     """Returns the residual (rows,), and each visible probe with its signatures (rows, simulations), projected."""
     base = error.plan.at(point)
     plan = dataclasses.replace(error.plan, model=base)
-    residual = error.whiten(error.predict([base])[0])
+    residual = error.residual_of(base)
     projection = Projection(error, point)
     probes = [probe for candidate in chosen for probe in probes_of(candidate, base, excitation)]
     models = [probe.candidate.starting(plan, values).model for probe in probes for values in probe.values]
-    simulated = (row for chunk in _chunks(models) for row in error.predict(chunk))
+    simulated = error.residuals_of(models)
     found: list[tuple[Probe, Array]] = []
     for probe in probes:
         if found and deadline.passed:
             break
-        changes = np.array([residual - error.whiten(next(simulated)) for _ in probe.values])
+        changes = np.array([residual - next(simulated) for _ in probe.values])
         if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
             continue
-        columns = np.array([projection.project(np.append(one, np.zeros(len(point)))) for one in changes]).T
-        found.append((probe, columns))
+        found.append((probe, projection.signatures(changes)))
     return projection.remainder(residual), found
-
-
-class Projection:
-    """Removes from a whitened residual what the parameters of `error.plan` can take up, from `point`.
-
-    It is linear and includes the priors.
-    """
-
-    def __init__(self, error: BinnedOutputError, point: Array) -> None:
-        prior, slopes = error.prior_rows(point)
-        whitened = error.sensitivity(point) * error.weight()[:, np.newaxis]
-        self._prior = -prior
-        self._basis, _ = np.linalg.qr(np.vstack([whitened, slopes]))
-
-    def remainder(self, residual: Array) -> Array:
-        """Returns (samples + parameters,) from (samples,). The rows of the priors come last."""
-        return self.project(np.concatenate([residual, self._prior]))
-
-    def project(self, rows: Array) -> Array:
-        rest: Array = rows - self._basis @ (self._basis.T @ rows)
-        return rest
-
-
-def _chunks(models: list[Model]) -> list[list[Model]]:
-    return [models[k : k + _CHUNK] for k in range(0, len(models), _CHUNK)]
