@@ -1,23 +1,24 @@
-"""Removes effects that a model does not need."""
+"""Removes what a model does not need."""
 
 from __future__ import annotations
 
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.evidence import held_out_change
-from brickpilot.discover.fitting import FittedModel, refine, without_effect
+from brickpilot.discover.fitting import FittedModel, refine, without
 from brickpilot.discover.gates import gains_enough
 
 
 def prune(
-    error: BinnedOutputError, found: FittedModel, jobs: int, held_out: BinnedOutputError | None = None
+    error: BinnedOutputError, found: FittedModel, jobs: int, held_out: BinnedOutputError | None = None, kept: int = 0
 ) -> FittedModel:
-    """Returns `found` without the effects that the others make needless, fitted again. At least one effect stays.
+    """Returns `found` without what the others make needless, fitted again. At least one candidate stays.
 
     Args:
         held_out: an effect that the held-out runs contradict is needless, however well it fits.
+        kept: so many of the first candidates stay in any case, and one more.
     """
-    while len(found.chosen) > 1:
-        shorter = refine(error, [without_effect(found, name) for name in found.names], jobs)
+    while len(found.chosen) > kept + 1:
+        shorter = refine(error, [without(found, one) for one in found.chosen[kept:]], jobs)
         needless = [one for one in shorter if not passes_gates(error, one, found, held_out)]
         if not needless:
             return found

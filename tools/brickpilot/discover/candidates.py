@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -21,11 +21,11 @@ _COMMAND = "voltage"  # the limited signal that is a command, not a reading
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with some of its parameters free. The others stay at `fixed`."""
+    """What a search may add to a model: an effect with some of its parameters free. The others stay at `fixed`."""
 
     effect: str
     free: tuple[str, ...]
-    fixed: Mapping[str, float]
+    fixed: Mapping[str, float] = field(hash=False)
 
     @property
     def is_periodic(self) -> bool:
@@ -39,6 +39,19 @@ class Candidate:
         model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
         added = tuple(Free(f"{self.effect}.{one.name}", one, None) for one in infos if one.name in self.free)
         return Plan(model, (*base.free, *added), ())
+
+    def removed_from(self, model: Model) -> Model:
+        """Returns `model` without what `starting` added."""
+        effects = {name: table for name, table in model.effects.items() if name != self.effect}
+        return dataclasses.replace(model, effects=effects)
+
+    def penalty(self, beside: Sequence[Candidate], cost: float) -> float:
+        """Returns the penalty beside that for its parameters, in a model that leaves `cost`: none for a known law.
+
+        Args:
+            beside: what was added to the model before it.
+        """
+        return 0.0
 
 
 def candidates(base: Model, measured: Collection[str] | None = None) -> list[Candidate]:

@@ -17,7 +17,7 @@ from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.gates import parameter_cost
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import descend
-from brickpilot.fit.parameters import Plan
+from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -63,8 +63,8 @@ class FittedModel:
 
     @property
     def parameter_count(self) -> int:
-        """The number of free parameters of its candidates."""
-        return sum(len(one.free) for one in self.chosen)
+        """The number of free parameters of its candidates; those of one effect may share some."""
+        return len({(one.effect, name) for one in self.chosen for name in one.free})
 
 
 def fit(
@@ -76,11 +76,18 @@ def fit(
         end = descend(problem, point, tolerance)
     except SimulationError:
         return None
-    residual = problem.residual(end)
+    return rated(problem, unfitted(tuple(chosen), plan, end))
+
+
+def rated(error: BinnedOutputError, found: FittedModel) -> FittedModel:
+    """Returns `found` with its costs in the data and at the scales of `error`."""
+    problem = error if error.plan is found.plan else error.with_plan(found.plan)
+    residual = problem.residual(found.point)
     losses = residual[: len(problem.measured)] ** 2 / 2
     cost = float(np.sum(residual**2)) / 2
-    each = parameter_cost(cost, problem.floor_cost())
-    return FittedModel(tuple(chosen), plan, end, cost, cost + each * sum(len(one.free) for one in chosen), losses)
+    penalty = parameter_cost(cost, problem.floor_cost()) * found.parameter_count
+    penalty += sum(one.penalty(found.chosen[:k], cost) for k, one in enumerate(found.chosen))
+    return dataclasses.replace(found, cost=cost, penalised_cost=cost + penalty, losses=losses)
 
 
 def refine(
@@ -107,15 +114,17 @@ def refine(
     return best_first(fit_each(one, fits, jobs, deadline))
 
 
-def without_effect(found: FittedModel, name: str) -> FittedModel:
-    """Returns `found` without one of its effects, at the same values of the others; it has to be fitted again."""
-    kept = [index for index, one in enumerate(found.plan.free) if not one.name.startswith(f"{name}.")]
-    effects = {key: table for key, table in found.plan.model.effects.items() if key != name}
-    plan = Plan(
-        dataclasses.replace(found.plan.model, effects=effects), tuple(found.plan.free[index] for index in kept), ()
-    )
-    chosen = tuple(one for one in found.chosen if one.effect != name)
+def without(found: FittedModel, candidate: Candidate) -> FittedModel:
+    """Returns `found` without one of its candidates, at the same values of the others; it has to be fitted again."""
+    model = candidate.removed_from(found.plan.model)
+    kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
+    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    chosen = tuple(one for one in found.chosen if one is not candidate)
     return unfitted(chosen, plan, found.point[kept])
+
+
+def _is_in(free: Free, model: Model) -> bool:
+    return free.effect is None or free.effect[1] in model.effects.get(free.effect[0], {})
 
 
 def without_parameter(found: FittedModel, candidate: Candidate, name: str) -> FittedModel:
@@ -123,7 +132,7 @@ def without_parameter(found: FittedModel, candidate: Candidate, name: str) -> Fi
     left = tuple(one for one in candidate.free if one != name)
     smaller = dataclasses.replace(candidate, free=left, fixed={**candidate.fixed, name: 0.0})
     if not sizes_of(smaller):
-        return without_effect(found, candidate.effect)
+        return without(found, candidate)
     kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{candidate.effect}.{name}"]
     table = {**found.plan.model.effects[candidate.effect], name: 0.0}
     model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, candidate.effect: table})

@@ -20,7 +20,8 @@ from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.discover import gates, locate
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.deadline import COMPOSED
-from brickpilot.discover.fitting import FittedModel, refine, unfitted
+from brickpilot.discover.effect_source import EffectSource
+from brickpilot.discover.fitting import FittedModel, rated, refine, unfitted
 from brickpilot.discover.prepare import Prepared, part
 from brickpilot.discover.search_round import try_candidates
 from brickpilot.discover.start_state import with_averaged_starts
@@ -146,11 +147,12 @@ def _loosened(dataset: Dataset, plan: Plan, model: Model) -> Plan:
 def _extended(prepared: Prepared, data: _Followed, found: FittedModel) -> list[FittedModel]:
     """Returns `found` and, after it, models with one more effect each that free runs of the fit runs ask for."""
     error, stages, deadline = data.coarse, [found], prepared.until(COMPOSED)
+    effects = EffectSource(prepared.excitation)
     most = gates.MOST_FREE_RUN_EFFECTS if prepared.roles.tested() else 0
     while len(stages) <= most and not deadline.passed:
         error.with_plan(found.plan).weigh_by_residual(found.point)
-        found = _rated(error, found)
-        tried = try_candidates(error, found, prepared.excitation, prepared.jobs, deadline)
+        found = rated(error, found)
+        tried = try_candidates(error, effects, found, prepared.jobs, deadline)
         if not tried or tried[0].penalised_cost > (1 - gates.FREE_RUN_GAIN_SHARE) * found.penalised_cost:
             break
         found = tried[0]
@@ -180,17 +182,6 @@ def _last_accepted(
 def _errors(prepared: Prepared, data: _Followed, models: Sequence[Model]) -> list[dict[str, dict[str, float]]]:
     outputs = Replay(data.dataset).simulate(models, threads=prepared.jobs)
     return [free_run_errors(prepared, one) for one in outputs]
-
-
-def _rated(error: BinnedOutputError, found: FittedModel) -> FittedModel:
-    """Returns `found` with its costs at the present scales."""
-    problem = error.with_plan(found.plan)
-    residual = problem.residual(found.point)
-    cost = float(np.sum(residual**2)) / 2
-    each = gates.parameter_cost(cost, problem.floor_cost())
-    losses = residual[: len(problem.measured)] ** 2 / 2
-    penalised = cost + each * found.parameter_count
-    return dataclasses.replace(found, cost=cost, penalised_cost=penalised, losses=losses)
 
 
 def _is_better(before: Mapping[str, Mapping[str, float]], after: Mapping[str, Mapping[str, float]]) -> bool:

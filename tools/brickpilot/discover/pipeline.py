@@ -6,7 +6,8 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     calibrate        -> FittedModel   the calibrated nominal model
     search           -> Searched      the best set of effects, and every set that was tried
     judge            -> Verdict       none, named, ambiguous or unknown, with the rivals     (verdict.py)
-    compose          -> Composed      a term without a name, where it explains more than the named effects
+    compose          -> Composed      a term without a name, where it explains more than the named effects; found by the
+                                      same search (search.py) with other candidates (terms/source.py, effect_source.py)
     write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
     measure          -> Yardstick     fit in percent before, after and attainable            (yardstick/)
     follow_whole_runs -> Written      the same model, fitted to free runs of whole runs     (long_horizon.py)
@@ -29,7 +30,8 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
-from brickpilot.discover.deadline import COMPOSED, SEARCHED, Deadline
+from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, SEARCHED, Deadline
+from brickpilot.discover.effect_source import EffectSource
 from brickpilot.discover.equations import find_equations
 from brickpilot.discover.estimate import Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
@@ -126,7 +128,9 @@ def _attainable(explained: Explained, written: Written) -> Yardstick:
 def _explain(prepared: Prepared, tell: Stages) -> Explained:
     """Calibrates the nominal model, searches for effects on the coarse grid, and judges at the measured samples."""
     nominal: FittedModel = calibrate(prepared)
-    searched: Searched = search(prepared, nominal, tell)
+    searched: Searched = search(
+        prepared, EffectSource(prepared.excitation), nominal, tell, prepared.until(SEARCHED), FIRST_EFFECT
+    )
     tell("fitting at the measured samples")
     verdict: Verdict = judge(prepared, searched)
     return Explained(prepared, searched, verdict)

@@ -1,7 +1,7 @@
-"""The third stage: searches for the effects that the data ask for.
+"""The third stage: searches for what the data ask for, among the effects of the library or among composed terms.
 
-Forward: the best candidate is added as long as it gains enough. All pairs of the best few compete with it, so that two
-effects at once are not taken for a third one. Backward: effects that the others make needless are removed.
+Forward: the best candidate is added as long as it gains enough. All pairs of the best few effects compete with it, so
+that two effects at once are not taken for a third one. Backward: what the others make needless is removed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from brickpilot.discover.backward import prune
 from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.deadline import FIRST_EFFECT, SEARCHED, Deadline
+from brickpilot.discover.deadline import Deadline
 from brickpilot.discover.fitting import (
     ROUGH,
     FittedModel,
@@ -24,18 +24,17 @@ from brickpilot.discover.fitting import (
     fit_each,
     refine,
     unfitted,
-    without_effect,
+    without,
 )
 from brickpilot.discover.gates import (
     GAIN_SHARE_OF_EARLIER,
-    MOST_EFFECTS,
     PRIOR_STRAINED_SD,
     STRAIN_RELEASED,
     STRUCTURED,
     gains_enough,
 )
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.search_round import largest_prior_shift, try_candidates
+from brickpilot.discover.search_round import Source, largest_prior_shift, try_candidates
 from brickpilot.fit.parameters import Free, Plan
 
 Tell = Callable[[str], None]
@@ -65,8 +64,8 @@ class Searched:
     """What the search found.
 
     Attributes:
-        nominal: the calibrated nominal model.
-        best: the model with the effects that are kept; `nominal` itself if there are none.
+        nominal: the model that the search began with: of effects, the calibrated nominal model.
+        best: the model with what is kept; `nominal` itself if that is nothing.
         rounds: the rounds of the search.
     """
 
@@ -75,38 +74,44 @@ class Searched:
     rounds: tuple[Round, ...]
 
 
-def search(prepared: Prepared, nominal: FittedModel, tell: Tell) -> Searched:
-    """Searches forward and backward from `nominal`, on the coarse grid.
+def search(
+    prepared: Prepared, source: Source, base: FittedModel, tell: Tell, deadline: Deadline, first: str
+) -> Searched:
+    """Searches forward and backward from `base`, on the coarse grid.
 
-    Over whole runs the search ends at a periodic effect that leaves structure: simulated wheels get out of phase, and
-    what is tried beside the effect would fit that error.
+    Args:
+        first: what is noted as left out where the deadline passes while the first candidate is searched for.
     """
-    error, excitation, jobs, deadline = prepared.coarse, prepared.excitation, prepared.jobs, prepared.until(SEARCHED)
-    current, rounds, structured = nominal, list[Round](), STRUCTURED * error.noise_cost()
-    while len(current.chosen) < MOST_EFFECTS and len(rounds) < _ROUNDS:
-        number = len(current.chosen) + 1
-        if rounds and not deadline.allows(f"the search for effect {number}"):
+    error, jobs, word = prepared.coarse, prepared.jobs, source.word
+    current, rounds = base, list[Round]()
+    while _added(base, current) < source.most and len(rounds) < _ROUNDS:
+        number = _added(base, current) + 1
+        if rounds and not deadline.allows(f"the search for {word} {number}"):
             break
-        tell(f"searching for effect {number}")
-        found = try_candidates(error, current, excitation, jobs, deadline)
-        tried, taken = _search_wider(prepared, nominal, current, rounds, found, deadline)
-        deadline.allows(f"a part of the search for effect {number}" if rounds else FIRST_EFFECT)
+        tell(f"searching for {word} {number}")
+        found = try_candidates(error, source, current, jobs, deadline)
+        tried, taken = _search_wider(prepared, source, base, current, rounds, found, deadline)
+        deadline.allows(f"a part of the search for {word} {number}" if rounds else first)
         rounds.append(Round(current, tuple(tried), taken))
         if not taken:
             break
         current = tried[0]
-        loses_phase = excitation.wheels_measured and not excitation.windowed and current.is_periodic
-        if loses_phase and current.cost > structured:
+        if source.is_finished(error, current):
             break
-    tell("removing needless effects")
-    if len(current.chosen) > 1 and deadline.allows("the removal of needless effects on the coarse grid"):
-        current = prune(error, current, jobs)
-    return Searched(nominal, current, tuple(rounds))
+    tell(f"removing needless {word}s")
+    if _added(base, current) > 1 and deadline.allows(f"the removal of needless {word}s on the coarse grid"):
+        current = prune(error, current, jobs, kept=len(base.chosen))
+    return Searched(base, current, tuple(rounds))
+
+
+def _added(base: FittedModel, current: FittedModel) -> int:
+    return len(current.chosen) - len(base.chosen)
 
 
 def _search_wider(
     prepared: Prepared,
-    nominal: FittedModel,
+    source: Source,
+    base: FittedModel,
     current: FittedModel,
     rounds: Sequence[Round],
     tried: list[FittedModel],
@@ -114,21 +119,21 @@ def _search_wider(
 ) -> tuple[list[FittedModel], bool]:
     """Returns the models of a round, the best one first, and whether that one is accepted.
 
-    Adds pairs, near ties and exchanges to `tried` where one effect after the other may be the wrong way.
+    Adds pairs, near ties and exchanges to `tried` where one candidate after the other may be the wrong way.
     """
-    error, excitation, jobs = prepared.coarse, prepared.excitation, prepared.jobs
+    error, jobs, added = prepared.coarse, prepared.jobs, _added(base, current)
     structured = STRUCTURED * error.noise_cost()
-    taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
-    if len(current.chosen) == 1 and (taken or current.cost > structured) and not deadline.passed:
-        tried += _fit_pairs(error, nominal, rounds[-1].tried, jobs, deadline)
+    taken = bool(tried) and _is_accepted(error, base, current, tried[0])
+    if source.pairs and added == 1 and (taken or current.cost > structured) and not deadline.passed:
+        tried += _fit_pairs(error, base, rounds[-1].tried, jobs, deadline)
         if tried and min(one.cost for one in tried) > structured:
             for other in _near_ties(rounds[-1].tried):
-                tried += try_candidates(error, other, excitation, jobs, deadline)
+                tried += try_candidates(error, source, other, jobs, deadline)
         tried = best_first(tried)
-        taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
-    if not taken and len(current.chosen) > 1 and current.cost > structured and not deadline.passed:
-        tried = best_first(tried + _exchange(prepared, current, deadline))
-        taken = bool(tried) and _is_accepted(error, nominal, current, tried[0])
+        taken = bool(tried) and _is_accepted(error, base, current, tried[0])
+    if not taken and added > 1 and current.cost > structured and not deadline.passed:
+        tried = best_first(tried + _exchange(prepared, source, current, len(base.chosen), deadline))
+        taken = bool(tried) and _is_accepted(error, base, current, tried[0])
     return tried, taken
 
 
@@ -183,10 +188,12 @@ def _near_ties(tried: Sequence[FittedModel]) -> list[FittedModel]:
     return [one for one in others[:1] if one.penalised_cost < (1 + _NEAR_TIE) * tried[0].penalised_cost]
 
 
-def _exchange(prepared: Prepared, current: FittedModel, deadline: Deadline) -> list[FittedModel]:
-    """Returns `current` with each of its effects in turn replaced by what is best beside the others."""
+def _exchange(
+    prepared: Prepared, source: Source, current: FittedModel, kept: int, deadline: Deadline
+) -> list[FittedModel]:
+    """Returns `current` with each candidate behind the first `kept` replaced by what is best beside the others."""
     found: list[FittedModel] = []
-    starts = [without_effect(current, name) for name in current.names]
+    starts = [without(current, one) for one in current.chosen[kept:]]
     for fewer in refine(prepared.coarse, starts, prepared.jobs, deadline):
-        found += try_candidates(prepared.coarse, fewer, prepared.excitation, prepared.jobs, deadline)[:2]
+        found += try_candidates(prepared.coarse, source, fewer, prepared.jobs, deadline)[:2]
     return found

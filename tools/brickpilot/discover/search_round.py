@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import Candidate, candidates, read_limits
+from brickpilot.discover.candidates import Candidate, read_limits
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.excitation import Excitation
 from brickpilot.discover.fitting import ROUGH, FittedModel, best_first, fit, fit_each, refine
@@ -23,7 +25,7 @@ from brickpilot.discover.gates import (
     PROMISED_SHARE,
     required_gain,
 )
-from brickpilot.discover.screen import Trial, screen
+from brickpilot.discover.screen import Trial
 
 Array = NDArray[np.float64]
 
@@ -34,8 +36,42 @@ _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by
 _LOWER = 0.98  # of the cost: another order is worth a descent below it
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where a fit of a candidate starts: its values, and the (parameters,) point of the model that it joins."""
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    point: Array
+
+
+class Source(Protocol):
+    """The candidates of a search: effects of the library, or terms without a name.
+
+    Attributes:
+        word: what one is called.
+        most: so many are added at most.
+        pairs: candidates may also be tried two at once.
+        excitation: how far the vehicle was driven.
+    """
+
+    word: str
+    most: int
+    pairs: bool
+    excitation: Excitation
+
+    def screened(self, error: BinnedOutputError, point: Array, deadline: Deadline) -> list[Trial]:
+        """Returns what is worth a fit beside the model of `error` at `point`, the best first."""
+
+    def nearby(self, error: BinnedOutputError, current: FittedModel, fits: Sequence[FittedModel]) -> list[Start]:
+        """Returns what is worth a fit because of `fits`, which were made beside `current`."""
+
+    def is_finished(self, error: BinnedOutputError, current: FittedModel) -> bool:
+        """Returns whether nothing more can be added to `current`."""
+
+
 def try_candidates(
-    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int, deadline: Deadline = NO_LIMIT
+    error: BinnedOutputError, source: Source, current: FittedModel, jobs: int, deadline: Deadline = NO_LIMIT
 ) -> list[FittedModel]:
     """Returns the best candidates fitted beside `current`, the best one first.
 
@@ -45,26 +81,26 @@ def try_candidates(
     points = [current.point]
     if largest_prior_shift(error, current) > PRIOR_STRAINED_SD:
         points.append(_at_stated_values(current))
-    rough = [found for point in points for found in _fit_screened(error, current, point, excitation, jobs, deadline)]
+    rough = [found for point in points for found in _fit_screened(error, source, current, point, jobs, deadline)]
     if rough and (first := best_first(rough)[0]).chosen[-1].is_periodic and (other := _with_better_order(error, first)):
         rough.append(other)
     best = min((one.penalised_cost for one in rough), default=0.0)
     limit = best + _NEAR_BEST * max(current.cost - best, 0.0)
     near = [one for one in best_first(rough) if one.penalised_cost < limit][:_REFINED]
     refined = [one for one in refine(error, near, jobs, deadline) if not ends_at_a_bound(one)]
-    refined = [one for one in refined if agrees_with_its_name(one, excitation)]
+    refined = [one for one in refined if agrees_with_its_name(one, source.excitation)]
     return best_first(refined + [one for one in rough if one not in near])
 
 
 def instead_of_moved_values(
-    error: BinnedOutputError, current: FittedModel, excitation: Excitation, jobs: int, deadline: Deadline
+    error: BinnedOutputError, source: Source, current: FittedModel, jobs: int, deadline: Deadline
 ) -> list[FittedModel]:
     """Returns the candidates that explain the data with nominal values as they were stated, the best one first.
 
     What they gain over `current`, which moved those values, is at most the cost of the priors, so that less is asked
     for than of an effect that explains a gap.
     """
-    rough = _fit_screened(error, current, _at_stated_values(current), excitation, jobs, deadline, PARAMETER_COST)
+    rough = _fit_screened(error, source, current, _at_stated_values(current), jobs, deadline, PARAMETER_COST)
     released = [one for one in best_first(rough) if largest_prior_shift(error, one) < PRIOR_LEFT_SD]
     return refine(error, released[:_REFINED], jobs, deadline)
 
@@ -83,9 +119,9 @@ def _at_stated_values(current: FittedModel) -> Array:
 
 def _fit_screened(
     error: BinnedOutputError,
+    source: Source,
     current: FittedModel,
     point: Array,
-    excitation: Excitation,
     jobs: int,
     deadline: Deadline,
     least: float | None = None,
@@ -97,44 +133,21 @@ def _fit_screened(
     """
     here = error.with_plan(current.plan)
     here.keep_sensitivities(point, len(point))
-    first: dict[tuple[str, tuple[str, ...]], Trial] = {}
-    chosen = candidates(current.model, here.signals)
-    for trial in screen(here, point, chosen, excitation=excitation, deadline=deadline):
+
+    def promises(trial: Trial) -> bool:
         promised = PROMISED_SHARE * required_gain(trial.after, error.floor_cost()) if least is None else least
-        if trial.before - trial.after > promised:
-            first.setdefault((trial.candidate.effect, trial.candidate.free), trial)
+        return trial.before - trial.after > promised
 
-    def one(trial: Trial) -> FittedModel | None:
-        plan = trial.candidate.starting(current.plan, trial.values)
-        start = np.concatenate([point, plan.start()[len(point) :]])
-        return fit(here, (*current.chosen, trial.candidate), plan, start, ROUGH)
+    def one(start: Start) -> FittedModel | None:
+        plan = start.candidate.starting(current.plan, start.values)
+        begin = np.concatenate([start.point, plan.start()[len(start.point) :]])
+        return fit(here, (*current.chosen, start.candidate), plan, begin, ROUGH)
 
-    fits = fit_each(one, list(first.values())[:_FITTED], jobs, deadline)
-    two_phases = _with_one_phase(current, fits)
-    fits += fit_each(lambda pair: _with_two_phases(here, current, *pair), two_phases, jobs, deadline)
-    return [found for found in fits if agrees_with_its_name(found, excitation)]
-
-
-def _with_one_phase(current: FittedModel, fits: Sequence[FittedModel]) -> list[tuple[FittedModel, Candidate]]:
-    """Returns those of `fits` that gave both wheels one phase, each with the candidate that gives them two."""
-    return [
-        (found, other)
-        for found in fits
-        for other in candidates(current.model)
-        if other.effect == found.names[-1] and {*other.free} - {*found.chosen[-1].free} == {"phase_difference"}
-    ]
-
-
-def _with_two_phases(
-    error: BinnedOutputError, current: FittedModel, found: FittedModel, candidate: Candidate
-) -> FittedModel | None:
-    """Returns `candidate` fitted beside `current` from where `found` ended.
-
-    The linear screen cannot find two phases at once: it starts from no effect, where the wheels stop and slip in turn.
-    """
-    plan = candidate.starting(current.plan, found.model.effects[candidate.effect])
-    start = np.concatenate([found.point[: len(current.point)], plan.start()[len(current.point) :]])
-    return fit(error, (*current.chosen, candidate), plan, start, ROUGH)
+    trials = [trial for trial in source.screened(here, point, deadline) if promises(trial)]
+    starts = [Start(trial.candidate, trial.values, point) for trial in trials[:_FITTED]]
+    fits = fit_each(one, starts, jobs, deadline)
+    fits += fit_each(one, source.nearby(here, current, fits), jobs, deadline)
+    return [found for found in fits if agrees_with_its_name(found, source.excitation)]
 
 
 def _with_better_order(error: BinnedOutputError, found: FittedModel) -> FittedModel | None:

@@ -15,6 +15,7 @@ from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import sizes_of
 from brickpilot.discover.deadline import FIRST_EFFECT, JUDGED, RIVALS
 from brickpilot.discover.determined import drop_undetermined
+from brickpilot.discover.effect_source import EffectSource
 from brickpilot.discover.finding import VerdictKind
 from brickpilot.discover.fitting import FittedModel, best_first, refine, without_parameter
 from brickpilot.discover.prepare import Prepared
@@ -155,7 +156,8 @@ def _instead_of_moved_values(prepared: Prepared, searched: Searched, nominal: Fi
     if FIRST_EFFECT in deadline.left_out or not deadline.allows("explanations with the nominal values as stated"):
         return ()
     limit = gates.rival_margin(nominal.penalised_cost, nominal.cost, error.floor_cost())
-    found = instead_of_moved_values(prepared.coarse, searched.nominal, prepared.excitation, prepared.jobs, deadline)
+    source = EffectSource(prepared.excitation)
+    found = instead_of_moved_values(prepared.coarse, source, searched.nominal, prepared.jobs, deadline)
     fits = refine(error, found, prepared.jobs)
     kept = [drop_undetermined(error, one, prepared.jobs) for one in fits if one.penalised_cost < limit]
     first = {one.names: one for one in reversed(best_first(kept)) if one.chosen and one.penalised_cost < limit}
