@@ -28,14 +28,14 @@ def drop_undetermined(error: BinnedOutputError, found: FittedModel, jobs: int) -
         ]
         if not doubtful:
             return found
-        _, candidate, name = min(doubtful, key=lambda one: one[0])
-        name = _dropped_first(candidate, name)
+        _, candidate, doubted = min(doubtful, key=lambda one: one[0])
+        name = _dropped_first(candidate, doubted)
         shorter = refine(error, [without_parameter(found, candidate, name)], jobs)
         if not shorter:
             return found
         unbounded = estimates[f"{candidate.effect}.{name}"].ci95 is None
         if unbounded and shorter[0].penalised_cost > INDISPENSABLE * found.penalised_cost:
-            indispensable.add((candidate.effect, name))
+            indispensable |= {(candidate.effect, name), (candidate.effect, doubted)}
             continue
         found = shorter[0]
     return found
