@@ -8,24 +8,28 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from brickpilot.discover.excitation import Excitation
+from brickpilot.discover.terms.composed import ComposedTerms
 from brickpilot.discover.terms.match import Match, matches
-from brickpilot.discover.terms.search import ComposedTerms, find_terms
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from synthetic import robot
-from test_compose import RUNS, Data, by_plant
+from test_compose import RUNS, Data, by_plant, data_of
 
 DRIVEN = Excitation({"voltage": 8.0, "yaw_rate": 8.0})
 
 
 def found_in(data: Data) -> ComposedTerms:
-    found = find_terms(data)
+    found = data.composed()
     assert found is not None
     return found
 
 
+def matched(data: Data) -> list[Match]:
+    return matches(data.prepared.coarse, data.base, found_in(data), DRIVEN)
+
+
 def best(data: Data) -> Match:
-    return matches(data, found_in(data), DRIVEN)[0]
+    return matched(data)[0]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +56,7 @@ def test_a_gain_that_falls_with_time_is_a_battery_that_discharges_by_time() -> N
     def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:
         return plant.simulate([(fading, OpenLoopRun(time, volts, State(age=next(ages))))])[0].outputs
 
-    one = best(Data(measured, robot()))
+    one = best(data_of(measured, robot()))
     assert one.law == "battery_discharge, but by time"
     assert one.correlation > 0.99
     assert one.values["rate"] == pytest.approx(0.08, rel=0.1)
@@ -60,6 +64,6 @@ def test_a_gain_that_falls_with_time_is_a_battery_that_discharges_by_time() -> N
 
 def test_a_term_that_no_effect_does_equals_none() -> None:
     data = by_plant(composed_term={"surge_push_sin_time": 0.4, "frequency": 1.3})
-    found = matches(data, found_in(data), DRIVEN)
+    found = matched(data)
     assert not any(one.is_equal for one in found)
     assert [one.correlation for one in found] == sorted((one.correlation for one in found), reverse=True)

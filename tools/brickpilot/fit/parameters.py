@@ -29,8 +29,8 @@ _EXACT = 1e-6
 # A parameter that may be zero also has a logarithmic coordinate; at this share of its natural size it has no effect.
 _FLOOR = 1e-9
 
-# Parameters that make a phase when multiplied by the path: a change of a hundredth is turns after a few revolutions.
-_TURNING = {"order": 1e-2}
+# Parameters that make a phase when multiplied by the path or the time: a hundredth is turns after a few revolutions.
+_TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,16 @@ class Free:
     Attributes:
         name: "mass", or "effect.parameter".
         known: its value and sd in the data set; None: not stated, and the prior is wide.
+        unit: of its coordinate, SI, where the caller knows a better one than the stated value or the preset; 0: none.
+        keeps_sign: it moves in the logarithm of its share of `unit`, and has the sign of that. Where the data do not
+            say how heavy a vehicle is, all forces grow with it, and only in logarithms is that valley straight.
     """
 
     name: str
     info: ParameterInfo
     known: Nominal | None
+    unit: float = 0.0
+    keeps_sign: bool = False
 
     @property
     def effect(self) -> tuple[str, str] | None:
@@ -57,9 +62,9 @@ class Free:
 
     @property
     def size(self) -> float:
-        """The unit of the coordinate: the stated value, else the preset, else 1."""
+        """The unit of the coordinate: `unit`, else the stated value, else the preset, else 1."""
         stated = abs(self.known.value) if self.known is not None else 0.0
-        return stated or abs(self.info.preset) or 1.0
+        return abs(self.unit) or stated or abs(self.info.preset) or 1.0
 
     @property
     def reach(self) -> float:
@@ -80,14 +85,20 @@ class Free:
         return self.signed or self.name in catalogue.loads()
 
     def to_coordinate(self, value: float) -> float:
+        if self.keeps_sign:
+            return math.log(max(value / self.unit, _FLOOR))
         return value / self.size if self._straight else math.log(max(value, self.size * _FLOOR))
 
     def to_value(self, coordinate: float) -> float:
-        value = coordinate * self.size if self._straight else math.exp(coordinate)
+        if self.keeps_sign:
+            value = self.unit * math.exp(coordinate)
+        else:
+            value = coordinate * self.size if self._straight else math.exp(coordinate)
         return min(max(value, self.info.minimum), self.info.maximum)
 
     def bounds(self) -> tuple[float, float]:
-        return self.to_coordinate(self.info.minimum), self.to_coordinate(self.info.maximum)
+        ends = self.to_coordinate(self.info.minimum), self.to_coordinate(self.info.maximum)
+        return min(ends), max(ends)
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,22 @@ Periods come from the spectra of the residual, so that no term is tried at a per
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.catalogue import ParameterInfo
+from brickpilot.discover.candidates import Candidate
+from brickpilot.discover.gates import TERM_PLACE_COST, TERM_SECOND_PLACE_COST, TERM_SENSOR_COST, strip_cost
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import periods
-from brickpilot.discover.terms.basis import Basis, basis
+from brickpilot.discover.terms.basis import EFFECT, Basis, basis, parameters, settings_of, terms_of
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Settings = tuple[tuple[str, float], ...]
@@ -25,11 +32,17 @@ _SENSOR_SIGNALS = {"gyro": {"yaw_rate", "yaw_angle"}, "accel_surge": {"accel_sur
 
 
 @dataclass(frozen=True)
-class Atom:
-    """One term, or the sine and the cosine of one period, with the settings that shape them."""
+class Atom(Candidate):
+    """One term, or the sine and the cosine of one period, with the settings that shape them.
+
+    Attributes:
+        slowest: Hz, the least frequency. What swings less than once in a run is a drift or a loss: it would pass for
+            any of them.
+    """
 
     terms: tuple[Basis, ...]
-    settings: Settings = ()
+    settings: Settings
+    slowest: float
 
     @property
     def place(self) -> str:
@@ -49,9 +62,57 @@ class Atom:
         """Whether it acts on a strip of the floor only."""
         return bool(set(_STRIP) & set(self.tuned))
 
-    def agrees(self, settings: Mapping[str, float]) -> bool:
-        """Returns whether none of its settings contradicts `settings`."""
-        return all(settings.get(name, value) == value for name, value in self.settings)
+    def joins(self, table: Mapping[str, float]) -> bool:
+        """Returns whether terms at the values of `table` lack it, and have no other settings."""
+        there = [one.basis for one in terms_of(table)]
+        shaping = settings_of(there, table)
+        lacks = not {one.name for one in there} & {*self.names}
+        return lacks and all(shaping.get(name, value) == value for name, value in self.settings)
+
+    def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
+        """Returns `base` with this atom at `values`. Those of its parameters that are not free in `base` come last."""
+        present, table = {one.name for one in base.free}, {**dict(self.settings), **values}
+        rows = [self._row(info, table) for info in parameters() if info.name in self.free]
+        added = tuple(one for one in rows if one.name not in present)
+        return Plan(with_terms(base.model, table), (*base.free, *added), ())
+
+    def removed_from(self, model: Model) -> Model:
+        table = {name: value for name, value in model.effects[EFFECT].items() if name not in self.names}
+        left = [one for one in basis() if one.name in table]
+        if not left:
+            return super().removed_from(model)
+        table = {one.name: table[one.name] for one in left} | settings_of(left, table)
+        return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
+
+    def penalty(self, beside: Sequence[Candidate], cost: float) -> float:
+        """Returns the penalty for another place where terms act, and for a first strip of the floor."""
+        others = [one for one in beside if isinstance(one, Atom)]
+        found = 0.0
+        if self.place not in {one.place for one in others}:
+            found = TERM_PLACE_COST.get(self.place, TERM_SENSOR_COST) + (TERM_SECOND_PLACE_COST if others else 0.0)
+        return found + (strip_cost(cost) if self.is_strip and not any(one.is_strip for one in others) else 0.0)
+
+    def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
+        """Returns a free parameter. Sine and cosine move in units of their amplitude, a strip in half widths."""
+        name = f"{EFFECT}.{info.name}"
+        if info.name in self.names:
+            if len(self.names) == 1:
+                return Free(name, info, None, values[info.name], keeps_sign=True)
+            return Free(name, info, None, math.hypot(*(values[one] for one in self.names)))
+        if info.name == "frequency":
+            info = dataclasses.replace(info, minimum=max(info.minimum, self.slowest))
+        return Free(name, info, None, values["patch_half_width"] if info.name == "patch_x" else 0.0)
+
+
+def atom(terms: tuple[Basis, ...], settings: Settings = (), slowest: float = 0.0) -> Atom:
+    free = (*(term.name for term in terms), *(name for name, _ in settings if name != "clock"))
+    return Atom(EFFECT, free, {}, terms, settings, slowest)
+
+
+def with_terms(model: Model, values: Mapping[str, float]) -> Model:
+    """Returns `model` with coefficients and settings of composed terms added to those that it has."""
+    table = {**model.effects.get(EFFECT, {}), **values}
+    return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
 
 
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
@@ -73,21 +134,30 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
         ("wavelength",): [(("wavelength", length),) for length in periods.wavelengths(segments, residual)],
         _STRIP: [],
     }
-    return [Atom(terms, one) for terms in _visible_groups(vehicle, segments) for one in settings[terms[0].tuned]]
+    return [
+        atom(terms, one, _slowest(one, segments))
+        for terms in _visible_groups(vehicle, segments)
+        for one in settings[terms[0].tuned]
+    ]
 
 
-def family(atom: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
+def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
     """Returns all atoms that the same settings shape, and this one at neighbouring settings."""
-    kept = tuple((name, settings[name]) for name, _ in atom.settings)
-    groups = _visible_groups(vehicle, segments)
-    found = [Atom(terms, kept) for terms in groups if terms[0].tuned == atom.terms[0].tuned]
-    return found + [Atom(atom.terms, near) for near in _neighbours(dict(kept), segments)]
+    kept = tuple((name, settings[name]) for name, _ in near.settings)
+    found = [(terms, kept) for terms in _visible_groups(vehicle, segments) if terms[0].tuned == near.terms[0].tuned]
+    found += [(near.terms, other) for other in _neighbours(dict(kept), segments)]
+    return [atom(terms, one, near.slowest) for terms, one in found]
 
 
 def strip_atom(name: str, middle: float, half_width: float) -> Atom:
     """Returns the atom of a term that acts on a strip across x, m."""
     term = next(one for one in basis() if one.name == name)
-    return Atom((term,), tuple(zip(_STRIP, (middle, half_width), strict=True)))
+    return atom((term,), tuple(zip(_STRIP, (middle, half_width), strict=True)))
+
+
+def _slowest(settings: Settings, segments: Sequence[Segment]) -> float:
+    shaping = dict(settings)
+    return periods.time_resolution(segments, shaping.get("clock", 0.0)) if "frequency" in shaping else 0.0
 
 
 def _neighbours(settings: dict[str, float], segments: Sequence[Segment]) -> list[Settings]:
@@ -103,7 +173,7 @@ def _neighbours(settings: dict[str, float], segments: Sequence[Segment]) -> list
     if "frequency" in settings and "damping" not in settings:
         step = periods.time_resolution(segments, settings["clock"])
         found = [settings["frequency"] + k * step for k in _NEIGHBOURS]
-        return [tuple((settings | {"frequency": frequency}).items()) for frequency in found if frequency > 0]
+        return [tuple((settings | {"frequency": frequency}).items()) for frequency in found if frequency >= step]
     return []
 
 

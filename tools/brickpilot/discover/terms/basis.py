@@ -72,11 +72,10 @@ class Basis:
 
 @dataclass(frozen=True)
 class Term:
-    """A term with its coefficient, SI. `sd`: 0 if it was not estimated."""
+    """A term with its coefficient, SI."""
 
     basis: Basis
     coefficient: float
-    sd: float = 0.0
 
 
 @cache

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from brickpilot import catalogue
+from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import Candidate, candidates
 from brickpilot.discover.excitation import Excitation
+from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.gates import TERM_EQUALS_EFFECT
 from brickpilot.discover.probes import fit_amplitudes, probes_of, values_at
+from brickpilot.discover.projection import Projection
 from brickpilot.discover.terms.basis import EFFECT
-from brickpilot.discover.terms.coordinates import nominal_point
-from brickpilot.discover.terms.problem import Problem, Projection, residuals
-from brickpilot.discover.terms.search import ComposedTerms
+from brickpilot.discover.terms.composed import ComposedTerms
 from brickpilot.fit.parameters import Plan
 from brickpilot.vehicle.model import Model
 
@@ -64,18 +65,19 @@ class Match:
         return catalogue.mechanism(self.effect, self.values)
 
 
-def matches(problem: Problem, found: ComposedTerms, excitation: Excitation) -> list[Match]:
+def matches(error: BinnedOutputError, base: FittedModel, found: ComposedTerms, excitation: Excitation) -> list[Match]:
     """Returns the effects that do to the data nearly what `found` does, the best first.
 
     Args:
-        problem: the data to which the terms were fitted.
+        error: the data.
+        base: the model that the terms were added to.
         found: the terms.
         excitation: how far the vehicle was driven.
 
     Each effect of the library is simulated at a few sizes beside the model without the terms; the best few are then
     fitted to the term, not to the measured signals. Nothing here is random.
     """
-    comparison = _Comparison(problem, found)
+    comparison = _Comparison(error, base, found)
     screened: dict[str, tuple[Candidate, Match]] = {}
     for candidate in candidates(comparison.without):
         one = _screened(comparison, candidate, excitation)
@@ -90,22 +92,22 @@ class _Comparison:
 
     Attributes:
         without: the model without the terms.
-        target: (N + parameters,) the projected change that the terms make.
+        target: (samples + parameters,) the projected change that the terms make.
     """
 
-    def __init__(self, problem: Problem, found: ComposedTerms) -> None:
-        own = problem.base.effects.get(EFFECT)
-        others = {name: values for name, values in found.model.effects.items() if name != EFFECT}
-        effects = others if own is None else {**others, EFFECT: own}
-        self.without: Model = dataclasses.replace(found.model, effects=effects)
-        self._problem = problem
-        self._projection = Projection(problem, nominal_point(problem, self.without))
-        self._plain = residuals(problem, [self.without])[0]
-        self.target = self.changes([found.model])[:, 0]
+    def __init__(self, error: BinnedOutputError, base: FittedModel, found: ComposedTerms) -> None:
+        effects = {name: values for name, values in found.fitted.model.effects.items() if name != EFFECT}
+        if own := base.model.effects.get(EFFECT):
+            effects[EFFECT] = own
+        self.without: Model = dataclasses.replace(found.fitted.model, effects=effects)
+        self._error = error.with_plan(base.plan)
+        self._projection = Projection(self._error, found.fitted.point[: len(base.point)])
+        self._plain = self._error.residual_of(self.without)
+        self.target = self.changes([found.fitted.model])[:, 0]
 
     def changes(self, models: Sequence[Model]) -> Array:
-        """Returns (N + parameters, models); NaN where the plant diverges."""
-        return self._projection.of_slopes((self._plain - residuals(self._problem, models)).T)
+        """Returns (samples + parameters, models); NaN where the plant diverges."""
+        return self._projection.signatures(self._plain - one for one in self._error.residuals_of(models))
 
     def correlation(self, change: Array) -> float:
         size = float(np.linalg.norm(change) * np.linalg.norm(self.target))

@@ -1,0 +1,157 @@
+"""Terms without a name as candidates of the search, screened by what a small size of each does to the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.discover.candidates import Candidate
+from brickpilot.discover.deadline import Deadline
+from brickpilot.discover.excitation import Excitation
+from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.gates import MOST_TERMS, required_gain
+from brickpilot.discover.projection import Projection
+from brickpilot.discover.screen import Trial
+from brickpilot.discover.search_round import Start
+from brickpilot.discover.terms import periods
+from brickpilot.discover.terms.atoms import Atom, family, find_atoms, strip_atom, with_terms
+from brickpilot.discover.terms.basis import EFFECT, Basis
+
+Array = NDArray[np.float64]
+
+_OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
+_TINY = 1e-8  # of a coefficient's range: large enough for the arithmetic, small enough to be linear
+_SIMULATED = 24  # atoms that are simulated at the sizes that suit them
+_SIZES = (1.0, 0.3)  # of the linear estimate, at which they are: few terms are linear
+_NEARBY = 8  # atoms at and beside a fitted period that are fitted
+_ALIKE = 2  # trials of the same terms with different settings, at most
+_STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch")
+_NOISE_COST = 0.876  # mean pseudo-Huber loss of normal noise, over that of squares
+
+
+class TermSource:
+    """See `search_round.Source`. Holds the signature of each atom at the model that the search begins with."""
+
+    word, most, pairs = "term", MOST_TERMS, False
+
+    def __init__(self, error: BinnedOutputError, base: FittedModel, excitation: Excitation) -> None:
+        self.excitation = excitation
+        self._error, self._base = error.with_plan(base.plan), base.model
+        self._error.keep_sensitivities(base.point, len(base.point))
+        self._residual = self._error.residual_of(self._base)
+        self._segments = error.segments(self._base, _OUTPUTS)
+        self._changes: dict[Atom, Array] = {}
+        projection = Projection(self._error, base.point)
+        rest = projection.remainder(self._residual)
+        self._add(find_atoms(self._base.vehicle, self._segments, rest[: len(self._residual)]))
+        self._add_strips(projection, rest)
+
+    def screened(self, error: BinnedOutputError, point: Array, deadline: Deadline) -> list[Trial]:
+        """Returns every atom that could gain something, with a diverse choice of settings."""
+        return self._best(error, point, list(self._changes))
+
+    def nearby(self, error: BinnedOutputError, current: FittedModel, fits: Sequence[FittedModel]) -> list[Start]:
+        """Returns what is worth a fit at the period that the best fit ended at, and at the periods beside it."""
+        best = min(fits, key=lambda one: one.penalised_cost, default=None)
+        if best is None or not isinstance(last := best.chosen[-1], Atom) or not last.tuned:
+            return []
+        near = family(last, best.model.effects[EFFECT], self._base.vehicle, self._segments)
+        self._add(near)
+        point = best.point[: len(current.point)]
+        return [Start(one.candidate, one.values, point) for one in self._best(error, current.point, near)[:_NEARBY]]
+
+    def is_finished(self, error: BinnedOutputError, current: FittedModel) -> bool:
+        """Returns whether the cost above that of noise is less than a term has to gain."""
+        return current.cost - _NOISE_COST * error.noise_cost() < required_gain(current.cost, error.floor_cost())
+
+    def _best(self, error: BinnedOutputError, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
+        """Returns the atoms that could leave least beside the model of `error` at `point`, the best first.
+
+        All are compared by their signatures at the base model. The best of them are then simulated beside that model.
+        """
+        model, projection = error.plan.at(point), Projection(error, point)
+        table, linear = model.effects.get(EFFECT, {}), []
+        rest = projection.remainder(error.residual_of(model))
+        for one in atoms:
+            if one.joins(table):
+                signatures = projection.signatures(self._changes[one].T)
+                sizes = _best_coefficients(one, signatures, rest, table)
+                left = rest - signatures @ sizes
+                if np.any(sizes):
+                    linear.append((float(left @ left) / 2, one, sizes))
+        best = sorted(linear, key=lambda found: found[0])[:_SIMULATED]
+        sized = [
+            (one, {**dict(one.settings), **dict(zip(one.names, (share * sizes).tolist(), strict=True))})
+            for _, one, sizes in best
+            for share in _SIZES
+        ]
+        simulated = error.residuals_of([with_terms(model, values) for _, values in sized])
+        trials = [
+            Trial(one, values, float(rest @ rest) / 2, float(np.sum(projection.remainder(residual) ** 2)) / 2)
+            for (one, values), residual in zip(sized, simulated, strict=True)
+        ]
+        return _diverse(sorted((one for one in trials if np.isfinite(one.after)), key=lambda one: one.after))
+
+    def _add(self, atoms: Sequence[Atom]) -> None:
+        """Simulates each term that is new."""
+        new = [one for one in atoms if one not in self._changes and one.joins(self._base.effects.get(EFFECT, {}))]
+        pairs = [(one, term) for one in dict.fromkeys(new) for term in one.terms]
+        changes = self._changes_by(pairs)
+        for one in dict.fromkeys(new):
+            self._changes[one] = changes[:, [k for k, (other, _) in enumerate(pairs) if other is one]]
+
+    def _add_strips(self, projection: Projection, rest: Array) -> None:
+        """Adds terms on a strip across x, on those strips that a loss in narrow cells points at."""
+        cells = periods.cells(self._segments)
+        for name in _STRIP_TERMS if cells else ():
+            narrow = [strip_atom(name, *cell) for cell in cells]
+            if self._base.vehicle == "motor" and narrow[0].place == "yaw":
+                continue
+            signatures = projection.signatures(self._changes_by([(one, one.terms[0]) for one in narrow]).T)
+            for first, last in periods.best_windows(signatures, rest):
+                middle, half_width = (cells[first][0] + cells[last][0]) / 2, cells[first][1] * (last - first + 1)
+                strip = strip_atom(name, middle, half_width)
+                self._add(family(strip, dict(strip.settings), self._base.vehicle, self._segments))
+
+    def _changes_by(self, terms: Sequence[tuple[Atom, Basis]]) -> Array:
+        """Returns (samples, terms): change of the simulated signals, in scales, per unit of each coefficient."""
+        sizes = [_TINY * term.info.maximum for _, term in terms]
+        tiny = [
+            with_terms(self._base, {**dict(one.settings), term.name: size})
+            for (one, term), size in zip(terms, sizes, strict=True)
+        ]
+        moved = self._error.residuals_of(tiny)
+        changes = np.array([(self._residual - one) / size for one, size in zip(moved, sizes, strict=True)])
+        changes = changes.reshape(len(terms), len(self._residual))
+        changes[~np.isfinite(changes).all(axis=1)] = 0.0
+        return changes.T
+
+
+def _best_coefficients(one: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
+    """Returns the coefficients within their ranges that remove most; 0 where an atom does nothing."""
+    strength = np.linalg.norm(signatures, axis=0)
+    if not np.all(strength > 0):
+        return np.zeros(len(one.terms))
+    found = np.linalg.lstsq(signatures / strength, rest, rcond=1e-6)[0] / strength
+    low = [_lowest(term, table) for term in one.terms]
+    return np.asarray(np.clip(found, low, [term.info.maximum for term in one.terms]))
+
+
+def _lowest(term: Basis, table: Mapping[str, float]) -> float:
+    """Returns the lowest coefficient: 0 for dry friction, unless it reduces other dry friction."""
+    one_sign = term.kind == "dry" and not any(
+        name.startswith(f"{term.place}_dry") and v > 0 for name, v in table.items()
+    )
+    return 0.0 if one_sign and not term.name.endswith("_angle") and not term.sided else term.info.minimum
+
+
+def _diverse(trials: Sequence[Trial]) -> list[Trial]:
+    """Returns each atom at its better size, and no more than `_ALIKE` of the same terms with different settings."""
+    found: dict[Candidate, Trial] = {}
+    for trial in trials:
+        if sum(one.free == trial.candidate.free for one in found) < _ALIKE:
+            found.setdefault(trial.candidate, trial)
+    return list(found.values())
