@@ -32,6 +32,7 @@ from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit, So
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.explain import Explained
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.run_values import GAIN, RunValue, RunValues
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
@@ -66,6 +67,9 @@ TERM = Term(
 )
 YAW = Deficient("yaw", 0.0121, "N m", (0.0111, 0.013), 0.213, 0.047, 1490.0, 0.91, (Explained("turning", 0.63),))
 GYRO = Deficient("sensor yaw_rate", 0.05, "rad/s", None, None, 0.02, 147.0, 0.09, (Explained("voltage", 0.02),))
+DIFFERS = RunValues(
+    GAIN, 0.0, 0.031, {"spin": RunValue(0.022, (0.018, 0.026)), "curve": RunValue(-0.022, (-0.026, -0.018))}, 0.9, True
+)
 RANKING = (
     Rank(("coulomb_friction",), {"coulomb_friction.torque": 0.0061}, 1.02, 0.998, "Taken: it explains the runs best."),
     Rank(("actuator_deadband",), {"actuator_deadband.voltage": 0.43}, 2.9, 0.75, "Fits worse by 812 units."),

@@ -19,6 +19,7 @@ from brickpilot.vehicle.model import unit_on
 from findings import (
     COMMAND,
     DASH,
+    DIFFERS,
     FRICTION,
     MINUS,
     NOISE,
@@ -382,3 +383,13 @@ def test_a_moved_nominal_value_is_a_headline_of_its_own(found):
     said = verdict(found["none"]).replace("\N{NO-BREAK SPACE}", " ")
     assert "The data do not fit what is stated of resistance (27.3 Ω instead of 22.0 Ω, 5 standard deviations" in said
     assert said.endswith("Or they hide an effect: a load that it carries (payload_mass).")
+
+
+def test_what_differs_from_run_to_run_has_a_sentence_and_a_table(found):
+    made = dataclasses.replace(found["named"], run_values=(DIFFERS,))
+    said = "differs from run to run, with an sd of 3.1 % about its mean: from -2.2 % (curve) to +2.2 % (spin)"
+    assert said in verdict(made)
+    html = page(made, COMMAND)
+    assert html.count(said) == 2
+    assert "less the mean of the runs" in html
+    assert len(Page(html).all("table")) == len(Page(page(found["named"], COMMAND)).all("table")) + 1

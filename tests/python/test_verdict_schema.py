@@ -10,7 +10,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Gap, Parameter, Rank, Visible
-from findings import FRICTION, VERDICTS, all_verdicts
+from findings import DIFFERS, FRICTION, VERDICTS, all_verdicts
 from jsonschema import Draft202012Validator
 from synthetic import motor, write
 from verdict_schema import CLOSED, SCHEMA, check
@@ -90,3 +90,8 @@ def test_an_effect_without_an_interval_holds_to_the_schema(found):
     assert (
         check(dataclasses.replace(found["named"], effects=(alone,)))["effects"][0]["parameters"]["bias"]["ci95"] is None
     )
+
+
+def test_values_of_the_runs_hold_to_the_schema(found):
+    figures = check(dataclasses.replace(found["named"], run_values=(DIFFERS,)))
+    assert figures["run_values"][0]["runs"]["spin"] == {"value": 0.022, "ci95": [0.018, 0.026]}

@@ -63,7 +63,7 @@ class BinnedOutputError(OutputError):
         grid = on_coarse_grid(dataset) if coarse else (Replay(dataset, motor_step=_MOTOR_STEP_S), Bins(BIN_S))
         replay, bins = grid[0], dataclasses.replace(grid[1], changes=self.changes, as_measured=as_measured)
         super().__init__(replay, plan, runs, threads=threads, bins=bins, measured=samples or dataset)
-        self._dataset, self.matched = dataset, MODEL_ERROR_SHARE
+        self._dataset, self._coarse, self.matched = dataset, coarse, MODEL_ERROR_SHARE
         self._noise = {signal: self._estimated_noise(signal) for signal in self.signals}
         self.sample_noise = {signal: self._sample_noise(signal) for signal in self.signals}
         self.noise_floors = {signal: self._noise_floor(signal) for signal in self.signals}
@@ -76,6 +76,14 @@ class BinnedOutputError(OutputError):
         other.plan, other._cache = plan, None
         if threads is not None:
             other._threads = threads
+        return other
+
+    def with_inputs(self, dataset: Dataset) -> BinnedOutputError:
+        """Returns the same measured values, with the weights of now, simulated from the inputs of `dataset`."""
+        other = copy.copy(self)
+        other._replay = on_coarse_grid(dataset)[0] if self._coarse else Replay(dataset, motor_step=_MOTOR_STEP_S)
+        other.scales, other.noise_floors = dict(self.scales), dict(self.noise_floors)
+        other._cache = other._kept = None
         return other
 
     def keep_sensitivities(self, point: Array, count: int) -> None:

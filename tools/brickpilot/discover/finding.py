@@ -13,6 +13,7 @@ from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.discover.yardstick.record import Yardstick
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
+from brickpilot.fit.run_values import RunValues
 from brickpilot.vehicle.model import Model
 
 VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
@@ -314,6 +315,7 @@ class Finding:
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         equations: the equations and sensors of the nominal model that need a disturbance, the most deficient first.
         yardstick: fit in percent before, after and attainable.
+        run_values: what differs from run to run, each kind once.
     """
 
     dataset: Dataset
@@ -344,6 +346,7 @@ class Finding:
     equations: tuple[Deficient, ...] = ()
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
     budget: Budget | None = None
+    run_values: tuple[RunValues, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
@@ -368,6 +371,7 @@ class Finding:
             },
             "nominal": {name: dataclasses.asdict(change) for name, change in self.nominal.items()},
             "nominal_findings": [dataclasses.asdict(one) for one in self.nominal_findings],
+            "run_values": [one.to_json() for one in self.run_values],
             "data_faults": [fault.to_json() for fault in self.faults],
             "next_experiment": _plain(self.next_experiment),
             "term": None

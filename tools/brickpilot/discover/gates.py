@@ -156,6 +156,22 @@ ERROR_SHOWN = 1.5
 WORTH_LISTING = 0.1
 """For `unknown`, the best explanation is listed, without a claim, if it removes this share of the cost above noise."""
 
+# Values that differ from run to run. They have to gain what an effect with as many parameters has to gain, and these.
+
+LEAST_RUNS_THAT_DIFFER = 4
+"""Fit runs, at least: of fewer, no sd between runs can be told. Set without data."""
+
+RUNS_DIFFER_CHANCE = 1e-3
+"""Runs with equal values would differ as much with at most this probability. Set without data."""
+
+HALF_PREDICTS_HALF = 0.5
+"""A value found in one half of a run predicts this share of what the other half asks for: what belongs to the run acts
+all through it, while an effect that is missing acts with the command. Set without data."""
+
+FOLLOWS_THE_DRIVE = 0.9
+"""Values whose correlation, of sizes or of ranks, with the runs' age or voltage is this large follow from what was
+driven: that is a missing effect and no accident of the run. Six unrelated runs show it in 2 %."""
+
 # A composed term. Its gates are those of an effect, and these.
 
 TERM_SHARE_OF_EFFECTS = 0.05

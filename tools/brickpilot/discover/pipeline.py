@@ -6,6 +6,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     calibrate        -> FittedModel   the calibrated nominal model
     search           -> Searched      the best set of effects, and every set that was tried
     judge            -> Verdict       none, named, ambiguous or unknown, with the rivals     (verdict.py)
+    values_that_differ -> RunValues   what differs from run to run beside that; all is explained again with it
     compose          -> Composed      a term without a name, where it explains more than the named effects; found by the
                                       same search (search.py) with other candidates (terms/source.py, effect_source.py)
     write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
@@ -30,7 +31,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
-from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, SEARCHED, Deadline
+from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, JUDGED, SEARCHED, Deadline
 from brickpilot.discover.effect_source import EffectSource
 from brickpilot.discover.equations import find_equations
 from brickpilot.discover.estimate import Stages, estimate
@@ -40,12 +41,14 @@ from brickpilot.discover.fitting import FittedModel
 from brickpilot.discover.long_horizon import follow_whole_runs
 from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
+from brickpilot.discover.run_values import pays, values_that_differ, with_run_values
 from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
 from brickpilot.discover.written import Written, write
 from brickpilot.discover.yardstick import Yardstick, measure, reference
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.descent import Progress
+from brickpilot.fit.run_values import KINDS, RunValues
 from brickpilot.vehicle.model import Model
 
 
@@ -96,6 +99,7 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
     tell("calibrating the nominal model")
     explained: Explained = _explain(prepared, tell)
     explained = _explain_in_windows(explained, tell)
+    explained, run_values = _explain_with_run_values(explained, tell)
     composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
     tell("computing intervals and the next experiment")
     written: Written = write(explained.prepared, explained.verdict, composed)
@@ -114,7 +118,7 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
     budget = (
         None if deadline.budget_s is None else Budget(deadline.budget_s, round(estimated_s, 1), bool(skipped), skipped)
     )
-    return dataclasses.replace(finding, equations=equations, elapsed_s=elapsed_s, budget=budget)
+    return dataclasses.replace(finding, equations=equations, run_values=run_values, elapsed_s=elapsed_s, budget=budget)
 
 
 def _attainable(explained: Explained, written: Written) -> Yardstick:
@@ -151,3 +155,31 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     tell("searching again in short windows")
     again = _explain(windows, tell)
     return again if again.verdict.removed > least else whole
+
+
+def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explained, tuple[RunValues, ...]]:
+    """Explains the runs again with values of their own, where what differs from run to run is left unexplained.
+
+    Values of a kind that takes the place of an effect are found and not applied: the effect keeps its name.
+    """
+    kinds, found = list(KINDS), list[RunValues]()
+    while kinds:
+        prepared, best = explained.prepared, explained.verdict.best
+        if not prepared.until(JUDGED).allows("values that differ from run to run"):
+            break
+        values = values_that_differ(prepared, best, kinds)
+        if values is None:
+            break
+        if values.applied and not prepared.until(SEARCHED / 2).allows("the explanation with values of the runs"):
+            values = dataclasses.replace(values, applied=False)
+        if values.applied:
+            tell("explaining the runs again, each with its own values")
+            again = _explain(with_run_values(prepared, values), tell)
+            if not pays(again.prepared, best, again.verdict.best, values):
+                break
+            explained = again
+        found.append(values)
+        kinds.remove(values.kind)
+        if not values.applied:
+            break
+    return explained, tuple(found)

@@ -72,6 +72,7 @@ def _tables(finding: Finding) -> dict[str, Any]:
         "effects": [discover_tables.effect(one) for one in finding.effects],
         "equivalents": discover_tables.equivalents(finding),
         "nominal": discover_tables.nominal(finding),
+        "run_values": [discover_tables.run_values(one) for one in finding.run_values],
         "ranking": [discover_tables.rank(one, finding.augmented) for one in finding.ranking],
         "ranked": _RANKED,
         "power": [

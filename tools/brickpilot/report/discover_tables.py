@@ -11,6 +11,7 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
 from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank
 from brickpilot.fit.deficient import Deficient
+from brickpilot.fit.run_values import RunValues
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, say, shown_size, words
 from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
@@ -109,6 +110,19 @@ def nominal(finding: Finding) -> list[dict[str, Any]]:
             unstated = {"before": "not stated", "change": None, "away": None, "leaves_prior": False}
             rows.append({**unstated, "name": say(name), "after": after, "data": data})
     return rows
+
+
+def run_values(one: RunValues) -> dict[str, Any]:
+    """Returns one kind of value that differs from run to run, with a row for each run."""
+    kind = one.kind
+    return {
+        "words": kind.words,
+        "sentence": one.sentence(),
+        "heading": {"mean": "less the mean of the runs", "least": "more than in the run of the least"}.get(
+            kind.counts_from, "value"
+        ),
+        "rows": [(name, quantity(value.value, kind.unit, value.ci95)) for name, value in one.runs.items()],
+    }
 
 
 def _determined(finding: Finding, name: str) -> bool:

@@ -72,8 +72,9 @@ def alternatives(effects: Sequence[Effect]) -> list[str]:
 
 
 def verdict(finding: Finding) -> str:
-    """Returns the verdict in one to four sentences that stand alone."""
-    return _verdict(finding) + _moved_values(finding)
+    """Returns the verdict in a few sentences that stand alone."""
+    by_run = "".join(f" {one.sentence()}" for one in finding.run_values)
+    return _verdict(finding) + _moved_values(finding) + by_run
 
 
 def _moved_values(finding: Finding) -> str:
