@@ -196,6 +196,10 @@ TERM_EQUALS_EFFECT = 0.95
 """A composed term equals an effect whose simulated change, fitted to that of the term, has at least this cosine to it:
 it then leaves less than a tenth (1 - 0.95^2) of what the term does. Set without data."""
 
+SLOWEST_SWING_HZ = 0.5
+"""The least frequency of a mass on a spring: a pendulum of a metre swings so, and no robot here carries a longer one.
+A slower one would pass for a loss: on the log of a drivetrain a swing of 18 s stood for drag in turns."""
+
 MOST_TERMS = 3
 """A composed law has no more terms: the basis is large, and a law that a reader can check is short."""
 

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover.candidates import Candidate
-from brickpilot.discover.gates import TERM_PLACE_COST, TERM_SECOND_PLACE_COST, TERM_SENSOR_COST, strip_cost
+from brickpilot.discover.gates import (
+    SLOWEST_SWING_HZ,
+    TERM_PLACE_COST,
+    TERM_SECOND_PLACE_COST,
+    TERM_SENSOR_COST,
+    strip_cost,
+)
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.basis import EFFECT, Basis, basis, parameters, settings_of, terms_of
@@ -36,8 +42,8 @@ class Atom(Candidate):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
-        slowest: Hz, the least frequency. What swings less than once in a run is a drift or a loss: it would pass for
-            any of them.
+        slowest: Hz, the least frequency. What repeats less than once in a run, or is slower than any load swings, is
+            a drift or a loss: it would pass for any of them.
     """
 
     terms: tuple[Basis, ...]
@@ -123,7 +129,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
     several_ages = len({segment.age for segment in segments}) > 1
     clocks = (0.0, 1.0) if several_ages else (0.0,)
     frequencies = {clock: periods.frequencies(segments, residual, clock) for clock in clocks}
-    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0])})
+    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0] if f > SLOWEST_SWING_HZ)})
     orders = periods.angle_orders(segments, residual)
     settings: dict[tuple[str, ...], list[Settings]] = {
         (): [()],
@@ -157,7 +163,10 @@ def strip_atom(name: str, middle: float, half_width: float) -> Atom:
 
 def _slowest(settings: Settings, segments: Sequence[Segment]) -> float:
     shaping = dict(settings)
-    return periods.time_resolution(segments, shaping.get("clock", 0.0)) if "frequency" in shaping else 0.0
+    if "frequency" not in shaping:
+        return 0.0
+    swings = SLOWEST_SWING_HZ if "damping" in shaping else 0.0
+    return max(swings, periods.time_resolution(segments, shaping.get("clock", 0.0)))
 
 
 def _neighbours(settings: dict[str, float], segments: Sequence[Segment]) -> list[Settings]:
