@@ -12,6 +12,7 @@ from brickpilot.data import dataset
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import deadline, pipeline
 from brickpilot.discover.deadline import FIRST_EFFECT, Deadline
+from brickpilot.discover.verdict_json import verdict_json
 from command import brickpilot
 from hidden import folder
 from hidden.manoeuvre import short
@@ -26,13 +27,13 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 def plain(found: Any) -> dict[str, Any]:
-    return {key: value for key, value in found.to_json().items() if key not in ("elapsed_s", "budget")}
+    return {key: value for key, value in verdict_json(found).items() if key not in ("elapsed_s", "budget")}
 
 
 def test_a_budget_that_is_not_used_up_changes_nothing(data: Dataset) -> None:
     free, limited = (pipeline.discover(data, jobs=1, budget_s=budget) for budget in (None, 1e6))
     assert plain(free) == plain(limited)
-    assert free.to_json()["budget"] is None
+    assert verdict_json(free)["budget"] is None
     assert limited.budget is not None
     assert (limited.budget.seconds, limited.budget.exhausted, limited.budget.skipped) == (1e6, False, ())
     assert limited.budget.estimated_s > 0

@@ -19,6 +19,7 @@ from brickpilot.data.dataset import Dataset, Nominal, Run, Signal
 from brickpilot.data.signals import SIGNALS as MEASURABLE
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.fitting import FittedModel, refine, unfitted, without
+from brickpilot.discover.gates import SLOWEST_SWING_HZ
 from brickpilot.discover.prepare import Prepared, prepare
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import c_source
@@ -189,7 +190,7 @@ def test_a_coefficient_keeps_its_sign_and_moves_in_its_logarithm(size: float) ->
     assert plan.free[0].to_value(high) * size > 1
 
 
-def test_no_term_swings_slower_than_once_in_the_longest_run() -> None:
+def test_no_term_repeats_less_than_once_in_the_longest_run_and_no_load_swings_slowly() -> None:
     time = np.arange(0.0, 4.0, 0.03)
     segments = [Segment("run", "yaw_rate", slice(0, len(time)), time, 0.0, {})]
     swings = [one for one in find_atoms("diff_drive", segments, np.sin(9 * time)) if "frequency" in one.free]
@@ -197,7 +198,9 @@ def test_no_term_swings_slower_than_once_in_the_longest_run() -> None:
     for one in swings:
         plan = one.starting(Plan(robot(), (), ()), dict.fromkeys(one.names, 0.1))
         frequency = next(free for free in plan.free if free.name == f"{EFFECT}.frequency")
-        assert frequency.to_value(frequency.bounds()[0]) == pytest.approx(1 / time[-1])
+        least = SLOWEST_SWING_HZ if "damping" in one.free else 1 / time[-1]
+        assert frequency.to_value(frequency.bounds()[0]) == pytest.approx(least)
+    assert {"damping" in one.free for one in swings} == {True, False}
 
 
 def test_a_strip_of_the_floor_has_to_explain_more_than_a_plain_term() -> None:

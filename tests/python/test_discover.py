@@ -17,6 +17,7 @@ from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.gates import gains_enough, required_gain
 from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.start_state import with_averaged_starts, with_rates
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.discover.windows import cut_into_windows
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
@@ -310,7 +311,7 @@ def test_the_verdict_is_plain_json_with_the_promised_keys(friction):
 
 def test_the_same_data_give_the_same_verdict(tmp_path):
     folder = hidden(tmp_path / "set", {"gyro_bias": {"bias": 0.08}})
-    first, second = (pipeline.discover(dataset.read(folder), jobs=jobs).to_json() for jobs in (1, 2))
+    first, second = (verdict_json(pipeline.discover(dataset.read(folder), jobs=jobs)) for jobs in (1, 2))
     assert first | {"elapsed_s": 0} == second | {"elapsed_s": 0}
 
 

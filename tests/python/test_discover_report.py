@@ -10,6 +10,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.fit.replay import Replay
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_plots import Curve, superimposed
@@ -219,7 +220,7 @@ def test_the_equations_that_need_a_disturbance_are_shown_and_written(found):
     assert "reading of yaw rate" in where
     assert "none of the quantities tried" in where
     assert "lacks something" not in Page(page(found["none"], COMMAND)).sections["where"]
-    first, second = found["named"].to_json()["equations"]
+    first, second = verdict_json(found["named"])["equations"]
     assert first["equation"] == "yaw"
     assert first["noise"] == {"value": 0.0121, "unit": "N m", "ci95": [0.0111, 0.013]}
     assert first["best_explained_by"] == "turning"

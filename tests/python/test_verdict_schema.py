@@ -10,6 +10,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Gap, Parameter, Rank, Visible
+from brickpilot.discover.verdict_json import verdict_json
 from findings import DIFFERS, FRICTION, VERDICTS, all_verdicts
 from jsonschema import Draft202012Validator
 from synthetic import motor, write
@@ -71,7 +72,7 @@ def test_what_is_no_number_is_null(found):
 
 def test_a_key_that_nobody_described_is_found(of_a_motor):
     """Who adds a key has to describe it in the schema."""
-    figures = of_a_motor.to_json()
+    figures = verdict_json(of_a_motor)
     validator = Draft202012Validator(CLOSED)
     for spoil in (
         lambda one: one.update(surprise=1),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from importlib import resources
 
+from brickpilot.discover.verdict_json import verdict_json
 from jsonschema import Draft202012Validator
 
 SCHEMA = json.loads(resources.files("brickpilot").joinpath("report/verdict.schema.json").read_text(encoding="utf-8"))
@@ -25,7 +26,7 @@ CLOSED = closed(SCHEMA)
 
 def check(finding):
     """Returns the verdict as it is written, after checking it."""
-    figures = json.loads(json.dumps(finding.to_json(), allow_nan=False))
+    figures = json.loads(json.dumps(verdict_json(finding), allow_nan=False))
     faults = [f"{one.json_path}: {one.message}" for one in Draft202012Validator(CLOSED).iter_errors(figures)]
     assert faults == []
     return figures

@@ -20,6 +20,7 @@ from brickpilot.benchmark.result import RESULTS, append, held_out_gap, load, tru
 from brickpilot.benchmark.sets import Maker, Task, truth_of
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.descent import Progress
 
@@ -111,7 +112,7 @@ def run_one(
         result["cpu_s"] = round(time.process_time() - worked, 2)
         result |= verdict_fields(found)
         result["held_out"] = held_out_gap(found)
-        asked = found.to_json()["next_experiment"]
+        asked = verdict_json(found)["next_experiment"]
         result["asked"] = None if asked is None else {key: asked.get(key) for key in ("name", "signal", "separation")}
         if asked is not None and maker is not None:
             made = maker.follow(folder, asked, further)

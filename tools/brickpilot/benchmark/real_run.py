@@ -23,6 +23,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.replay import Replay
 from brickpilot.vehicle import model as model_file
@@ -141,7 +142,7 @@ def _free_runs(data: Dataset, model: Model, only: Collection[str] | None = None)
 
 def _said(found: Finding) -> dict[str, Any]:
     """Returns verdict, effects and mechanisms of a finding, and its own figures of fit where it has them."""
-    full = found.to_json()
+    full = verdict_json(found)
     mechanisms = {effect.name: effect.mechanism for effect in catalogue.effects()}
     effects = [
         {

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from brickpilot.data.holdout import Roles
 from brickpilot.discover.finding import Finding
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.errors import InputError
 
 RESULTS = "results.jsonl"
@@ -93,7 +94,7 @@ def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
 
 def verdict_fields(found: Finding) -> dict[str, Any]:
     """Returns the fields of a result that tell a finding."""
-    full = found.to_json()
+    full = verdict_json(found)
     return {
         "verdict": found.verdict,
         "mechanism": full["mechanism"],

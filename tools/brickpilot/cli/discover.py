@@ -39,6 +39,7 @@ def discover(
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
+    from brickpilot.discover.verdict_json import verdict_json
     from brickpilot.report import discover_fit, discover_page, discover_text, run_folder
     from brickpilot.vehicle import compensation, model
 
@@ -50,7 +51,7 @@ def discover(
     with run_folder.fresh_folder(folder, conclude.file_names(data)) as beside:
         with progress_shown(as_json) as progress:
             found = pipeline.discover(data, given, seed=seed, jobs=jobs, budget_s=budget, progress=progress)
-        figures = found.to_json()
+        figures = verdict_json(found)
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
         (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
         model.save(found.augmented, beside / "model.toml")

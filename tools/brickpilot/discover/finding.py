@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.discover.yardstick.record import Yardstick
 from brickpilot.fit.deficient import Deficient
@@ -347,75 +345,3 @@ class Finding:
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
-        found: dict[str, Any] = valid(self._figures())
-        return found
-
-    def _figures(self) -> dict[str, Any]:
-        return {
-            "verdict": self.verdict,
-            "mechanism": self.mechanism,
-            "evidence": None if self.evidence is None else self.evidence.kind,
-            "proof": None if self.evidence is None else dataclasses.asdict(self.evidence),
-            "fit_percent": self.yardstick.fit_json(),
-            "predictable": self.yardstick.predictable_json(),
-            "effects": [_effect_json(effect) for effect in self.effects],
-            "where": [dataclasses.asdict(place) for place in self.where],
-            "equations": [one.to_json() for one in self.equations],
-            "gap": {
-                **{role: dataclasses.asdict(gap) for role, gap in self.gap.items()},
-                "unit": "residual rms / noise sd",
-                "by_signal": {name: dataclasses.asdict(gap) for name, gap in self.by_signal.items()},
-            },
-            "nominal": {name: dataclasses.asdict(change) for name, change in self.nominal.items()},
-            "nominal_findings": [dataclasses.asdict(one) for one in self.nominal_findings],
-            "run_values": [one.to_json() for one in self.run_values],
-            "data_faults": [fault.to_json() for fault in self.faults],
-            "next_experiment": _plain(self.next_experiment),
-            "term": None
-            if self.term is None
-            else {
-                "acts_on": self.term.place,
-                "equation": self.term.equation,
-                "source": self.term.file_name,
-                "removed_held_out": self.term.removed_held_out,
-                "matches": [dataclasses.asdict(one) for one in self.term.matches],
-            },
-            "power": {name: dataclasses.asdict(one) for name, one in self.power.items()},
-            "ranking": [dataclasses.asdict(rank) for rank in self.ranking],
-            "roles": dict(self.roles),
-            "held_out_stretches": {name: list(span) for name, span in self.held_out_stretches.items()},
-            "notes": list(self.notes),
-            "elapsed_s": self.elapsed_s,
-            "budget": None if self.budget is None else dataclasses.asdict(self.budget),
-            "seed": self.seed,
-            "version": __version__,
-        }
-
-
-def valid(value: Any) -> Any:
-    """Returns `value` as JSON can hold it: sequences as lists, and None for NaN and Infinity."""
-    if isinstance(value, Mapping):
-        return {key: valid(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [valid(one) for one in value]
-    if isinstance(value, float):  # numpy's float64 is one too
-        return float(value) if math.isfinite(value) else None
-    return value
-
-
-def _effect_json(effect: Effect) -> dict[str, Any]:
-    entry: dict[str, Any] = dataclasses.asdict(effect)
-    entry.pop("equation")
-    return entry
-
-
-def _plain(experiment: Experiment | None) -> dict[str, Any] | None:
-    """Returns the experiment with the manoeuvre's name and break points at its top level, ready for a script."""
-    if experiment is None:
-        return None
-    entry = dataclasses.asdict(experiment)
-    manoeuvre = entry.pop("manoeuvre")
-    return entry | (manoeuvre or {"name": None})
