@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -216,7 +217,9 @@ def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Pa
     )
     done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert "no reply, 0.300 s into the flight; the motors were stopped" in done.stderr
+    # On a busy machine the brick may not read for a second before its replies are missed.
+    lost = r"(no reply|the other end does not read), 0\.300 s into the flight; the motors were stopped"
+    assert re.search(lost, done.stderr)
     figures = json.loads(done.stdout)
     assert figures["steps"] == 100 + fly.GIVE_UP_STEPS
     assert figures["safe_stops"] >= 1

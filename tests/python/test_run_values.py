@@ -12,6 +12,7 @@ from brickpilot.discover import pipeline
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.prepare import prepare
 from brickpilot.discover.run_values import values_that_differ
+from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.fit.held_inputs import held_back, later
 from brickpilot.fit.random_effects import random_effects
 from brickpilot.fit.replay import Replay
@@ -133,7 +134,7 @@ def test_a_set_in_which_no_run_differs_gets_the_same_answer_without_the_stage(lo
     found = [pipeline.discover(data, jobs=1)]
     monkeypatch.setattr(pipeline, "KINDS", ())
     found.append(pipeline.discover(data, jobs=1))
-    written = [{**one.to_json(), "elapsed_s": 0.0} for one in found]
+    written = [{**verdict_json(one), "elapsed_s": 0.0} for one in found]
     assert written[0]["run_values"] == []
     assert written[0] == written[1]
     assert model_file.render(found[0].augmented) == model_file.render(found[1].augmented)
