@@ -30,6 +30,7 @@ from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
 COMMANDED = 4  # the fault of a run that was aborted, see firmware/autopilot/mode.h
+PATIENT_S = 5.0  # for a reply: a brick that a busy machine does not schedule for a second is not lost
 STARTED_HERE = ["serial:pty", "tcp", "can:slcan", "can:virtual"]
 
 
@@ -41,7 +42,9 @@ def plan(sensors: str = "ideal", profile: str = "coupled", **changes: object) ->
 
 def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) -> fly.HilFlight:
     with ends.both_ends(spec) as both:
-        return fly.fly(both, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None)
+        return fly.fly(
+            both, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None, reply_s=PATIENT_S
+        )
 
 
 def undisturbed(flight_in_real_time: Callable[[], fly.HilFlight]) -> fly.HilFlight:
