@@ -300,7 +300,7 @@ class Finding:
 
     Attributes:
         effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
-            `unknown` the best names, which are not claimed.
+            `unknown` the best names, which are not claimed, or those beside a term, which are.
         mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
         evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.

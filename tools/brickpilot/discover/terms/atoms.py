@@ -124,7 +124,7 @@ def with_terms(model: Model, values: Mapping[str, float]) -> Model:
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
     """Returns every term, the periodic ones at the periods that `residual` (N,), a projected one, shows.
 
-    Terms on a strip of the floor are left out: see `Screen`.
+    Terms on a strip of the floor are left out: see `source.TermSource`.
     """
     several_ages = len({segment.age for segment in segments}) > 1
     clocks = (0.0, 1.0) if several_ages else (0.0,)
