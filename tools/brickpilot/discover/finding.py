@@ -122,7 +122,8 @@ class Evidence:
     """What proves the augmented model. It is measured last, on the model as its file says.
 
     Attributes:
-        kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
+        kind: "held_out": runs that are held out as a whole confirm the model. "fitted_only": only fit runs show what it
+            adds, or held-out runs contradict it.
         removed_fit, removed_held_out: the share of the cost above that of noise that it removes, at most 1; below 0
             the model is worse. None: no such runs, or no cost above noise.
         draws: how often the cost on held-out runs falls when stretches of them are drawn again, 0..1; None: no such

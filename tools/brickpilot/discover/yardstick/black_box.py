@@ -158,15 +158,16 @@ def _tried(problem: Problem, way: _Way) -> list[_Tried]:
     if count < 2 or min(int(np.sum(known & (problem.folds != fold))) for fold in range(count)) < _LEAST_ROWS:
         return []
     ridge, kernel = (_best_variant(problem, way, known, by, learn) for by, learn in _LEARNERS.items())
-    if _hopeless(problem, way, known, [ridge, kernel]):
+    first = _one_fold(problem, way, known, _trees, 0)
+    if _hopeless(problem, way, known, [ridge, kernel], first):
         return [ridge, kernel]
-    trees = _best_variant(problem, way, known, "trees", _trees)
+    trees = _best_variant(problem, way, known, "trees", _trees, first)
     both = _Tried("kernel and trees", way, kernel.parts + trees.parts, (kernel.value + trees.value) / 2)
     return [ridge, kernel, trees, both]
 
 
-def _hopeless(problem: Problem, way: _Way, known: Mask, others: Sequence[_Tried]) -> bool:
-    """Returns whether trees predict the first fold so badly that they are not worth their time on the rest."""
+def _hopeless(problem: Problem, way: _Way, known: Mask, others: Sequence[_Tried], grown: Predict) -> bool:
+    """Returns whether the trees grown for the first fold predict it so badly that none are grown for the rest."""
     first = known & (problem.folds == 0)
     target = way.target[first]
 
@@ -174,7 +175,7 @@ def _hopeless(problem: Problem, way: _Way, known: Mask, others: Sequence[_Tried]
         return float(np.sum((target - part.models[0](problem.columns[first])[:, part.variant]) ** 2))
 
     least = min(left(part) for one in others for part in one.parts)
-    trees = left(_Part(_trees, 0, (_one_fold(problem, way, known, _trees, 0),)))
+    trees = left(_Part(_trees, 0, (grown,)))
     return trees > _HOPELESS * min(least, float(target @ target))
 
 
@@ -188,9 +189,17 @@ def _one_fold(problem: Problem, way: _Way, known: Mask, learn: Learn, fold: int)
     return _taught(learn, problem.columns[taught], way.target[taught])
 
 
-def _best_variant(problem: Problem, way: _Way, known: Mask, by: str, learn: Learn) -> _Tried:
+def _best_variant(
+    problem: Problem, way: _Way, known: Mask, by: str, learn: Learn, first: Predict | None = None
+) -> _Tried:
+    """Returns the variant of a learner that predicts unseen rows best.
+
+    Args:
+        first: its model of the first fold, if there is one already.
+    """
     folds = range(int(problem.folds.max()) + 1)
-    models = [_one_fold(problem, way, known, learn, fold) for fold in folds]
+    models = [first or _one_fold(problem, way, known, learn, 0)]
+    models += [_one_fold(problem, way, known, learn, fold) for fold in folds[1:]]
     found = [model(problem.columns[problem.folds == fold]) for fold, model in zip(folds, models, strict=True)]
     raw = np.zeros((len(known), found[0].shape[1]))
     for fold, one in zip(folds, found, strict=True):
