@@ -1,17 +1,22 @@
-"""Reads two options: where a signal stands in a log, `SIGNAL=SOURCE[INDEX]:UNIT`, and nominal values, `NAME=VALUE`."""
+"""Reads two options: where a signal stands in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`."""
 
 from __future__ import annotations
 
+import difflib
 import math
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling, parse_formula
 
-_ENTRY = re.compile(r"(?P<signal>\w+)=(?P<name>[^\[\]:=]+)(?:\[(?P<index>\d{1,5})\])?(?::(?P<unit>.+))?")
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -19,41 +24,119 @@ class Source:
     """Where a signal stands in a log.
 
     Attributes:
-        name: of a variable or column.
-        index: which column of a matrix, from 0; None: the variable is a vector.
-        unit: of the values in the log.
+        text: a column's name, ``name[index]``, or a formula (`formula`).
+        unit: of the formula's value.
     """
 
-    name: str
-    index: int | None
+    text: str
     unit: str
 
 
+@dataclass(frozen=True)
+class Mapped:
+    """The signals of one log.
+
+    Attributes:
+        columns: signal -> its cells. A formula that is linear in one column leaves the cells as logged.
+        scalings: signal -> how its cells become values in the signal's unit; signals with scale 1 and offset 0 are
+            absent.
+    """
+
+    columns: dict[str, Vector]
+    scalings: dict[str, Scaling]
+
+
 def parse_mapping(entries: Sequence[str]) -> dict[str, Source]:
-    """Returns signal -> source from entries like ``position=qm:mm`` or ``voltage=data[2]``. The default is the SI unit.
+    """Returns signal -> source from entries like ``position=qm:mm`` or ``duty_left=pwmL*1/255``.
+
+    The default unit is the SI unit. Formulas are read later, when the names of the log's columns are known.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
     """
     sources: dict[str, Source] = {}
     for entry in entries:
-        found = _ENTRY.fullmatch(entry.strip())
-        if not found:
-            raise InputError("is not SIGNAL=NAME, SIGNAL=NAME[INDEX] or either with :UNIT", field=f"--map {entry}")
-        signal, unit = found["signal"], found["unit"]
+        signal, equals, rest = (part.strip() for part in entry.partition("="))
+        text, unit = _unit_apart(rest)
+        if not (signal and equals and text) or unit == "":
+            message = "is not SIGNAL=NAME, SIGNAL=NAME[INDEX], SIGNAL=FORMULA or one of these with :UNIT"
+            raise InputError(message, field=f"--map {entry}")
         if signal not in SIGNALS:
-            raise InputError("unknown signal", field=f"--map {entry}")
+            alike = difflib.get_close_matches(signal, list(SIGNALS), 1)
+            raise InputError(f"unknown signal{f'; did you mean {alike[0]}?' if alike else ''}", field=f"--map {entry}")
         if signal in sources:
             raise InputError(f"{signal} is mapped already", field=f"--map {entry}")
         try:
             si_factor(unit or SIGNALS[signal].unit, SIGNALS[signal].unit)
         except ValueError as error:
             raise InputError(str(error), field=f"--map {entry}") from error
-        index = None if found["index"] is None else int(found["index"])
-        sources[signal] = Source(found["name"].strip(), index, unit or SIGNALS[signal].unit)
+        sources[signal] = Source(text, unit or SIGNALS[signal].unit)
     if "time" not in sources:
         raise InputError("time is not mapped", field="--map")
     return sources
+
+
+def _unit_apart(text: str) -> tuple[str, str | None]:
+    """Returns the parts before and after the last colon. A unit begins with no slash: ``NT:/drive/left`` has none."""
+    head, colon, unit = text.rpartition(":")
+    if not colon or unit.startswith("/"):
+        return text, None
+    return head.strip(), unit.strip()
+
+
+def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[str, Formula]:
+    """Returns signal -> formula, for a log that has the columns `names`.
+
+    A formula may name a column that is not among them: who reads the log refuses it (`formula.unknown_name`).
+
+    Raises:
+        InputError: a text that is no formula.
+    """
+    formulas = {}
+    for signal, source in sources.items():
+        try:
+            formulas[signal] = parse_formula(source.text, names)
+        except FormulaError as error:
+            raise InputError(str(error), field=f"--map {signal}={source.text}") from error
+    return formulas
+
+
+def take(formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector], file: Path) -> Mapped:
+    """Returns the signals of one log.
+
+    Args:
+        formulas: of `read_formulas`.
+        column: gives the cells of a place for a signal, NaN where blank, or raises an InputError.
+        file: the log, which errors name.
+
+    Raises:
+        InputError: a formula that has no finite value in some rows.
+    """
+    columns, scalings = {}, {}
+    for signal, formula in formulas.items():
+        cells = {place: column(signal, place) for place in formula.places}
+        if formula.scaling is not None:
+            columns[signal] = cells[formula.places[0]]
+            if formula.scaling != Scaling():
+                scalings[signal] = formula.scaling
+            continue
+        try:
+            columns[signal] = formula.values(cells)
+        except FormulaError as error:
+            raise InputError(str(error), file=file, field=signal) from error
+    return Mapped(columns, scalings)
+
+
+def common_scalings(logs: Sequence[Mapped], files: Sequence[Path]) -> dict[str, Scaling]:
+    """Returns signal -> scaling of all the logs of a data set.
+
+    Raises:
+        InputError: a log whose columns have such names that a formula means something else in it.
+    """
+    for log, file in zip(logs, files, strict=True):
+        if log.scalings != logs[0].scalings:
+            raise InputError(f"its columns are named otherwise than those of {files[0]}", file=file)
+    return dict(logs[0].scalings)
 
 
 def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
@@ -77,6 +160,6 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
     return nominal
 
 
-def units_of(sources: dict[str, Source]) -> dict[str, str]:
+def units_of(sources: Mapping[str, Source]) -> dict[str, str]:
     """Returns signal -> unit."""
     return {signal: source.unit for signal, source in sources.items()}

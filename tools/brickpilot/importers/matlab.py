@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Source, parse_mapping, units_of
+from brickpilot.importers.formula import Place, unknown_name
+from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take, units_of
 from brickpilot.importers.mat_file import load
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
@@ -31,8 +32,8 @@ def import_matlab(
     Args:
         files: .mat files that hold the same variables.
         out: the new folder.
-        mapping: ``SIGNAL=VARIABLE:UNIT``, or ``SIGNAL=VARIABLE[COLUMN]:UNIT`` for a column of a matrix, from 0;
-            ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
+        mapping: ``SIGNAL=VARIABLE:UNIT``, ``SIGNAL=VARIABLE[COLUMN]:UNIT`` for a column of a matrix, from 0, or a
+            formula of them; ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
 
     Raises:
@@ -41,38 +42,64 @@ def import_matlab(
     check_out(out)
     sources = parse_mapping(mapping)
     names = run_names(files)
-    runs = [NewRun(run, _columns(file, sources)) for run, file in zip(names, files, strict=True)]
-    new = NewDataset(name or out.resolve().name, vehicle, frame, units_of(sources), runs, nominal or {})
+    logs = [_signals(file, sources) for file in files]
+    runs = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)]
+    scalings = common_scalings(logs, files)
+    new = NewDataset(
+        name or out.resolve().name, vehicle, frame, units_of(sources), runs, nominal or {}, scalings=scalings
+    )
     return write(new, out, files[0])
 
 
-def _columns(file: Path, sources: Mapping[str, Source]) -> dict[str, NDArray[np.float64]]:
+def _signals(file: Path, sources: Mapping[str, Source]) -> Mapped:
     variables = load(file)
-    columns = {signal: _column(file, signal, source, variables) for signal, source in sources.items()}
-    samples = columns["time"].size
-    for signal, values in columns.items():
+    names = _names(variables)
+
+    def column(signal: str, place: Place) -> NDArray[np.float64]:
+        return _column(file, signal, place, variables, names)
+
+    formulas = read_formulas(sources, names)
+    samples = column("time", formulas["time"].places[0]).size
+
+    def checked(signal: str, place: Place) -> NDArray[np.float64]:
+        values = column(signal, place)
         if values.size != samples:
             raise InputError(f"has {values.size} values where time has {samples}", file=file, field=signal)
-    return columns
+        return values
+
+    return take(formulas, checked, file)
 
 
-def _column(file: Path, signal: str, source: Source, variables: Mapping[str, Any]) -> NDArray[np.float64]:
+def _names(variables: Mapping[str, Any]) -> list[str]:
+    """Returns the names of all variables; a field of a struct is ``struct.field``."""
+    names = []
+    for name, value in variables.items():
+        if str(name).startswith("__"):
+            continue
+        names.append(str(name))
+        if isinstance(value, Mapping):
+            names.extend(f"{name}.{field}" for field in _names(value))
+    return names
+
+
+def _column(
+    file: Path, signal: str, place: Place, variables: Mapping[str, Any], names: Sequence[str]
+) -> NDArray[np.float64]:
     value: Any = variables
-    for part in source.name.split("."):
+    for part in place.name.split("."):
         if not isinstance(value, Mapping) or part not in value:
-            known = ", ".join(str(name) for name in variables if not str(name).startswith("__"))
-            raise InputError(f"no variable {source.name!r} among {known[:200]}", file=file, field=signal)
+            raise InputError(unknown_name("variable", place.name, names), file=file, field=signal)
         value = value[part]
     matrix = np.asarray(value)
     if matrix.dtype.kind not in "fiub" or matrix.ndim not in (1, 2):
-        raise InputError(f"{source.name!r} is not a vector or matrix of real numbers", file=file, field=signal)
-    if source.index is not None:
-        if matrix.ndim != 2 or source.index >= matrix.shape[1]:
-            raise InputError(f"{source.name!r} has no column {source.index}, counted from 0", file=file, field=signal)
-        matrix = matrix[:, source.index]
+        raise InputError(f"{place.name!r} is not a vector or matrix of real numbers", file=file, field=signal)
+    if place.index is not None:
+        if matrix.ndim != 2 or place.index >= matrix.shape[1]:
+            raise InputError(f"{place.name!r} has no column {place.index}, counted from 0", file=file, field=signal)
+        matrix = matrix[:, place.index]
     elif matrix.ndim == 2 and min(matrix.shape) != 1:
-        raise InputError(f"{source.name!r} is a matrix; name a column: {source.name}[0]", file=file, field=signal)
+        raise InputError(f"{place.name!r} is a matrix; name a column: {place.name}[0]", file=file, field=signal)
     column = matrix.astype(np.float64).ravel()
     if np.isinf(column).any():
-        raise InputError(f"{source.name!r} holds an infinite value", file=file, field=signal)
+        raise InputError(f"{place.name!r} holds an infinite value", file=file, field=signal)
     return column

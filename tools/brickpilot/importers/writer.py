@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from brickpilot.data import dataset
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
+from brickpilot.importers.formula import Scaling
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class NewRun:
     """A run to be written.
 
     Attributes:
-        columns: signal -> values in the unit that the data set states, NaN for a blank cell; all have the same length.
+        columns: signal -> cells, NaN for a blank one; all have the same length. `NewDataset.scalings` makes them values
+            in the unit that the data set states.
         gap_s: s of pause between the run before and this one; None: not stated.
     """
 
@@ -45,7 +47,14 @@ class NewRun:
 
 @dataclass(frozen=True)
 class NewDataset:
-    """A data set to be written. `units`: signal -> unit, for every signal, in the order of the columns."""
+    """A data set to be written.
+
+    Attributes:
+        units: signal -> unit, for every signal, in the order of the columns.
+        notes: for the user; they also stand as comments at the head of the description.
+        scalings: signal -> how its cells become values; absent: they are values.
+        reasons: signal -> why it was taken for what it is: a comment behind its line.
+    """
 
     name: str
     vehicle: Vehicle
@@ -54,6 +63,8 @@ class NewDataset:
     runs: Sequence[NewRun]
     nominal: Mapping[str, float] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    scalings: Mapping[str, Scaling] = field(default_factory=dict)
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
 
 def check_out(out: Path) -> None:
@@ -134,7 +145,10 @@ def _description(new: NewDataset) -> str:
     document["csv"] = _inline({"delimiter": ",", "header": True})
     signals = tomlkit.table()
     for signal, unit in new.units.items():
-        signals[signal] = _inline({"column": signal, "unit": unit})
+        entry: dict[str, object] = {"column": signal, "unit": unit}
+        signals[signal] = _inline(entry | _scaling(new.scalings.get(signal, Scaling())))
+        if signal in new.reasons:
+            signals[signal].comment(new.reasons[signal])
     document["signals"] = signals
     document["nominal"] = dict(new.nominal)
     runs = tomlkit.aot()
@@ -146,6 +160,11 @@ def _description(new: NewDataset) -> str:
         runs.append(entry)
     document["runs"] = runs
     return tomlkit.dumps(document)
+
+
+def _scaling(scaling: Scaling) -> dict[str, object]:
+    stated: dict[str, object] = {"scale": scaling.scale, "offset": scaling.offset}
+    return {name: value for name, value in stated.items() if value != getattr(Scaling(), name)}
 
 
 def _inline(values: Mapping[str, object]) -> tomlkit.items.InlineTable:

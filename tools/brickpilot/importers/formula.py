@@ -1,0 +1,254 @@
+"""Reads formulas over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``.
+
+A formula has names of columns, numbers, ``+ - * /`` and parentheses, and nothing else is evaluated. A name may hold any
+character where the log has a column of this name: ``/drive/left`` is then a name and no division.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+_LONGEST = 300  # characters: a formula is typed by hand, and Python's parser has a limit of depth
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
+_INDEX = r"(?:\[(?P<index>\d{1,5})\])?"
+_INDEXED = re.compile(rf"(?P<name>[^\[\]]*[^\[\]\s])\s*{_INDEX}")
+_ALIKE = 0.8  # of difflib: a text as like as this to a name like /drive/left is that name misspelt
+
+
+class FormulaError(ValueError):
+    """A text that is no formula. The message is for the user and does not repeat the text."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where numbers stand in a log: a column or variable, and in a matrix the column's index from 0."""
+
+    name: str
+    index: int | None = None
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A straight line: value = scale * cell + offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A formula that has been read.
+
+    Attributes:
+        text: as the user wrote it.
+        places: what it takes from the log, each once, in the order of the text.
+        scaling: its straight line where it is linear in the only place that it names; else None.
+    """
+
+    text: str
+    places: tuple[Place, ...]
+    scaling: Scaling | None
+    _tree: ast.expr
+
+    def values(self, columns: Mapping[Place, Vector]) -> Vector:
+        """Returns the formula's value in each row.
+
+        Raises:
+            FormulaError: it divides by 0, or a value is too large for a number.
+        """
+        named = {f"_{number}": columns[place] for number, place in enumerate(self.places)}
+        with np.errstate(all="ignore"):
+            result = np.asarray(_evaluated(self._tree, named), dtype=np.float64)
+        blank = np.any([np.isnan(column) for column in named.values()], axis=0)
+        if (wrong := ~np.isfinite(result) & ~blank).any():
+            raise FormulaError(f"{self.text!r} is no number in {np.count_nonzero(wrong)} rows: it divides by 0 there")
+        return result
+
+
+def parse_formula(text: str, names: Sequence[str]) -> Formula:
+    """Returns the formula of `text`.
+
+    Args:
+        text: a name, ``name[index]``, or a formula of them.
+        names: the columns that the log has. A text that is one of them whole is that name. A name that is not among
+            them is no error here: `Formula.places` has it.
+
+    Raises:
+        FormulaError: the text is no formula. The message names the character.
+    """
+    text = text.strip()
+    whole = _INDEXED.fullmatch(text)
+    if text in names or (whole and whole["name"] in names):
+        known = Place(text) if text in names or not whole else Place(whole["name"], _index(whole))
+        return Formula(text, (known,), Scaling(), ast.Name("_0"))
+    try:
+        places, tree = _parsed(text, names)
+    except FormulaError:
+        if not difflib.get_close_matches(text, [name for name in names if re.search(r"\W", name)], 1, _ALIKE):
+            raise
+        places, tree = [Place(text)], ast.Name("_0")
+    if not places:
+        raise FormulaError("names no column; a fixed value stands in --nominal")
+    line = _line(tree)
+    scaling = None
+    if line is not None and len(places) == 1:
+        scaling = Scaling(line.get("_0", 0.0), line.get("", 0.0))
+        if scaling.scale == 0.0:
+            raise FormulaError("does not depend on any column")
+    return Formula(text, tuple(places), scaling, tree)
+
+
+def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
+    """Returns "no column 'encl' among ...; did you mean 'encL'?" for a name that a log does not have."""
+    known = [one for one in names if one]
+    lower = {one.lower(): one for one in reversed(known)}
+    alike = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
+    return f"no {kind} {name!r} among {_listed(known)}" + (f"; did you mean {lower[alike[0]]!r}?" if alike else "")
+
+
+def _listed(names: Sequence[str], longest: int = 200) -> str:
+    text = ", ".join(names)
+    return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
+
+
+def _index(found: re.Match[str]) -> int | None:
+    return None if found["index"] is None else int(found["index"])
+
+
+def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
+    """Returns the places of a formula and its tree, in which place k is the name ``_k``."""
+    if len(text) > _LONGEST:
+        raise FormulaError(f"is longer than {_LONGEST} characters")
+    places: list[Place] = []
+    parts: list[str] = []
+    at: list[int] = []  # for each character of the rewritten text: its place in `text`
+    token = _tokens(names)
+    position = 0
+    while position < len(text):
+        found = token.match(text, position)
+        if not found:
+            raise FormulaError(f"{text[position]!r} at character {position + 1} is neither a column nor + - * / ( )")
+        part = found[0]
+        if found["name"]:
+            place = Place(found["name"], _index(found))
+            if place not in places:
+                places.append(place)
+            part = f"_{places.index(place)}"
+        elif found["number"]:
+            part = repr(_finite(float(part)))
+        parts.append(f"{part} ")  # the blank keeps a number apart from a name
+        at.extend([position] * len(parts[-1]))
+        position = found.end()
+    return places, _tree("".join(parts), text, at)
+
+
+def _tokens(names: Sequence[str]) -> re.Pattern[str]:
+    """Returns the pattern of a name, a number or a sign; known names come first, the longest before the others."""
+    known = sorted((name for name in names if name and not re.fullmatch(_NUMBER, name)), key=len, reverse=True)
+    edged = [
+        ("(?<!\\w)" if name[0].isalnum() else "") + re.escape(name) + ("(?!\\w)" if name[-1].isalnum() else "")
+        for name in known
+    ]
+    return re.compile(rf"(?P<name>{'|'.join([*edged, _IDENTIFIER])}){_INDEX}|(?P<number>{_NUMBER})|[-+*/()]|\s+")
+
+
+def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
+    try:
+        tree = ast.parse(rewritten.strip(), mode="eval").body
+    except SyntaxError as error:
+        start = len(rewritten) - len(rewritten.lstrip())
+        offset = (error.offset or 1) - 1 + start
+        if not error.offset or offset >= len(at) - 1:
+            raise FormulaError("is no formula: it ends too early") from error
+        raise FormulaError(f"is no formula: wrong near {text[at[offset] :][:10]!r}") from error
+    for node in ast.walk(tree):
+        if not isinstance(node, _ALLOWED):
+            raise FormulaError("may have names of columns, numbers, + - * / and parentheses only")
+    return tree
+
+
+_ALLOWED = (
+    ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.UAdd, ast.USub, ast.Constant, ast.Name, ast.Load,
+)  # fmt: skip
+
+
+def _constant(node: ast.Constant) -> float:
+    assert isinstance(node.value, float)
+    return node.value
+
+
+def _evaluated(node: ast.expr, named: Mapping[str, Vector]) -> Vector | np.float64:
+    if isinstance(node, ast.Name):
+        return named[node.id]
+    if isinstance(node, ast.UnaryOp):
+        value = _evaluated(node.operand, named)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp):
+        left, right = _evaluated(node.left, named), _evaluated(node.right, named)
+        match node.op:
+            case ast.Add():
+                return left + right
+            case ast.Sub():
+                return left - right
+            case ast.Mult():
+                return left * right
+        return left / right
+    assert isinstance(node, ast.Constant)
+    return np.float64(_constant(node))
+
+
+def _line(node: ast.expr) -> dict[str, float] | None:
+    """Returns name -> factor, and "" -> the constant, of a formula that is linear in its columns; else None.
+
+    Raises:
+        FormulaError: it divides by the constant 0, or a number in it is too large.
+    """
+    match node:
+        case ast.Name():
+            return {node.id: 1.0}
+        case ast.Constant():
+            return {"": _constant(node)}
+        case ast.UnaryOp():
+            inner = _line(node.operand)
+            return _times(inner, -1.0) if isinstance(node.op, ast.USub) else inner
+        case ast.BinOp():
+            return _joined(node.op, _line(node.left), _line(node.right))
+    raise AssertionError(node)
+
+
+def _joined(
+    sign: ast.operator, left: dict[str, float] | None, right: dict[str, float] | None
+) -> dict[str, float] | None:
+    if isinstance(sign, ast.Div) and right is not None and not set(right) - {""}:
+        if right[""] == 0.0:
+            raise FormulaError("divides by 0")
+        return None if left is None else {name: _finite(factor / right[""]) for name, factor in left.items()}
+    if left is None or right is None or isinstance(sign, ast.Div):
+        return None
+    if isinstance(sign, ast.Mult):
+        if not set(left) - {""}:
+            return _times(right, left[""])
+        return _times(left, right[""]) if not set(right) - {""} else None
+    by = -1.0 if isinstance(sign, ast.Sub) else 1.0
+    return {name: _finite(left.get(name, 0.0) + by * right.get(name, 0.0)) for name in {**left, **right}}
+
+
+def _times(line: dict[str, float] | None, factor: float) -> dict[str, float] | None:
+    return None if line is None else {name: _finite(value * factor) for name, value in line.items()}
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise FormulaError("a number in it is too large")
+    return value
