@@ -117,11 +117,11 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
         return command;
     if (state->silent_ms > config->silent_ms) {
         state->aborted_silent = fix_count_u16(state->aborted_silent);
-        return MODE_CUT;
+        return MODE_CUT_SILENT;
     }
     if (elapsed_ms > config->watchdog_ms) {
         state->aborted_late = fix_count_u16(state->aborted_late);
-        return MODE_ABORT;
+        return MODE_CUT_LATE;
     }
     return command;
 }

@@ -1,7 +1,7 @@
 /* loop.h: the control loop, and with serve.h the only caller of the HAL. A tick reads the sensors, runs the step and writes the motors.
  *
  * Call loop_tick() every STEP_MS. It measures the period itself, so that a late tick is integrated over its true length.
- * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is aborted, with motors off.
+ * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off.
  * A run also ends when neither a sensor nor a message has been heard for silent_ms. Only a reset and a new start drive
  * again.
  */

@@ -18,8 +18,8 @@ static void obey(const route_t *route, mode_state_t *state, mode_command_t comma
     if (state->mode == MODE_RUN) {
         if (command == MODE_ABORT)
             enter(state, MODE_FAULT, MODE_COMMANDED);
-        else if (command == MODE_CUT)
-            enter(state, MODE_FAULT, MODE_SILENT);
+        else if (command >= MODE_CUT_SILENT)
+            enter(state, MODE_FAULT, (mode_fault_t)command);
     } else if (command == MODE_RESET) {
         enter(state, MODE_IDLE, MODE_NO_FAULT);
     } else if (state->mode == MODE_IDLE && command == MODE_START) {

@@ -19,9 +19,6 @@ typedef struct {
 enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 };
 typedef uint8_t mode_name_t;
 
-enum { MODE_NONE = 0, MODE_START = 1, MODE_ABORT = 2, MODE_RESET = 3, MODE_CUT = 4 };
-typedef uint8_t mode_command_t;
-
 enum {
     MODE_NO_FAULT = 0,
     MODE_LEG_TIMED_OUT = 1,
@@ -29,9 +26,21 @@ enum {
     MODE_STATE_LOST = 3,
     MODE_COMMANDED = 4,
     MODE_NO_ROUTE = 5, /* started with an empty route */
-    MODE_SILENT = 6    /* cut: neither a sensor nor a message has come for too long */
+    MODE_SILENT = 6,   /* cut: neither a sensor nor a message has come for too long */
+    MODE_LATE = 7      /* cut: a tick came later than the watchdog allows */
 };
 typedef uint8_t mode_fault_t;
+
+/* The loop gives the last two itself; the fault has the number of the command. */
+enum {
+    MODE_NONE = 0,
+    MODE_START = 1,
+    MODE_ABORT = 2,
+    MODE_RESET = 3,
+    MODE_CUT_SILENT = MODE_SILENT,
+    MODE_CUT_LATE = MODE_LATE
+};
+typedef uint8_t mode_command_t;
 
 /* All zero is IDLE. */
 typedef struct {

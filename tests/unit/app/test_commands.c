@@ -264,7 +264,8 @@ static void test_a_mode_command_waits_for_the_next_step_and_acts_once(void)
     loop.step.mode.mode = MODE_FAULT;
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, command(MODE_START));
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_NONE));
-    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_CUT));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_CUT_SILENT));
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_UNKNOWN, command(MODE_CUT_LATE));
     TEST_ASSERT_EQUAL(MODE_ABORT, commands_next(&commands));
 }
 

@@ -90,7 +90,7 @@ static void test_loop_aborts_when_the_watchdog_was_not_served(void)
     port.clock_ms += config.watchdog_ms;
     run(1, 3, MODE_NONE);
     TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
-    TEST_ASSERT_EQUAL(MODE_COMMANDED, state.step.mode.fault);
+    TEST_ASSERT_EQUAL(MODE_LATE, state.step.mode.fault);
     TEST_ASSERT_EQUAL_UINT16(1, state.aborted_late);
     TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
 }

@@ -119,6 +119,19 @@ static void test_mode_abort_is_a_fault(void)
     assert_stopped(MODE_FAULT, MODE_COMMANDED);
 }
 
+static void test_mode_a_cut_is_a_fault_of_its_own(void)
+{
+    step(MODE_CUT_LATE); /* in IDLE: nothing to cut */
+    assert_stopped(MODE_IDLE, MODE_NO_FAULT);
+    step(MODE_START);
+    step(MODE_CUT_LATE);
+    assert_stopped(MODE_FAULT, MODE_LATE);
+    step(MODE_RESET);
+    step(MODE_START);
+    step(MODE_CUT_SILENT);
+    assert_stopped(MODE_FAULT, MODE_SILENT);
+}
+
 static void test_mode_empty_route_is_a_fault(void)
 {
     route = (route_t){0};
@@ -206,6 +219,7 @@ int main(void)
     RUN_TEST(test_mode_leg_time_out_is_a_fault);
     RUN_TEST(test_mode_overshoot_is_a_fault);
     RUN_TEST(test_mode_abort_is_a_fault);
+    RUN_TEST(test_mode_a_cut_is_a_fault_of_its_own);
     RUN_TEST(test_mode_empty_route_is_a_fault);
     RUN_TEST(test_mode_keeps_the_last_demand_while_the_state_is_briefly_lost);
     RUN_TEST(test_mode_lost_time_begins_anew_with_each_valid_state);

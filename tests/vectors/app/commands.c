@@ -50,7 +50,7 @@ static void draw(commands_t *commands, message_t *message)
         data[4] = (uint8_t)draw_up_to(2);
         data[5] = (uint8_t)draw_up_to(2);
     } else if (message->id == WIRE_MODE_COMMAND_FRAME_ID) {
-        data[1] = (uint8_t)draw_up_to(MODE_CUT);
+        data[1] = (uint8_t)draw_up_to(MODE_CUT_LATE);
     } else if (message->id == WIRE_ROUTE_REQUEST_FRAME_ID && !draw_rarely(2)) {
         put(&data[2], check_of_next(commands, data[1] & NUMBER));
     }
@@ -70,7 +70,7 @@ void vectors_feed(void)
         commands_start(&commands);
     started = true;
     loop.step.mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
-    loop.step.mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
+    loop.step.mode.fault = (mode_fault_t)draw_up_to(MODE_LATE);
     draw(&commands, &message);
     loop.tick = 1;
     const bool result = commands_take(&commands, &loop, &message);

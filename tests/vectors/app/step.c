@@ -104,7 +104,7 @@ void vectors_feed(void)
     if (run.state.mode.mode != MODE_RUN)
         command = draw_rarely(1) ? MODE_START : MODE_RESET;
     if (draw_rarely(6))
-        command = (mode_command_t)draw_up_to(MODE_CUT);
+        command = (mode_command_t)draw_up_to(MODE_CUT_LATE);
     sense(&run);
     step_run(&run.config, &run.route, &run.state, &run.sensors, command, &output);
     hash(&run.state, &output);

@@ -18,7 +18,7 @@ static void draw(step_state_t *state, step_output_t *output)
     output->effort.surge_mv = draw_s16();
     output->effort.yaw_mv = draw_s16();
     state->mode.mode = (mode_name_t)draw_up_to(MODE_FAULT);
-    state->mode.fault = (mode_fault_t)draw_up_to(MODE_SILENT);
+    state->mode.fault = (mode_fault_t)draw_up_to(MODE_LATE);
     output->demand.speed_mm_s_q4 = draw_s16();
     output->demand.heading_bam16 = (uint16_t)draw_s16();
     state->mode.los.phase = (los_phase_t)draw_up_to(LOS_END);

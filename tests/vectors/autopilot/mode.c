@@ -31,7 +31,7 @@ void vectors_feed(void)
     if (state.mode != MODE_RUN)
         command = draw_rarely(1) ? MODE_START : MODE_RESET;
     if (draw_rarely(5))
-        command = (mode_command_t)draw_up_to(MODE_CUT);
+        command = (mode_command_t)draw_up_to(MODE_CUT_LATE);
     draw_estimate_about(&estimate, &waypoints[state.los.waypoint], state.los.bearing_bam16);
     estimate.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
     mode_step(&config, &route, &state, &estimate, command, &demand);

@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.constants import ACCEPTANCE_M
+from brickpilot.constants import ACCEPTANCE_M, STEP_S
 from brickpilot.data.ils import signal_error
 from brickpilot.vehicle.flight import Flight
 
 Array = NDArray[np.float64]
 
 _RUN, _DRIVING = 1, 3  # codes in the columns mode and phase
+_ENDED = 2  # this mode and those above it: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
-_FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent")
+LATE = "late tick"  # later than the watchdog allows
+_FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent", LATE)
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,7 @@ def _mission_figures(flight: Flight) -> dict[str, Any]:
 
 def _final_figures(flight: Flight) -> dict[str, Any]:
     log = flight.log
+    ended = np.flatnonzero(log["mode"] >= _ENDED)
     return {
         "saturated_steps": {
             "surge": int(np.count_nonzero(log["surge_saturated"])),
@@ -143,4 +146,6 @@ def _final_figures(flight: Flight) -> dict[str, Any]:
         "overshoots": int(log["overshoots"][-1]),
         "final_mode": _MODES[int(log["mode"][-1])],
         "fault": _FAULTS[int(log["fault"][-1])],
+        "ended_at_s": float(log["time_s"][ended[0]]) if len(ended) else None,
+        "simulated_s": len(log["time_s"]) * STEP_S,
     }
