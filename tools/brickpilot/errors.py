@@ -1,7 +1,9 @@
-"""The two errors of this package: the input is bad, or a simulation failed."""
+"""The errors of this package: the input is bad, a simulation failed, or what was asked for was done and failed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -17,6 +19,10 @@ class SimulationError(Exception):
         super().__init__(message)
         self.job = job
         self.status = status
+
+
+class WorkFailedError(Exception):
+    """The work was done and failed, as a mission that was not flown. The CLI prints one line; exit status 1."""
 
 
 class InputError(Exception):
@@ -38,3 +44,9 @@ class InputError(Exception):
         if field is not None:
             place += f" {field}:" if place else f"{field}:"
         super().__init__(" ".join(f"{place} {message}".strip().splitlines()))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Returns "; did you mean A or B?" with the known names that are most like `name`, or nothing if none is."""
+    close = get_close_matches(name, list(known), n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(close)}?" if close else ""

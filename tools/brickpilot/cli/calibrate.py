@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from brickpilot.cli.completion import effect_names
 from brickpilot.cli.terminal import as_json, interval, progress_shown, seed_option
 
 
@@ -17,6 +18,7 @@ from brickpilot.cli.terminal import as_json, interval, progress_shown, seed_opti
     "effect_names",
     multiple=True,
     metavar="NAME",
+    shell_complete=effect_names,
     help="Switch this effect on and fit its parameters; repeatable.",
 )
 @click.option(

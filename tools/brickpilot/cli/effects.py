@@ -4,32 +4,69 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
+from brickpilot.cli.completion import effect_names, mechanisms
 from brickpilot.cli.terminal import as_json
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from brickpilot.catalogue import EffectInfo, ParameterInfo
 
 
 @click.command()
-@click.argument("name", required=False)
+@click.argument("word", metavar="[NAME|WORD]", required=False, shell_complete=effect_names)
+@click.option(
+    "--mechanism",
+    metavar="NAME",
+    shell_complete=mechanisms,
+    help="Only the effects of this part of the robot, such as bearing or sensor.",
+)
+@click.option("--long", "whole", is_flag=True, help="Show equation, source and parameters of each effect.")
 @as_json
-def effects(name: str | None, as_json: bool) -> None:
-    """Lists the effects of the library, or only the effect NAME."""
+def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool) -> None:
+    """Lists the effects that the simulator can switch on, a line each: name, mechanism and what it is.
+
+    NAME shows one effect with its equation, source and parameters. WORD shows the effects whose name or description
+    contains it.
+    """
     from brickpilot import catalogue
 
-    known = {effect.name: effect for effect in catalogue.effects()}
-    if name is not None and name not in known:
-        raise InputError(f"is no effect; known effects: {', '.join(known)}", field=name)
-    chosen = list(known.values()) if name is None else [known[name]]
+    known = [effect for effect in catalogue.effects() if _is_of(effect, mechanism)]
+    if not known:
+        all_of_them = list(dict.fromkeys(effect.mechanism for effect in catalogue.effects()))
+        raise InputError(f"is no mechanism; known: {', '.join(all_of_them)}", field=f"--mechanism {mechanism}")
+    chosen = _chosen(known, word, mechanism)
     if as_json:
         click.echo(json.dumps({effect.name: dataclasses.asdict(effect) for effect in chosen}))
-        return
-    click.echo("\n\n".join(_text(effect) for effect in chosen))
+    elif whole or [effect.name for effect in chosen] == [word]:
+        click.echo("\n\n".join(_text(effect) for effect in chosen))
+    else:
+        click.echo("\n".join(f"{effect.name:26} {effect.mechanism:8} {effect.summary}" for effect in chosen))
+
+
+def _is_of(effect: EffectInfo, mechanism: str | None) -> bool:
+    return mechanism is None or effect.mechanism == mechanism
+
+
+def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None) -> list[EffectInfo]:
+    """Returns the effect of that name, else those that contain the word.
+
+    Raises:
+        InputError: there is none; names that are like it are told.
+    """
+    if word is None:
+        return list(known)
+    found = [effect for effect in known if effect.name == word]
+    found = found or [effect for effect in known if word.lower() in f"{effect.name} {effect.summary}".lower()]
+    if not found:
+        among = f" of the mechanism {mechanism}" if mechanism else ""
+        like = did_you_mean(word, [effect.name for effect in known])
+        raise InputError(f"is no effect{among}, and no description has this word{like}", field=word)
+    return found
 
 
 def _text(effect: EffectInfo) -> str:

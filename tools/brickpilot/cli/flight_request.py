@@ -10,14 +10,21 @@ from typing import TYPE_CHECKING
 
 import click
 
+from brickpilot.cli.completion import scenario_names
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     from brickpilot.vehicle.flight import Plan
 
 _OPTIONS = (
-    click.argument("scenario_name", metavar="[SCENARIO]", required=False),
-    click.option("--scenario", "scenario_file", metavar="FILE", help="A scenario file; the same as the argument."),
+    click.argument("scenario_name", metavar="[SCENARIO]", required=False, shell_complete=scenario_names),
+    click.option(
+        "--scenario",
+        "scenario_file",
+        metavar="FILE",
+        shell_complete=scenario_names,
+        help="A scenario file; the same as the argument.",
+    ),
     click.option(
         "--profile",
         type=click.Choice(["coupled", "paper"]),

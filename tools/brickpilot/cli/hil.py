@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
+from brickpilot.cli.completion import setting_names
 from brickpilot.cli.flight_request import FlightRequest, flight_options
+from brickpilot.cli.mission_lines import figure_lines, link_lines, waypoint_lines
+from brickpilot.cli.settings import setting_lines
 from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.constants import STEP_S
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.errors import InputError, SimulationError, WorkFailedError
 
 if TYPE_CHECKING:
     from brickpilot.hil.fly import HilFlight
@@ -56,14 +59,27 @@ if TYPE_CHECKING:
     "written",
     multiple=True,
     metavar="NAME=VALUE",
+    shell_complete=setting_names,
     help="Write this raw value to a setting before the flight; repeatable.",
 )
-@click.option("--settings", "list_settings", is_flag=True, help="List the brick's settings as raw values; do not fly.")
+@click.option(
+    "--settings",
+    "list_settings",
+    is_flag=True,
+    help="List the settings of this brick; do not fly. `brickpilot settings` lists them without a brick.",
+)
 @click.option(
     "--record", "record_file", metavar="FILE", help="Write the link's traffic to FILE: .asc, .blf or .log (candump's)."
 )
 @click.option(
     "--replay", "replay_file", metavar="FILE", help="Send the traffic of FILE to the brick again and compare."
+)
+@click.option(
+    "--junit",
+    "junit_file",
+    metavar="FILE",
+    help="Write the checks of the flight as JUnit XML for Jenkins or GitLab: link, late ticks, controller, safe stops "
+    "and each waypoint.",
 )
 @click.option("--out", metavar="DIR", help="The run folder to write; default runs/hil-SCENARIO-PROFILE-SENSORS.")
 @as_json
@@ -77,13 +93,16 @@ def hil(
     list_settings: bool,
     record_file: str | None,
     replay_file: str | None,
+    junit_file: str | None,
     out: str | None,
     as_json: bool,
 ) -> None:
     """Flies SCENARIO with the plant at one end of a link and the controller at the other.
 
     Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
-    `brickpilot run`, bit for bit. The run folder holds log.csv, summary.json and report.html.
+    `brickpilot run`, bit for bit, to the end of the scenario. A flight in real time ends a second after the mission.
+    The run folder holds log.csv, summary.json and report.html. A mission that was not flown, a fault, a safe stop and
+    a lost link give one line and exit status 1.
     """
     spec = _link_of(spec, target, lockstep)
     if replay_file is not None:
@@ -93,7 +112,8 @@ def hil(
     else:
         every = telemetry_every or (1 if lockstep else 10)
         record = None if record_file is None else Path(record_file)
-        _fly(request, _Session(spec, lockstep, every, written, record, as_json), out)
+        junit = None if junit_file is None else Path(junit_file)
+        _fly(request, _Session(spec, lockstep, every, written, record, junit, as_json), out)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,6 +125,7 @@ class _Session:
     telemetry_every: int
     written: tuple[str, ...]
     record: Path | None
+    junit: Path | None
     as_json: bool
 
     @property
@@ -134,37 +155,67 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
 
 
 def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
-    """Flies the mission, writes its run folder and prints its figures."""
+    """Flies the mission, writes its run folder, prints its figures, and fails if the mission was not flown."""
     from brickpilot.hil import ends
     from brickpilot.hil.h8_simulator import check_sensors
-    from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import flight_figures
+    from brickpilot.report import junit, run_folder, run_page
+    from brickpilot.vehicle import flight_checks
 
     settings = settings_of(session.written)
     plan = request.plan()
     check_sensors(session.spec, plan.sensors)
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
+    command = _command(request, session, plan)
     priority = not session.lockstep and ends.claim_priority()
-    flown = _fly_over_the_link(plan, session, settings)
-    figures = flight_figures.summary(flown.flight) | {
+    try:
+        flown = _fly_over_the_link(plan, session, settings)
+    except (InputError, SimulationError) as error:
+        _write_junit(session, junit.text_of_error(plan.scenario.name, str(error), command))
+        raise
+    figures = _figures(flown, session) | {"realtime_priority": priority}
+    failure = figures["failure"] = flight_checks.failure(figures)
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command), folder)
+    _write_junit(session, junit.text(plan.scenario.name, flight_checks.checks(figures), command))
+    if session.as_json:
+        click.echo(json.dumps(figures))
+    else:
+        _print_flight(figures, folder, lacks_priority=not session.lockstep and not priority)
+    if failure is not None:
+        raise WorkFailedError(f"{session.spec}: {failure}")
+
+
+def _command(request: FlightRequest, session: _Session, plan: Plan) -> str:
+    """Returns the command line that repeats the flight."""
+    words = ["brickpilot", "hil", request.scenario, "--link", session.spec, f"--{session.pace}"]
+    words += request.options(plan)
+    return shlex.join(words + [word for pair in session.written for word in ("--set", pair)])
+
+
+def _figures(flown: HilFlight, session: _Session) -> dict[str, Any]:
+    """Returns the figures of the flight, and those of its link."""
+    from brickpilot.vehicle import flight_figures
+
+    return flight_figures.summary(flown.flight) | {
         "link": session.spec,
         "pace": session.pace,
-        "realtime_priority": priority,
         "late_ticks": flown.late_ticks,
         "lost_frames": flown.lost_frames,
         "safe_stops": flown.safe_stops,
         "broke_off": flown.broke_off,
     }
-    command = ["brickpilot", "hil", request.scenario, "--link", session.spec, f"--{session.pace}"]
-    command += request.options(plan)
-    command += [word for pair in session.written for word in ("--set", pair)]
-    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, shlex.join(command)), folder)
-    if session.as_json:
-        click.echo(json.dumps(figures))
-    else:
-        _print_flight(plan, figures, folder, lacks_priority=not session.lockstep and not priority)
-    if flown.broke_off:
-        raise SimulationError(f"{session.spec}: the link was lost: {flown.broke_off}; the motors were stopped")
+
+
+def _write_junit(session: _Session, text: str) -> None:
+    """Writes the JUnit file, where one was asked for."""
+    from brickpilot.vehicle import whole_file
+
+    if session.junit is None:
+        return
+    try:
+        session.junit.parent.mkdir(parents=True, exist_ok=True)
+        whole_file.write(session.junit, text)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=session.junit) from error
 
 
 def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) -> HilFlight:
@@ -198,15 +249,10 @@ def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) 
         )
 
 
-def _print_flight(plan: Plan, figures: dict[str, Any], folder: Path, *, lacks_priority: bool) -> None:
-    click.echo(
-        f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order, "
-        f"{plan.controller}, {plan.sensors}, {figures['link']} in {figures['pace']}, "
-        f"{figures['times_real_time']:.1f} times real time\n"
-        f"late ticks: {figures['late_ticks']} of {figures['steps']}, lost frames: {figures['lost_frames']}, "
-        f"safe stops: {figures['safe_stops']}\n"
-        f"motor stream: {figures['motor_stream_sha256']}\nreport: {folder / 'report.html'}"
-    )
+def _print_flight(figures: dict[str, Any], folder: Path, *, lacks_priority: bool) -> None:
+    for line in (*waypoint_lines(figures), *figure_lines(figures), *link_lines(figures)):
+        click.echo(line)
+    click.echo(f"report: {folder / 'report.html'}")
     if lacks_priority:
         click.echo("note: the system grants no real-time priority (see ulimit -r), so other programs can delay ticks")
 
@@ -215,7 +261,6 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
     """Prints every setting of the brick."""
     from brickpilot.hil import ends
     from brickpilot.link.session import LOCKSTEP, Session
-    from brickpilot.vehicle.settings import settings
 
     with ends.both_ends(spec) as both:
         session = Session(both.link, spec)
@@ -224,9 +269,8 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(found))
     else:
-        for name, value in found.items():
-            row = settings()[name]
-            click.echo(f"{name:20}{value:12}  {row.range}, {row.format.text}: {row.meaning}")
+        for line in setting_lines(found, "now"):
+            click.echo(line)
 
 
 def _replay(spec: str, file: Path, as_json: bool) -> None:

@@ -5,6 +5,7 @@ Exit status: 0 done; 1 the work failed; 2 bad usage or bad input.
 
 from __future__ import annotations
 
+import inspect
 import sys
 from typing import Any
 
@@ -23,8 +24,9 @@ from brickpilot.cli.flash import flash
 from brickpilot.cli.hil import hil
 from brickpilot.cli.import_log import import_log
 from brickpilot.cli.run import run
+from brickpilot.cli.settings import settings
 from brickpilot.cli.upload import upload
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.errors import InputError, SimulationError, WorkFailedError
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -33,8 +35,21 @@ def cli() -> None:
     """Autopilot, simulator and model discovery for a differential-drive robot of the LEGO RCX class."""
 
 
-for command in (run, upload, hil, brick, flash, import_log, compare, calibrate, discover, benchmark, effects, bench):
-    cli.add_command(command)
+def whole_lines(command: click.Command) -> click.Command:
+    """Returns `command` with its first sentence as its line in lists, which click would cut off."""
+    text = inspect.cleandoc(command.help or "").partition("\n\n")[0].replace("\n", " ")
+    command.short_help = command.short_help or text.split(". ")[0].rstrip(".") + "."
+    if isinstance(command, click.Group):
+        for below in command.commands.values():
+            whole_lines(below)
+    return command
+
+
+COMMANDS = (
+    run, upload, hil, brick, settings, flash, import_log, compare, calibrate, discover, benchmark, effects, bench,
+)  # fmt: skip
+for command in COMMANDS:
+    cli.add_command(whole_lines(command))
 
 
 def main(arguments: list[str] | None = None) -> Any:
@@ -57,6 +72,6 @@ def main(arguments: list[str] | None = None) -> Any:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of stdout has closed it: there is no one to write to
         sys.exit(1)
-    except (SimulationError, OSError) as error:
+    except (SimulationError, WorkFailedError, OSError) as error:
         click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)
         sys.exit(1)

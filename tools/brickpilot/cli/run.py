@@ -5,19 +5,17 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from brickpilot.cli.flight_request import FlightRequest, flight_options
+from brickpilot.cli.mission_lines import figure_lines, waypoint_lines
 from brickpilot.cli.terminal import as_json
-from brickpilot.errors import InputError
-
-if TYPE_CHECKING:
-    from brickpilot.vehicle.flight import Plan
+from brickpilot.errors import InputError, WorkFailedError
 
 
-@click.command()
+@click.command(short_help="Flies a mission or a manoeuvre in simulation.")
 @flight_options
 @click.option("--out", metavar="DIR", help="The run folder to write; default runs/SCENARIO-PROFILE-SENSORS.")
 @as_json
@@ -25,9 +23,10 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     """Flies SCENARIO (a file, or one of: mission, fig4, fig5, forward_1m, spin_one_motor) in software-in-the-loop.
 
     Without SCENARIO it flies the paper's eight waypoints. The run folder holds log.csv, summary.json and report.html.
+    A mission whose waypoints were not all reached, or that ended with a fault, gives one line and exit status 1.
     """
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import flight, flight_figures
+    from brickpilot.vehicle import flight, flight_checks, flight_figures
 
     plan = request.plan()
     chosen = plan.scenario
@@ -39,34 +38,20 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     flown = flight.fly(plan)
     figures = flight_figures.summary(flown)
+    failure = figures["failure"] = flight_checks.failure(figures)
     run_folder.write(flown, figures, run_page.page(flown, figures, shlex.join(command)), folder)
     if as_json:
         click.echo(json.dumps(figures))
-        return
-    if chosen.kind == "mission":
-        _print_mission(plan, figures)
     else:
-        click.echo(
-            f"{chosen.title}: {figures['final_speed_m_s']:.3f} m/s, "
-            f"{figures['final_yaw_rate_rad_s']:.3f} rad/s at the end"
-        )
-    click.echo(f"report: {folder / 'report.html'}")
+        for line in _lines(chosen.title, figures):
+            click.echo(line)
+        click.echo(f"report: {folder / 'report.html'}")
+    if failure is not None:
+        raise WorkFailedError(f"{chosen.name}: {failure}")
 
 
-def _print_mission(plan: Plan, figures: dict[str, Any]) -> None:
-    """Prints a line for each waypoint and one for the whole mission."""
-    approaches = zip(figures["reached_at_s"], figures["closest_approach_m"], strict=True)
-    for number, (moment, closest) in enumerate(approaches, 1):
-        when = "not reached" if moment is None else f"reached at {moment:6.3f} s"
-        click.echo(f"waypoint {number}: {when}, closest approach {closest:.3f} m")
-    click.echo(
-        f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order, "
-        f"{plan.controller}, {plan.sensors}, "
-        f"cross-track error {_metres(figures['cross_track_rms_m'])} rms, "
-        f"error of the position estimate {_metres(figures['position_estimate_error_m'])} rms, "
-        f"{figures['times_real_time']:.0f} times real time"
-    )
-
-
-def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f} m"
+def _lines(title: str, figures: dict[str, Any]) -> list[str]:
+    """Returns what is printed of a mission, or the motion at the end of a manoeuvre."""
+    if "waypoints_total" in figures:
+        return [*waypoint_lines(figures), *figure_lines(figures)]
+    return [f"{title}: {figures['final_speed_m_s']:.3f} m/s, {figures['final_yaw_rate_rad_s']:.3f} rad/s at the end"]

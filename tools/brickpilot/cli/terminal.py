@@ -36,7 +36,13 @@ jobs_option = click.option(
 
 
 def settings_of(written: tuple[str, ...]) -> dict[str, int]:
-    """Reads the options `--set NAME=VALUE`. Raises InputError if a value is no whole number."""
+    """Reads the options `--set NAME=VALUE`.
+
+    Raises:
+        InputError: a value is no whole number or out of its range, or no setting has that name.
+    """
+    from brickpilot.vehicle.settings import named
+
     found = {}
     for pair in written:
         name, _, value = pair.partition("=")
@@ -44,6 +50,7 @@ def settings_of(written: tuple[str, ...]) -> dict[str, int]:
             found[name] = int(value)
         except ValueError:
             raise InputError("needs NAME=VALUE with a whole number", field=f"--set {pair}") from None
+        named(name).check(found[name])
     return found
 
 

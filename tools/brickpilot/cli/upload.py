@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from brickpilot.cli.completion import scenario_names, setting_names
 from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.errors import InputError
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scenario_name", metavar="SCENARIO", default="mission")
+@click.argument("scenario_name", metavar="SCENARIO", default="mission", shell_complete=scenario_names)
 @click.option(
     "--link",
     "spec",
@@ -33,7 +34,12 @@ if TYPE_CHECKING:
     "--compensation", "compensation_file", metavar="FILE", help="Send this compensation.toml of the robot too."
 )
 @click.option(
-    "--set", "written", multiple=True, metavar="NAME=VALUE", help="Write this raw value to a setting; repeatable."
+    "--set",
+    "written",
+    multiple=True,
+    metavar="NAME=VALUE",
+    shell_complete=setting_names,
+    help="Write this raw value to a setting; repeatable.",
 )
 @click.option("--start", is_flag=True, help="Start the mission at the end.")
 @as_json

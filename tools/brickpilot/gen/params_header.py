@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from brickpilot.vehicle.c_text import initialiser
-from brickpilot.vehicle.coefficients import PROFILES, loss, pose
+from brickpilot.vehicle.coefficients import PROFILES, pose
 from brickpilot.vehicle.quantise import QuantisationError, integer
+from brickpilot.vehicle.setting_defaults import constants, default, plain
 from brickpilot.vehicle.settings import Setting
 
 INT16, UINT16, UINT8 = 32767, 65535, 255
@@ -60,19 +61,9 @@ def _speed(
     }
 
 
-def holding_voltage(values: Mapping[str, float]) -> float:
-    """Returns the voltage of both motors per speed that it holds on level ground, V s/m: coupled, without air drag."""
-    per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
-    return per_wheel_speed / values["wheel_radius"]
-
-
-def _plain(table: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
-
-
 def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
     with_pose = step == float(vehicle["rates"]["body_step"]["value"])  # only the hosts ask the model for the pose
-    return _model(profile, _plain(vehicle["parameters"]), step, with_pose)
+    return _model(profile, plain(vehicle["parameters"]), step, with_pose)
 
 
 def _check_unit(setting: Setting, profile: str, entries: Mapping[str, Any]) -> None:
@@ -85,18 +76,6 @@ def _check_unit(setting: Setting, profile: str, entries: Mapping[str, Any]) -> N
         )
 
 
-def _default(setting: Setting, own: Mapping[str, float], profile: str) -> int | bool:
-    """Returns the raw integer that a setting begins with, from its row or from the vehicle file."""
-    if setting.default is None and setting.name not in own:
-        raise QuantisationError(
-            f"hal/wire/settings.toml: {setting.name}: has no default, and [controller.{profile}] of "
-            f"sim_host/models/rcx.toml has no value of that name"
-        )
-    value = own[setting.name] if setting.default is None else setting.default
-    raw = integer(value * setting.format.per_unit, setting.low, setting.high, setting.name)
-    return bool(raw) if setting.is_switch else raw
-
-
 def _put(tree: dict[str, Any], path: Sequence[str], value: int | bool) -> None:
     """Puts a value into nested initialisers: `path` names the fields from outside in."""
     for name in path[:-1]:
@@ -105,9 +84,9 @@ def _put(tree: dict[str, Any], path: Sequence[str], value: int | bool) -> None:
 
 
 def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mapping[str, Setting]) -> dict[str, Any]:
-    values, own = _plain(vehicle["parameters"]), _plain(vehicle["controller"][profile])
-    common = _plain(vehicle["estimator"])
-    estimator, counts = _plain(vehicle["estimator"][profile]), _plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
+    values, own = plain(vehicle["parameters"]), constants(vehicle, profile)
+    common = plain(vehicle["estimator"])
+    estimator, counts = plain(vehicle["estimator"][profile]), plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
     config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
@@ -118,14 +97,14 @@ def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mappi
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, UINT8, "watchdog_time"),
     }
-    own["acceptance"] = _plain(vehicle["robot"])["length"] / 2
-    own["feedforward"] = own["feedforward_share"] * holding_voltage(values)
     if own["creep"] > own["cruise"] or own["align"] > own["pivot"]:
         raise QuantisationError("creep may not pass cruise, nor align pivot")
     for setting in settings.values():
         if not setting.compensation:
             _check_unit(setting, profile, vehicle["controller"][profile])
-            _put(config, setting.field.removeprefix("config.").split("."), _default(setting, own, profile))
+            raw = default(setting, own, profile)
+            path = setting.field.removeprefix("config.").split(".")
+            _put(config, path, bool(raw) if setting.is_switch else raw)
     return config
 
 
@@ -156,7 +135,7 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     Raises:
         QuantisationError: a value that the firmware's format cannot hold.
     """
-    rates = _plain(vehicle["rates"])
+    rates = plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
     blocks = "\n".join(_block(profile, vehicle, steps[profile], settings) for profile in PROFILES)
     return f"""/* The controller's constants. Formats: see the structs' headers.

@@ -29,6 +29,9 @@ TRIES = 4
 LOST_STEPS = int(SILENT_S / STEP_S)
 """In real time, the motors stop after so many steps without a motor command."""
 
+REST_STEPS = round(1.0 / STEP_S)
+"""In real time, a flight ends so many steps after its mission; the robot rolls out meanwhile."""
+
 GIVE_UP_STEPS = round(2.0 / STEP_S)
 """A flight ends after so many steps without its link, with the motors off."""
 
@@ -125,7 +128,7 @@ def _drain(run: LinkedFlight) -> None:
 def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
     began = time.perf_counter()
     stopped = False
-    while run.step < run.plan.steps:
+    while run.step < run.plan.steps and run.over_for() < REST_STEPS:
         due = began + run.step * STEP_MS * 1e-3
         while (left := due - time.perf_counter()) > 0:
             for message in run.link.receive(left):

@@ -16,6 +16,9 @@ from brickpilot.vehicle import flight
 SEQUENCE_AT = 4
 """Place of the sequence number in MOTORS; the tick follows it."""
 
+MISSION_ENDED = {2, 3}
+"""The modes arrived and fault: only a reset leads on."""
+
 Progress = Callable[[int, int, str], None]
 """Takes (steps done, steps in all, text)."""
 
@@ -45,6 +48,7 @@ class LinkedFlight:
         self.sent_sequence = 0
         self.expected = b""  # sequence number and tick of the reply
         self.started = False
+        self._over_since = 0
         self.broke_off: str | None = None
         by = book().by_name
         self._motors, self._reply = by["MOTORS"], by["MODE_REPLY"]
@@ -71,6 +75,12 @@ class LinkedFlight:
             assert self.restart is not None
             self.restart()
             self.safe_stops += 1
+
+    def over_for(self) -> int:
+        """Returns for how many steps the brick has reported that the mission ended; call it once per step."""
+        over = self.started and MISSION_ENDED & {self.telemetry.mode, self.heartbeat.get("mode", 0)}
+        self._over_since = self._over_since if over else self.step
+        return self.step - self._over_since
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
         """Sends the step's set until its reply comes, and takes the motor command. Returns False if none came."""

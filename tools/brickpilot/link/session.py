@@ -10,7 +10,7 @@ from functools import partial
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.link.links import Link, Message
 from brickpilot.link.messages import Layout, book, crc16
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import named, settings
 
 REPLY_S = 0.25
 TRIES = 4
@@ -131,14 +131,11 @@ class Session:
         Raises:
             InputError: no setting has that name, the value is out of its range, or the robot drives.
         """
-        if not -(2**31) < value < 2**31:
-            raise InputError(f"{value} is out of range", field=name)
+        named(name).check(value)
         self._parameter(name, 1, value)
 
     def _parameter(self, name: str, write: int, value: int) -> int:
-        if name not in settings():
-            raise InputError(f"is no setting; known: {', '.join(settings())}", field=name)
-        reply = self._request("PARAMETER_REQUEST", "PARAMETER", (settings()[name].number, write, value))
+        reply = self._request("PARAMETER_REQUEST", "PARAMETER", (named(name).number, write, value))
         self._check(reply["status"], name, value)
         return reply["value"]
 

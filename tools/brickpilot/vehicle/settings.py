@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.errors import InputError, did_you_mean
 
 NUMBER_MOST = 63
 """A request has 6 bits for the number."""
@@ -56,6 +57,20 @@ class Setting:
     def range(self) -> str:
         return f"{self.low}..{self.high}"
 
+    @property
+    def range_in_unit(self) -> str:
+        """The range in the SI unit of the format, as "0.001 to 2.05 m/s"."""
+        unit = "" if self.format.unit == "1" else f" {self.format.unit}"
+        return f"{self.value(self.low):.4g} to {self.value(self.high):.4g}{unit}"
+
+    def check(self, raw: int) -> None:
+        """Raises InputError if `raw` is out of the range."""
+        if not self.low <= raw <= self.high:
+            means = "" if self.format.per_unit == 1 else f", which is {self.range_in_unit}"
+            raise InputError(
+                f"{raw} is out of range: it takes {self.range} ({self.format.text}){means}", field=self.name
+            )
+
     def raw(self, value: float) -> int:
         """Returns the firmware's integer for `value`, not limited to the range."""
         return round(value * self.format.per_unit)
@@ -69,6 +84,18 @@ class Setting:
 def settings() -> Mapping[str, Setting]:
     """Returns the packaged table: name -> setting, in the order of their numbers."""
     return load(Path(__file__).parents[1] / "settings.toml")
+
+
+def named(name: str) -> Setting:
+    """Returns the setting of that name.
+
+    Raises:
+        InputError: no setting has that name; those that are like it are named.
+    """
+    if name not in settings():
+        like = did_you_mean(name, settings())
+        raise InputError(f"is no setting{like or '; `brickpilot settings` lists them'}", field=name)
+    return settings()[name]
 
 
 def compensations() -> dict[str, Setting]:

@@ -1,0 +1,37 @@
+"""What the shell completes: scenarios, effects, settings, mechanisms. Each function is a `shell_complete` of click."""
+
+from __future__ import annotations
+
+import click
+from click.shell_completion import CompletionItem
+
+
+def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the packaged scenarios, and files where none begins so."""
+    from brickpilot.vehicle.scenario import packaged
+
+    found = [CompletionItem(name) for name in packaged() if name.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
+def effect_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the names of effects, with what they are where the shell shows it."""
+    from brickpilot import catalogue
+
+    return [CompletionItem(one.name, help=one.summary) for one in catalogue.effects() if one.name.startswith(typed)]
+
+
+def mechanisms(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the mechanisms that effects have."""
+    from brickpilot import catalogue
+
+    known = dict.fromkeys(one.mechanism for one in catalogue.effects())
+    return [CompletionItem(name) for name in known if name.startswith(typed)]
+
+
+def setting_names(_context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the names of settings; behind `--set` with the sign that its value follows."""
+    from brickpilot.vehicle.settings import settings
+
+    end = "=" if isinstance(parameter, click.Option) else ""
+    return [CompletionItem(name + end, help=row.meaning) for name, row in settings().items() if name.startswith(typed)]

@@ -1,0 +1,42 @@
+"""What `run` and `hil` print of a mission: a line for each waypoint, and figures that explain their own words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def waypoint_lines(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yields a line for each waypoint, and how many were reached."""
+    approaches = zip(figures["reached_at_s"], figures["closest_approach_m"], strict=True)
+    for number, (moment, closest) in enumerate(approaches, 1):
+        when = "not reached" if moment is None else f"reached at {moment:6.3f} s"
+        yield f"waypoint {number}: {when}, closest approach {closest:.3f} m"
+    yield (
+        f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order "
+        f"(profile {figures['profile']}, sensors {figures['sensors']})"
+    )
+
+
+def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yields the figures of the whole mission, each with what it means."""
+    off, lost = _metres(figures["cross_track_rms_m"]), _metres(figures["position_estimate_error_m"])
+    yield f"cross-track error   {off} rms: how far beside the straight line between two waypoints it drove"
+    yield f"position error      {lost} rms: from where the controller takes the robot to be, to where it is"
+    yield f"mode at the end     {figures['final_mode']}, fault: {figures['fault']}"
+    seconds, times = figures["simulated_s"], figures["times_real_time"]
+    rounded = f"{times:.0f}" if times >= 10 else f"{times:.1f}"
+    yield f"times real time     {rounded}: {seconds:.4g} s of driving took {seconds / times:.2g} s"
+
+
+def link_lines(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yields what a flight over a link counts beside that."""
+    yield f"link                {figures['link']} in {figures['pace']}"
+    yield f"late ticks          {figures['late_ticks']} of {figures['steps']}: steps that began more than a step late"
+    yield f"lost frames         {figures['lost_frames']}: messages that were damaged, or had no reply"
+    yield f"safe stops          {figures['safe_stops']}: times that one end stopped the motors"
+    yield f"motor stream        {figures['motor_stream_sha256']}"
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f} m"
