@@ -52,6 +52,10 @@ for command in COMMANDS:
     cli.add_command(whole_lines(command))
 
 
+LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "msgpack", "serial")
+"""What a link to a brick needs: the extra `hil` of the package installs them."""
+
+
 def main(arguments: list[str] | None = None) -> Any:
     """Runs the command line and ends with its exit status; an error of the user becomes one line on stderr."""
     try:
@@ -72,6 +76,12 @@ def main(arguments: list[str] | None = None) -> Any:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of stdout has closed it: there is no one to write to
         sys.exit(1)
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in LIBRARIES_OF_HIL:
+            raise
+        click.echo(f"brickpilot: the library {library} is not installed: pip install 'brickpilot[hil]'", err=True)
+        sys.exit(2)
     except (SimulationError, WorkFailedError, OSError) as error:
         click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)
         sys.exit(1)

@@ -32,10 +32,14 @@ FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT"
 
 
 def claim_priority() -> bool:
-    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; False if it is refused.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
+
+    Returns False if it is refused, or the system (macOS, Windows) has no such call.
 
     With it, other programs make fewer ticks late. Both ends sleep between their ticks.
     """
+    if not hasattr(os, "sched_setscheduler"):
+        return False
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     except OSError:

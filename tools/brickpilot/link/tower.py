@@ -5,7 +5,6 @@ Every time-out is a multiple of the byte time, so that a test with a faster line
 
 from __future__ import annotations
 
-import termios
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -14,6 +13,11 @@ from typing import TypeVar
 import serial
 
 from brickpilot.errors import InputError
+
+try:
+    from termios import error as SetUpError  # noqa: N812
+except ImportError:  # not on Windows
+    SetUpError = OSError  # type: ignore[assignment, misc]
 
 BAUD = 2400
 BYTE_S = 11 / BAUD
@@ -49,7 +53,7 @@ class Tower:
             self._port = serial.Serial(
                 device, BAUD, parity=serial.PARITY_ODD, timeout=4 * byte_s, write_timeout=2000 * byte_s, exclusive=True
             )
-        except termios.error as error:  # pyserial does not catch this one
+        except SetUpError as error:  # pyserial does not catch this one
             raise InputError(f"cannot be set up as the tower's serial port: {error.args[-1]}", field=device) from None
         except (serial.SerialException, OSError) as error:
             why = {2: "no such device", 13: "no permission to use it", 11: "another program uses it"}
