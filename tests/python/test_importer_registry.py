@@ -95,15 +95,15 @@ def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
     assert (refused.returncode, refused.stderr) == (2, "brickpilot: --vehicle: is needed to import lines\n")
     refused = run("lines", "log.txt", "--vehicle", "motor", "--map", "time=0", "--out", "bench")
     assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
-    assert refused.stderr.startswith("brickpilot: --map: works only with matlab and table")
+    assert refused.stderr.startswith("brickpilot: --map: works only with matlab, table, ")
     done = run("lines", "log.txt", "--vehicle", "motor", "--out", "bench", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout) == {"dataset": "bench", "runs": ["only"], "notes": []}
 
 
 def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
-    rate = Option("rate", "--rate", "Samples per second.", metavar="HZ", required=True)
-    row = Importer("beats", "beats:import_beats", "Beats.", "beats log --rate 5 --out bench", (rate,))
+    rate = Option("beat", "--beat", "Beats per second.", metavar="HZ", required=True)
+    row = Importer("beats", "beats:import_beats", "Beats.", "beats log --beat 5 --out bench", (rate,))
     given: dict[str, object] = {}
 
     class Made:
@@ -111,6 +111,6 @@ def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.
 
     monkeypatch.setattr(Importer, "load", lambda self: lambda files, out, **rest: given.update(rest) or Made)
     command = import_command((*IMPORTERS, row))
-    done = CliRunner().invoke(command, ["beats", "log", "--rate", "5", "--nominal", "mass=2", "--out", "bench"])
+    done = CliRunner().invoke(command, ["beats", "log", "--beat", "5", "--nominal", "mass=2", "--out", "bench"])
     assert done.output == "note: slow\nbench: 2 runs\n"
-    assert given == {"nominal": {"mass": 2.0}, "name": None, "rate": "5"}
+    assert given == {"nominal": {"mass": 2.0}, "name": None, "beat": "5"}

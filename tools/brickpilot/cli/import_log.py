@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +14,10 @@ import click
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, Option
+from brickpilot.importers.registry import Importer, Option, kind_of
 
 if TYPE_CHECKING:
+    from brickpilot.importers.listing import Listed
     from brickpilot.importers.writer import Imported
 
 
@@ -23,29 +25,59 @@ def import_command(importers: Sequence[Importer]) -> click.Command:
     """Returns the command that turns a log into a data set by one of `importers`."""
 
     def import_log(
-        kind: str, files: tuple[str, ...], out: str, nominal: tuple[str, ...], name: str | None, as_json: bool,
-        **options: Any,
+        words: tuple[str, ...], kind: str | None, show_list: bool, out: str | None, nominal: tuple[str, ...],
+        name: str | None, as_json: bool, **options: Any,
     ) -> None:  # fmt: skip
         from brickpilot.importers.mapping import parse_nominal
 
+        importer, files = _importer_and_files(words, kind, importers)
+        if show_list:
+            _show_list(importer, files, as_json)
+            return
+        if out is None:
+            raise InputError("is needed: the folder to write", field="--out")
         known = parse_nominal(nominal)
-        importer = next(row for row in importers if row.kind == kind)
         taken = _taken(importer, importers, options)
         with progress_shown(as_json) if importer.reports_progress else nullcontext() as progress:
             if importer.reports_progress:
                 taken["progress"] = progress
-            made = importer.load()([Path(file) for file in files], Path(out), nominal=known, name=name, **taken)
+            made = importer.load()(files, Path(out), nominal=known, name=name, **taken)
         _show(made, as_json)
 
     return _with_options(import_log, importers)
 
 
+def _importer_and_files(
+    words: Sequence[str], kind: str | None, importers: Sequence[Importer]
+) -> tuple[Importer, list[Path]]:
+    """Returns the row of the kind that the user names, or that the ending of the first file shows, and the files.
+
+    Raises:
+        InputError: the kind is neither named nor known by the ending, or no file is given.
+    """
+    rows = {row.kind: row for row in importers}
+    files = [Path(word) for word in words]
+    if kind is None and words[0] in rows:
+        kind, files = words[0], files[1:]
+    if not files:
+        raise InputError("no file to import", field="FILE")
+    kind = kind or kind_of(files[0], importers)
+    if kind is None:
+        raise InputError(f"no kind of log is known by this ending; name one: {', '.join(rows)}", file=files[0])
+    return rows[kind], files
+
+
 def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command:
     """Returns the click command of `function`, with the options that all importers share and those of the rows."""
     decorators = [
-        click.argument("kind", type=click.Choice([row.kind for row in importers])),
-        click.argument("files", nargs=-1, required=True, metavar="FILE..."),
-        click.option("--out", required=True, metavar="DATASET", help="The folder to write."),
+        click.argument("words", nargs=-1, required=True, metavar="[KIND] FILE..."),
+        click.option(
+            "--kind",
+            type=click.Choice([row.kind for row in importers]),
+            help="The kind of log; default: the first word, or what the ending of FILE shows.",
+        ),
+        click.option("--list", "show_list", is_flag=True, help="Say what FILE holds, and write nothing."),
+        click.option("--out", metavar="DATASET", help="The folder to write."),
         *(_click_option(option, importers) for option in _options(importers)),
         click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable."),
         click.option("--name", help="The name of the data set; default: the name of the folder."),
@@ -112,6 +144,42 @@ def _show(made: Imported, as_json: bool) -> None:
     for note in made.notes:
         click.echo(f"note: {note}")
     click.echo(f"{made.folder}: {len(made.runs)} run{'s' if len(made.runs) != 1 else ''}")
+
+
+def _show_list(importer: Importer, files: Sequence[Path], as_json: bool) -> None:
+    """Prints the channels of each file."""
+    if not importer.reader:
+        raise InputError(f"does not work with {importer.kind}", field="--list")
+    found = {file: importer.contents(file) for file in files}
+    if as_json:
+        rows = [{"file": str(file), "kind": importer.kind, **asdict(one)} for file, one in found.items()]
+        click.echo(json.dumps({"files": rows}))
+        return
+    for file, one in found.items():
+        click.echo(f"{file}: {importer.kind}, {len(one.channels)} channels")
+        click.echo(_table([_HEADER, *map(_cells, one.channels)]))
+        for note in (*one.notes, *(["it ends inside a record; --cut imports what is before it"] if one.cut else [])):
+            click.echo(f"note: {note}")
+
+
+_HEADER = ("channel", "type", "unit", "samples", "rate Hz", "first s", "last s", "lowest", "highest")
+
+
+def _cells(one: Listed) -> tuple[str, ...]:
+    numbers = (one.rate, one.first, one.last, one.lowest, one.highest)
+    return one.name, one.type, one.unit or "-", str(one.samples), *("-" if x is None else f"{x:.6g}" for x in numbers)
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    """Returns rows of words in columns: words to the left, numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(wide) if place < 3 else cell.rjust(wide)
+            for place, (cell, wide) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    )
 
 
 import_log = import_command(IMPORTERS)

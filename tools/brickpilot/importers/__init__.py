@@ -20,6 +20,11 @@ VEHICLE = Option("vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_
 FRAME = Option("frame", "--frame", "The frame of sway and yaw.", choices=("FRD", "FLU"), default="FRD")
 DELIMITER = Option("delimiter", "--delimiter", "The character between two columns.", metavar="TEXT", default=",")
 HEADER = Option("header", "--header", "The first line names the columns.", default=False)
+RATE = Option(
+    "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
+)
+CUT = Option("cut", "--cut", "Read a file that ends inside a record, up to there.", default=False)
+CHANNELS = (MAP, VEHICLE, FRAME, RATE, CUT)
 
 IMPORTERS = (
     Importer(
@@ -41,6 +46,62 @@ IMPORTERS = (
         help="Plain tables of numbers.",
         example="table log.txt --vehicle motor --map time=0:ms --map duty=1 --map speed=2:rpm --out bench",
         options=(MAP, VEHICLE, FRAME, DELIMITER, HEADER),
+    ),
+    Importer(
+        kind="wpilog",
+        function="brickpilot.importers.wpilog:import_wpilog",
+        reader="brickpilot.importers.wpilog:read",
+        suffixes=(".wpilog",),
+        help="Logs of robots with WPILib.",
+        example="wpilog FRC.wpilog --vehicle motor --map voltage=/arm/volts --map angle=/arm/angle:rotation --out arm",
+        options=CHANNELS,
+    ),
+    Importer(
+        kind="mcap",
+        function="brickpilot.importers.mcap:import_mcap",
+        reader="brickpilot.importers.mcap:read",
+        suffixes=(".mcap",),
+        help="MCAP files with messages of ROS 2 or JSON.",
+        example="mcap drive.mcap --vehicle motor --map duty=/duty.data --map speed=/joints.velocity[0] --out wheel",
+        options=CHANNELS,
+    ),
+    Importer(
+        kind="rosbag",
+        function="brickpilot.importers.rosbag:import_rosbag",
+        reader="brickpilot.importers.rosbag:read",
+        suffixes=(".bag", ".db3", "metadata.yaml"),
+        help="Bags of ROS 2, a folder each, and of ROS 1.",
+        example="rosbag rosbag2_drive --vehicle motor --map duty=/duty.data --map speed=/wheel.data --out wheel",
+        options=CHANNELS,
+    ),
+    Importer(
+        kind="ulog",
+        function="brickpilot.importers.ulog:import_ulog",
+        reader="brickpilot.importers.ulog:read",
+        suffixes=(".ulg", ".ulog"),
+        help="Logs of PX4.",
+        example="ulog log.ulg --vehicle diff_drive --map duty_left=actuator_motors.control[0] "
+        "--map duty_right=actuator_motors.control[1] --map yaw_rate=vehicle_angular_velocity.xyz[2] --out rover",
+        options=CHANNELS,
+    ),
+    Importer(
+        kind="dataflash",
+        function="brickpilot.importers.dataflash:import_dataflash",
+        reader="brickpilot.importers.dataflash:read",
+        suffixes=(".bin",),
+        help="Dataflash logs of ArduPilot.",
+        example="dataflash 00000012.BIN --vehicle diff_drive --map 'duty_left=(RCOU.C1 - 1500)/400' "
+        "--map 'duty_right=(RCOU.C3 - 1500)/400' --map yaw_rate=IMU.GyrZ --out rover",
+        options=CHANNELS,
+    ),
+    Importer(
+        kind="parquet",
+        function="brickpilot.importers.parquet:import_parquet",
+        reader="brickpilot.importers.parquet:read",
+        suffixes=(".parquet", ".pq"),
+        help="Tables in Parquet files.",
+        example="parquet drive.parquet --vehicle motor --map time=t --map voltage=u --map speed=w:rpm --out bench",
+        options=(MAP, VEHICLE, FRAME),
     ),
     Importer(
         kind="rcx",

@@ -26,10 +26,12 @@ class Source:
     Attributes:
         text: a column's name, ``name[index]``, or a formula (`formula`).
         unit: of the formula's value.
+        states_unit: whether the user gave it; else it is the SI unit.
     """
 
     text: str
     unit: str
+    states_unit: bool = True
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,14 @@ class Mapped:
     scalings: dict[str, Scaling]
 
 
-def parse_mapping(entries: Sequence[str]) -> dict[str, Source]:
+def parse_mapping(entries: Sequence[str], *, has_time: bool = False) -> dict[str, Source]:
     """Returns signal -> source from entries like ``position=qm:mm`` or ``duty_left=pwmL*1/255``.
 
     The default unit is the SI unit. Formulas are read later, when the names of the log's columns are known.
+
+    Args:
+        entries: as the user wrote them.
+        has_time: whether the samples of the log have times of their own, so that none is mapped.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -70,8 +76,10 @@ def parse_mapping(entries: Sequence[str]) -> dict[str, Source]:
             si_factor(unit or SIGNALS[signal].unit, SIGNALS[signal].unit)
         except ValueError as error:
             raise InputError(str(error), field=f"--map {entry}") from error
-        sources[signal] = Source(text, unit or SIGNALS[signal].unit)
-    if "time" not in sources:
+        sources[signal] = Source(text, unit or SIGNALS[signal].unit, unit is not None)
+    if has_time and "time" in sources:
+        raise InputError("the samples of this log have times of their own: leave time out", field="--map")
+    if not has_time and "time" not in sources:
         raise InputError("time is not mapped", field="--map")
     return sources
 

@@ -1,0 +1,98 @@
+"""The form that every reader of a log with channels gives, and what all of these readers need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.errors import InputError
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A quantity of a log.
+
+    Attributes:
+        name: as the map names it, e.g. ``/drive/left``, ``IMU.GyrZ`` or ``/joint_states.velocity[left]``.
+        type: what the file calls it, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
+        time: s since the log began, one for each value; None: a column of a table, whose time is another column.
+        values: as written in the file; NaN: blank.
+        unit: that the file states; None: it states none.
+    """
+
+    name: str
+    type: str
+    time: Vector | None
+    values: Vector
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Log:
+    """What a reader found in a file.
+
+    Attributes:
+        file: as the user named it.
+        channels: by name, in the order of the file.
+        aliases: second name -> name, e.g. ``/joint_states.velocity[0]`` for that of the first joint.
+        notes: for the user, a sentence each.
+        cut: whether the file ends inside a record, as after a loss of power.
+    """
+
+    file: Path
+    channels: Mapping[str, Channel]
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    cut: bool = False
+
+
+Reader = Callable[[Path, Collection[str] | None], Log]
+"""Reads a file. Channels that the texts do not name need not be decoded (`is_wanted`); None: all are read."""
+
+
+@contextmanager
+def libraries(extra: str) -> Iterator[None]:
+    """Turns an import that fails into one line that says how to install the libraries.
+
+    Raises:
+        InputError: a library of `extra` is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        library = (error.name or str(error)).partition(".")[0]
+        message = f"needs the library {library}, which is not installed: pip install 'brickpilot[{extra}]'"
+        raise InputError(message) from error
+
+
+def check_file(file: Path, start: bytes, kind: str) -> None:
+    """Refuses what is no file, and a file that does not begin with `start`.
+
+    Raises:
+        InputError: it names the file, and `kind` as words, e.g. "a WPILOG file".
+    """
+    if not file.is_file():
+        raise InputError("no such file" if not file.exists() else "is not a file", file=file)
+    with file.open("rb") as content:
+        if content.read(len(start)) != start:
+            raise InputError(f"is not {kind}", file=file)
+
+
+def is_wanted(group: str, texts: Collection[str] | None) -> bool:
+    """Returns whether `group`, a topic, message or array, occurs in one of the texts that name the needed channels."""
+    return texts is None or any(group in text for text in texts)
+
+
+def in_order(time: Vector, values: Vector) -> tuple[Vector, Vector]:
+    """Returns time and values by time, with the last value where a time repeats."""
+    order = np.argsort(time, kind="stable")
+    time, values = time[order], values[order]
+    last = np.append(np.diff(time) > 0, True)[: time.size]
+    return time[last], values[last]

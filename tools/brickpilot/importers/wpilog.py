@@ -1,0 +1,118 @@
+"""WPILOG files, which robots with WPILib record, turned into a data set.
+
+The format is WPILib's "Data Log File Format" of version 1.0. robotpy-wpiutil reads it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from brickpilot.errors import InputError
+from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
+from brickpilot.importers.chosen import channel_importer
+
+_SCALARS = {"boolean": "getBoolean", "int64": "getInteger", "float": "getFloat", "double": "getDouble"}
+_GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.items()}
+
+
+@dataclass
+class _Place:
+    """The records of an entry, or of one place of its arrays, while they are read; times in µs."""
+
+    time: list[int] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+
+@dataclass
+class _Entry:
+    name: str
+    type: str
+    unit: str | None
+    places: list[_Place] = field(default_factory=list)
+
+    def add(self, record: Any) -> None:
+        value = getattr(record, _GETTERS[self.type])()
+        for number, one in enumerate(value if self.type.endswith("]") else (value,)):
+            if number == len(self.places):
+                self.places.append(_Place())
+            self.places[number].time.append(record.getTimestamp())
+            self.places[number].values.append(float(one))
+
+
+def read(file: Path, texts: Collection[str] | None = None) -> Log:
+    """Reads the entries that hold numbers. An array becomes a channel for each place, ``NAME[0]``.
+
+    Raises:
+        InputError: no such file, or no WPILOG file.
+    """
+    check_file(file, b"WPILOG", "a WPILOG file")
+    with libraries("wpilib"):
+        from wpiutil.log import DataLogReader
+    content = file.read_bytes()
+    entries: dict[str, _Entry] = {}
+    others: set[str] = set()
+    try:
+        _fill(entries, others, DataLogReader(buffer=content), texts)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"is a damaged WPILOG file: {error}", file=file) from error
+    notes = (f"without numbers: {', '.join(sorted(others))}",) if others and texts is None else ()
+    return Log(file, {one.name: one for one in _channels(entries.values())}, notes=notes, cut=_is_cut(content))
+
+
+def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], texts: Collection[str] | None) -> None:
+    """Puts entries with numbers into `entries`, and the names of the others into `others`."""
+    open_entries: dict[int, _Entry] = {}
+    for record in reader:
+        if not record.isControl():
+            if (entry := open_entries.get(record.getEntry())) is not None:
+                entry.add(record)
+        elif record.isStart():
+            start = record.getStartData()
+            open_entries.pop(start.entry, None)
+            if start.type not in _GETTERS:
+                others.add(f"{start.name} ({start.type})")
+            elif is_wanted(start.name, texts):
+                new = _Entry(start.name, start.type, _unit(start.metadata))
+                open_entries[start.entry] = entries.setdefault(start.name, new)
+
+
+def _is_cut(content: bytes) -> bool:
+    """Returns whether the last record is incomplete; the library leaves such a record out and does not say so.
+
+    A record begins with a byte that holds the lengths of its three numbers less one: of the entry (2 bits), of the size
+    of its content (2 bits) and of the time (3 bits).
+    """
+    at = 12 + int.from_bytes(content[8:12], "little")
+    while at < len(content):
+        lengths = content[at]
+        size_at = at + 2 + (lengths & 3)
+        time_at = size_at + 1 + (lengths >> 2 & 3)
+        at = time_at + 1 + (lengths >> 4 & 7) + int.from_bytes(content[size_at:time_at], "little")
+    return at != len(content)
+
+
+def _channels(entries: Iterable[_Entry]) -> Iterator[Channel]:
+    for entry in entries:
+        for number, place in enumerate(entry.places):
+            name = f"{entry.name}[{number}]" if entry.type.endswith("]") else entry.name
+            time = np.array(place.time, dtype=np.float64) / 1e6
+            yield Channel(name, entry.type, time, np.array(place.values), entry.unit)
+
+
+def _unit(metadata: str) -> str | None:
+    """Returns the unit that an entry's metadata state, as AdvantageKit writes it: ``{"unit": "volts"}``."""
+    try:
+        stated = json.loads(metadata)
+    except ValueError:
+        return None
+    unit = stated.get("unit") if isinstance(stated, dict) else None
+    return unit if isinstance(unit, str) and unit else None
+
+
+import_wpilog = channel_importer(read)
