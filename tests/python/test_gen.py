@@ -6,12 +6,13 @@ import random
 import subprocess
 import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 from brickpilot.gen import model_sets_header, params_header
-from brickpilot.gen.__main__ import generate, stale
+from brickpilot.gen.__main__ import generate, stale, wrong_generator
 from brickpilot.vehicle.coefficients import (
     CURRENT,
     PROFILES,
@@ -165,3 +166,13 @@ def test_check_finds_a_file_that_was_edited(tmp_path: Path) -> None:
     assert result.stdout.startswith("firmware/app/params_gen.h")
     subprocess.run(command[:-1], cwd=tmp_path, check=True, capture_output=True)
     assert subprocess.run(command, cwd=tmp_path, check=False).returncode == 0
+
+
+def test_another_generator_is_refused_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert wrong_generator() is None
+    installed = metadata.version("cantools")
+    monkeypatch.setattr(metadata, "version", lambda _: "1.0")
+    assert (
+        wrong_generator()
+        == f"needs cantools=={installed}, and 1.0 is installed: .venv/bin/pip install cantools=={installed}"
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 from brickpilot.errors import InputError
@@ -63,6 +64,15 @@ def checkout(start: Path) -> Path | None:
     return next((folder for folder in (start, *start.parents) if (folder / VEHICLE).exists()), None)
 
 
+def wrong_generator() -> str | None:
+    """Returns what to install where cantools is not that of the extra `gen`; another one would write other codecs."""
+    asked = next(one for one in metadata.requires("brickpilot") or () if one.startswith("cantools=="))
+    wanted, found = asked.partition(";")[0].strip(), metadata.version("cantools")
+    if wanted == f"cantools=={found}":
+        return None
+    return f"needs {wanted}, and {found} is installed: .venv/bin/pip install {wanted}"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m brickpilot.gen", description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
@@ -70,6 +80,8 @@ def main() -> int:
     root = checkout(Path.cwd())
     if root is None:
         parser.error(f"no {VEHICLE} here or above: run it in a checkout")
+    if wrong := wrong_generator():
+        parser.exit(1, f"{wrong}\n")
     try:
         files = generate(root)
     except (InputError, QuantisationError) as error:
