@@ -132,7 +132,8 @@ def _taken(importer: Importer, importers: Sequence[Importer], given: dict[str, A
         if option not in importer.options and option.default is None and value:
             message = f"works only with {_kinds(option, importers)}; a log of kind {importer.kind} describes itself"
             raise InputError(message, field=option.flag)
-        if option in importer.options and option.required and not value:
+        spared = option.unless and given.get(option.unless)
+        if option in importer.options and option.required and not value and not spared:
             raise InputError(f"is needed to import {importer.kind}", field=option.flag)
     return {option.keyword: given[option.keyword] for option in importer.options}
 

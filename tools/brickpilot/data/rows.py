@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.plain_rows import LONG_TEXT, read_plain
 from brickpilot.errors import InputError
 
 SIZE_LIMIT = 256 * 2**20
@@ -41,7 +42,7 @@ class Columns:
     """
 
     values: dict[str, NDArray[np.float64]]
-    lines: list[int]
+    lines: Sequence[int]
 
 
 def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat) -> Columns:
@@ -56,7 +57,10 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
         InputError: no readable UTF-8 text, a missing or double column, rows of different length, a cell that is not a
             number, or no rows.
     """
-    rows, lines = _rows(path, _text(path), layout.delimiter)
+    text = _text(path)
+    if len(text) > LONG_TEXT and (plain := read_plain(text, columns, layout.delimiter, layout.header)) is not None:
+        return Columns(plain, range(1 + layout.header, 1 + layout.header + len(next(iter(plain.values())))))
+    rows, lines = _rows(path, text, layout.delimiter)
     names = _header(path, rows, lines) if layout.header else None
     if layout.header:
         del rows[0], lines[0]

@@ -11,15 +11,42 @@ from brickpilot.importers.registry import Importer, Option
 MAP = Option(
     "mapping",
     "--map",
-    "The place of a signal: a MATLAB variable, NAME[INDEX] for a column of a matrix, a column's name, or a column's "
-    "number from 0. The unit is SI unless UNIT is given; repeatable.",
-    metavar="SIGNAL=NAME[:UNIT]",
+    "The place of a signal: a column's name or its number from 0, a MATLAB variable, NAME[INDEX] for a column of a "
+    "matrix, or a formula of them with + - * / and parentheses, as duty_left=pwmL*1/255 or "
+    "wheel_angle_left=encL/960:rotation. The unit is SI unless UNIT is given; repeatable.",
+    metavar="SIGNAL=FORMULA[:UNIT]",
     repeatable=True,
 )
-VEHICLE = Option("vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_drive", "motor"), required=True)
+VEHICLE = Option(
+    "vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_drive", "motor"), required=True, unless="guessed"
+)
 FRAME = Option("frame", "--frame", "The frame of sway and yaw.", choices=("FRD", "FLU"), default="FRD")
-DELIMITER = Option("delimiter", "--delimiter", "The character between two columns.", metavar="TEXT", default=",")
-HEADER = Option("header", "--header", "The first line names the columns.", default=False)
+DELIMITER = Option(
+    "delimiter", "--delimiter", "The character between two columns; without it, it is found.", metavar="TEXT"
+)
+HEADER = Option(
+    "header", "--header", "The first line names the columns, even if it looks like numbers; without it, a header is "
+    "found.", default=False,
+)  # fmt: skip
+GUESS = Option(
+    "guessed", "--guess", "Takes each column that --map does not name for what its name and values look like, and "
+    "says why; --vehicle is then found too.", default=False,
+)  # fmt: skip
+SPLIT = Option(
+    "split", "--split", "Makes runs of one log: rests splits where the vehicle rests for 0.5 s; FROM,TO takes a span "
+    "of the log's clock in s and is repeatable.", metavar="rests|FROM,TO", repeatable=True,
+)  # fmt: skip
+INPUTS = Option(
+    "inputs", "--inputs", "A table of the inputs over time, for a log that is slower than its commands; it has the "
+    "columns that --map names.", metavar="FILE",
+)  # fmt: skip
+INPUT_TIMING = Option(
+    "input_timing",
+    "--input-timing",
+    "What an input does between two rows.",
+    choices=("held", "linear"),
+    default="held",
+)
 RATE = Option(
     "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
 )
@@ -43,9 +70,11 @@ IMPORTERS = (
     Importer(
         kind="table",
         function="brickpilot.importers.table:import_table",
-        help="Plain tables of numbers.",
-        example="table log.txt --vehicle motor --map time=0:ms --map duty=1 --map speed=2:rpm --out bench",
-        options=(MAP, VEHICLE, FRAME, DELIMITER, HEADER),
+        reader="brickpilot.importers.table_list:read",
+        suffixes=(".csv", ".tsv", ".txt", ".log", ".dat"),
+        help="Tables of numbers in text files: CSV, blanks, tabs, serial logs.",
+        example="table log.csv --guess --split rests --out bench",
+        options=(MAP, VEHICLE, FRAME, DELIMITER, HEADER, GUESS, SPLIT, INPUTS, INPUT_TIMING),
     ),
     Importer(
         kind="wpilog",

@@ -48,7 +48,7 @@ class Mapped:
     scalings: dict[str, Scaling]
 
 
-def parse_mapping(entries: Sequence[str], *, has_time: bool = False) -> dict[str, Source]:
+def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: bool = False) -> dict[str, Source]:
     """Returns signal -> source from entries like ``position=qm:mm`` or ``duty_left=pwmL*1/255``.
 
     The default unit is the SI unit. Formulas are read later, when the names of the log's columns are known.
@@ -56,6 +56,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False) -> dict[str
     Args:
         entries: as the user wrote them.
         has_time: whether the samples of the log have times of their own, so that none is mapped.
+        partly: whether the time may be missing, as something else finds what is not mapped.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -79,7 +80,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False) -> dict[str
         sources[signal] = Source(text, unit or SIGNALS[signal].unit, unit is not None)
     if has_time and "time" in sources:
         raise InputError("the samples of this log have times of their own: leave time out", field="--map")
-    if not has_time and "time" not in sources:
+    if not (has_time or partly or "time" in sources):
         raise InputError("time is not mapped", field="--map")
     return sources
 

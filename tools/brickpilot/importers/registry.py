@@ -26,6 +26,7 @@ class Option:
         default: the value where the user gives none. False makes the option a switch.
         repeatable: whether the importers get a tuple of all values given.
         required: whether every importer that takes it needs it.
+        unless: the keyword of an option that makes this one unnecessary.
     """
 
     keyword: str
@@ -36,6 +37,7 @@ class Option:
     default: str | bool | None = None
     repeatable: bool = False
     required: bool = False
+    unless: str = ""
 
 
 @dataclass(frozen=True)

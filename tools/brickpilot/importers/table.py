@@ -1,85 +1,161 @@
-"""Plain tables of numbers, with or without a header, turned into a data set."""
+"""Tables of numbers in text files, as loggers write them, turned into a data set."""
 
 from __future__ import annotations
 
-import csv
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from brickpilot.data.rows import DELIMITERS, CsvFormat, read_columns
-from brickpilot.data.signals import Frame, Vehicle
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.rows import DELIMITERS
+from brickpilot.data.signals import SIGNALS, Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Place, unknown_name
-from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take, units_of
+from brickpilot.importers.formula import Scaling
+from brickpilot.importers.guess import Guess, guess
+from brickpilot.importers.inputs import with_linear_inputs
+from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, units_of
+from brickpilot.importers.split import manoeuvres, parse_split, split_log
+from brickpilot.importers.table_log import Log, joined, read_log
+from brickpilot.importers.text_table import TextTable, read_table
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
-_NUMBERS = [str(number) for number in range(1000)]
+Vector = NDArray[np.float64]
+
 _SPELLINGS = {"tab": "\t", r"\t": "\t"}
 
 
 def import_table(
     files: Sequence[Path],
     out: Path,
-    mapping: Sequence[str],
+    mapping: Sequence[str] = (),
     *,
-    vehicle: Vehicle,
+    vehicle: Vehicle | None = None,
     frame: Frame = "FRD",
-    delimiter: str = ",",
+    delimiter: str | None = None,
     header: bool = False,
+    guessed: bool = False,
+    split: Sequence[str] = (),
+    inputs: str | None = None,
+    input_timing: str = "held",
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
-    """Makes a data set of tables; each file becomes a run of the same name.
+    """Makes a data set of tables; a file becomes a run of the same name, or several where it is split.
 
     Args:
         files: text files with the same columns.
         out: the new folder.
-        mapping: ``SIGNAL=COLUMN[:UNIT]``; a column is its number from 0, or its name where there is a header.
+        mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; a column is its name, or its number from 0.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
-        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab.
-        header: whether the first line names the columns.
+        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
+        header: whether the first line names the columns even if it looks like numbers.
+        guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
+        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
+        inputs: a table of time and inputs, for a log that is slower than its commands.
+        input_timing: ``held`` or ``linear``: what an input does between two rows.
 
     Raises:
         InputError: naming file, line and column, or the option. Nothing is written then.
     """
     check_out(out)
-    sources = parse_mapping(mapping)
-    delimiter = _SPELLINGS.get(delimiter, delimiter)
-    if delimiter not in DELIMITERS:
-        message = f"{delimiter!r} is not one of comma, semicolon, tab (tab or \\t), blank and bar"
-        raise InputError(message, field="--delimiter")
+    spans = parse_split(split)
+    delimiter = _delimiter(delimiter)
     names = run_names(files)
-    layout = CsvFormat(delimiter, header)
-    logs = [_signals(file, sources, layout) for file in files]
-    runs = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)]
-    scalings = common_scalings(logs, files)
+    if not guessed:
+        parse_mapping(mapping)  # a fault in an option is told before a fault in a file
+    tables = [read_table(file, delimiter, header) for file in files]
+    found = guess(tables[0], mapping, vehicle, frame) if guessed else Guess(parse_mapping(mapping), vehicle, frame)
+    if found.vehicle is None:
+        raise InputError("is needed to import a table, or --guess", field="--vehicle")
+    sources = found.sources
+    if inputs is None:
+        logs = [read_log(table, sources) for table in tables]
+    else:
+        logs = _joined_logs(tables, sources, read_table(Path(inputs), delimiter, header))
+    if input_timing == "linear":
+        logs = [_linear(log, sources) for log in logs]
+    scalings = common_scalings([log.signals for log in logs], files)
+    notes, runs = list(found.notes), list[NewRun]()
+    for log, run in zip(logs, names, strict=True):
+        made, more = _runs(log, sources, spans, (run, f"{run}_" if len(files) > 1 else ""))
+        runs += made
+        notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
+    if input_timing == "linear":
+        notes.append("between two rows the inputs are taken as linear: rows are added, with the mean of each step")
     new = NewDataset(
-        name or out.resolve().name, vehicle, frame, units_of(sources), runs, nominal or {}, scalings=scalings
-    )
+        name or out.resolve().name, found.vehicle, found.frame, units_of(sources), runs, nominal or {}, notes, scalings,
+        found.reasons,
+    )  # fmt: skip
     return write(new, out, files[0])
 
 
-def _signals(file: Path, sources: Mapping[str, Source], layout: CsvFormat) -> Mapped:
-    names = _header(file, layout) if layout.header else []
-    formulas = read_formulas(sources, names or _NUMBERS)
-    places = {place: signal for signal, formula in reversed(formulas.items()) for place in formula.places}
-    keys = {place: signal if len(formulas[signal].places) == 1 else place.name for place, signal in places.items()}
-    columns = {keys[place]: _column(place, signal, names, file, layout) for place, signal in places.items()}
-    values = read_columns(file, columns, layout).values
-    return take(formulas, lambda _, place: values[keys[place]], file)
+def _linear(log: Log, sources: Mapping[str, Source]) -> Log:
+    """Returns a log whose inputs are linear between its rows."""
+    time = log.signals.columns["time"]
+    if np.any(np.diff(time) <= 0.0):
+        raise InputError("needs a log whose clock does not start again", field="--input-timing linear")
+    second = 1.0 / (si_factor(sources["time"].unit, "s") * log.signals.scalings.get("time", Scaling()).scale)
+    columns = with_linear_inputs(log.signals.columns, second)
+    starts = np.searchsorted(columns["time"], time[list(log.starts)]).tolist()
+    return dataclasses.replace(log, signals=Mapped(columns, log.signals.scalings), starts=tuple(starts))
 
 
-def _header(file: Path, layout: CsvFormat) -> list[str]:
-    with file.open(encoding="utf-8-sig", errors="replace") as text:
-        return [name.strip() for name in next(csv.reader(text, delimiter=layout.delimiter, skipinitialspace=True), [])]
+def _delimiter(text: str | None) -> str | None:
+    delimiter = _SPELLINGS.get(text, text) if text is not None else None
+    if delimiter is not None and delimiter not in DELIMITERS:
+        message = f"{delimiter!r} is not one of comma, semicolon, tab (tab or \\t), blank and bar"
+        raise InputError(message, field="--delimiter")
+    return delimiter
 
 
-def _column(place: Place, signal: str, names: Sequence[str], file: Path, layout: CsvFormat) -> str | int:
-    if layout.header and place.name not in names:
-        raise InputError(unknown_name("column", place.name, names), file=file, line=1, field=signal)
-    if layout.header:
-        return place.name
-    number = place.name.removeprefix("c")
-    if place.index is not None or not (number.isascii() and number.isdigit()):
-        raise InputError(f"{place.name} is not a column number from 0", field=f"--map {signal}")
-    return int(number)
+def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inputs: TextTable) -> list[Log]:
+    """Returns the logs with the inputs of a table of events."""
+    if len(tables) > 1:
+        raise InputError("belongs to one log; import one file at a time", field="--inputs")
+    events = read_log(inputs, {name: one for name, one in sources.items() if SIGNALS[name].kind != "output"})
+    measured = {name: one for name, one in sources.items() if SIGNALS[name].kind != "input"}
+    return [joined(read_log(table, measured), events) for table in tables]
+
+
+def _runs(
+    log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
+) -> tuple[list[NewRun], list[str]]:
+    """Returns the runs of a log, and notes.
+
+    Args:
+        names: of a run that is the whole log, and what the names of its parts begin with.
+    """
+    columns, scalings = log.signals.columns, log.signals.scalings
+    signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}
+    time = signals.pop("time") * si_factor(sources["time"].unit, "s")
+    whole, prefix = names
+    runs: list[NewRun] = []
+    before: int | None = None
+    for part in split_log(time, signals, log.starts, spans):
+        first, last = part.rows.start, part.rows.stop - 1
+        pause = None if before is None else float(time[first] - time[before])
+        gap_s = None if pause is None or pause < 0.0 else round(pause, 6)
+        cells = {name: values[part.rows] for name, values in columns.items()}
+        runs.append(NewRun(f"{prefix}{part.name}" if part.name else whole, cells, gap_s))
+        before = last
+    return runs, _split_notes(log, time, signals, spans, runs)
+
+
+def _split_notes(
+    log: Log, time: Vector, signals: Mapping[str, Vector], spans: Sequence[tuple[float, float]] | None,
+    runs: Sequence[NewRun],
+) -> list[str]:  # fmt: skip
+    rows = sum(run.columns["time"].size for run in runs)
+    if spans is None:
+        return [f"it is split at its rests into {len(runs)} runs, which hold {rows} of {time.size} rows"]
+    in_order = bool(np.all(np.diff(time) > 0.0))
+    if not spans and in_order and (count := len(manoeuvres(time, signals))) > 1:
+        return [f"it holds {count} manoeuvres with rests between them; --split rests makes a run of each"]
+    return []
+
+
+def _value(cells: Vector, scaling: Scaling) -> Vector:
+    return scaling.scale * cells + scaling.offset

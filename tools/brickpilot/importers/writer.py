@@ -20,6 +20,9 @@ from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
 
+_ROWS_AT_ONCE = 50_000  # are turned into text, so that a long log needs little memory
+_EXACT = 2.0**53  # whole numbers below it are written without a decimal point
+
 
 @dataclass(frozen=True)
 class Imported:
@@ -127,13 +130,20 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
 def _fill(new: NewDataset, folder: Path) -> None:
     for run in new.runs:
-        rows = zip(*(_cells(run.columns[signal]) for signal in new.units), strict=True)
-        text = "\n".join([",".join(new.units), *(",".join(row) for row in rows)]) + "\n"
-        (folder / f"{run.name}.csv").write_text(text, encoding="utf-8", newline="\n")
+        columns = [run.columns[signal] for signal in new.units]
+        with (folder / f"{run.name}.csv").open("w", encoding="utf-8", newline="\n") as file:
+            file.write(",".join(new.units) + "\n")
+            for start in range(0, len(columns[0]), _ROWS_AT_ONCE):
+                rows = zip(*(_cells(values[start : start + _ROWS_AT_ONCE]) for values in columns), strict=True)
+                file.writelines(f"{','.join(row)}\n" for row in rows)
     (folder / "dataset.toml").write_text(_description(new), encoding="utf-8", newline="\n")
 
 
 def _cells(values: NDArray[np.float64]) -> list[str]:
+    """Returns the shortest texts that read back as the same numbers; a blank for NaN."""
+    whole = values == np.round(values)
+    if np.all(whole & (np.abs(values) < _EXACT)):
+        return list(map(str, values.astype(np.int64).tolist()))
     return ["" if value != value else repr(value) for value in values.tolist()]
 
 

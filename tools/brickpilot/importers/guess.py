@@ -1,0 +1,160 @@
+"""Guesses which signal each column of a log is, from its name and its values, and says why.
+
+What neither the name nor the values tell is left out and said. Nothing is guessed of a log without a header.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle
+from brickpilot.errors import InputError
+from brickpilot.importers.column_rules import COUNTS_PER_TURN, Column, Taken, column_of, taken_for
+from brickpilot.importers.formula import Place
+from brickpilot.importers.mapping import Source, parse_mapping
+from brickpilot.importers.text_table import TextTable
+
+Vector = NDArray[np.float64]
+
+_SURE = 0.8  # correlation of gyro and wheels; above it, the sign of the gyro is known
+_LOOKED_AT = 200_000  # rows, so that a long log is guessed in a moment
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What the columns of a log are taken for.
+
+    Attributes:
+        sources: signal -> column, formula and unit.
+        vehicle: None: neither stated nor guessed.
+        frame: of sway and yaw.
+        reasons: signal -> why it was taken for this.
+        notes: for the user, a sentence each.
+    """
+
+    sources: dict[str, Source]
+    vehicle: Vehicle | None
+    frame: Frame
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, frame: Frame) -> Guess:
+    """Returns what the columns of a table are taken for.
+
+    Args:
+        table: with a header.
+        mapping: entries of ``--map``, which stand as they are.
+        vehicle: None: a log with a column of the left or the right is a diff_drive's, any other a motor's.
+        frame: taken unless wheels and gyro show the other one.
+
+    Raises:
+        InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
+    """
+    if not table.header:
+        raise InputError("needs a header that names the columns", file=table.file, field="--guess")
+    stated = parse_mapping(mapping, partly=True)
+    columns = [column_of(name, _values(table, name)) for name in table.names if name]
+    if vehicle is None:
+        vehicle = "diff_drive" if any(one.side for one in columns) else "motor"
+    sources, reasons = dict(stated), {signal: "stated by --map" for signal in stated}
+    left_out: list[str] = []
+    driven = any(one.words & {"pwm", "duty"} for one in columns)
+    for column in columns:
+        found = taken_for(column, columns, driven)
+        problem = found if isinstance(found, str) else _problem(found, sources, vehicle)
+        if isinstance(found, str) or problem:
+            if not any(column.name in one.text for one in stated.values()):
+                left_out.append(f"{column.name} is left out: {problem}")
+            continue
+        sources[found.signal] = Source(found.formula, found.unit)
+        reasons[found.signal] = found.reason
+    left_out += _one_input_set(sources, reasons, vehicle)
+    _check_found(table, sources)
+    shown, why = _frame(table, columns, sources, frame)
+    notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
+    if counted := [one.text.split("/")[0] for one in sources.values() if one.text.endswith(f"/{COUNTS_PER_TURN}")]:
+        notes.append(
+            f"NOBODY SAID how many counts a turn has: {COUNTS_PER_TURN} IS A GUESS for {' and '.join(counted)}, and "
+            "every speed is wrong by as much as it is; state it with --map SIGNAL=COLUMN/COUNTS:rotation"
+        )
+    return Guess(sources, vehicle, shown, reasons, (*notes, *left_out, *why))
+
+
+def _values(table: TextTable, name: str) -> Vector:
+    """Returns the numbers of a column, or none where it holds text."""
+    try:
+        return table.column(name, Place(name))[0][:_LOOKED_AT]
+    except InputError:
+        return np.empty(0)
+
+
+def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> str | None:
+    if found.signal in sources:
+        return f"{sources[found.signal].text} is {found.signal} already"
+    if found.signal not in SIGNALS or vehicle not in SIGNALS[found.signal].vehicles:
+        return f"a {vehicle} has no signal {found.signal}"
+    return None
+
+
+def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle: Vehicle) -> list[str]:
+    """Leaves one complete set of inputs in `sources`, and returns what is left out."""
+    sets = INPUT_SETS[vehicle]
+    stated = {signal for signal in sources if SIGNALS[signal].kind == "input" and reasons[signal] == "stated by --map"}
+    complete = [names for names in sets if all(name in sources for name in names)]
+    complete.sort(key=lambda names: (not stated & set(names), not names[0].startswith("duty")))
+    chosen = complete[0] if complete else ()
+    others = [signal for signal in sources if SIGNALS[signal].kind == "input" and signal not in chosen]
+    beside = f"{' and '.join(chosen)} is the input" if chosen else "the other side is not found"
+    return [f"{sources.pop(signal).text} is left out: {beside}" for signal in others]
+
+
+def _check_found(table: TextTable, sources: Mapping[str, Source]) -> None:
+    known = ", ".join(table.names[:20])
+    kinds = {SIGNALS[signal].kind for signal in sources}
+    for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
+        if kind not in kinds:
+            message = f"finds no {'time' if kind == 'time' else f'complete {kind}'} among {known}; add --map {example}"
+            raise InputError(message, file=table.file, line=table.first_line, field="--guess")
+
+
+def _frame(
+    table: TextTable, columns: Sequence[Column], sources: Mapping[str, Source], frame: Frame
+) -> tuple[Frame, tuple[str, ...]]:
+    """Returns the frame that wheels and gyro show, and a note."""
+    yaw = next((one for one in ("yaw_rate", "yaw_angle") if one in sources), None)
+    if yaw is None:
+        return frame, ()
+    logged = {
+        signal: next((one.values for one in columns if source.text.startswith(one.name)), np.empty(0))
+        for signal, source in sources.items()
+    }
+    turning = logged[yaw] if yaw == "yaw_rate" else _rate(logged[yaw])
+    for stem in ("wheel_angle", "wheel_travel", "wheel_speed", "duty", "voltage"):
+        if f"{stem}_left" not in logged or f"{stem}_right" not in logged:
+            continue
+        lead = logged[f"{stem}_right"] - logged[f"{stem}_left"]
+        agree = _agreement(_rate(lead) if stem in ("wheel_angle", "wheel_travel") else lead, turning)
+        if abs(agree) >= _SURE:
+            shown: Frame = "FLU" if agree > 0.0 else "FRD"
+            sense = "counter-clockwise" if shown == "FLU" else "clockwise"
+            return shown, (f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive",)
+    return frame, (f"the sign of {yaw} is not shown by the wheels: the frame is taken as {frame}; see --frame",)
+
+
+def _rate(values: Vector) -> Vector:
+    return np.diff(values, prepend=values[:1])
+
+
+def _agreement(lead: Vector, turning: Vector) -> float:
+    """Returns the correlation of two signals over means of some rows; 0 where one of them does not change."""
+    sound = np.isfinite(lead) & np.isfinite(turning)
+    width = min(10, max(1, int(np.count_nonzero(sound)) // 20))
+    one, two = (np.convolve(values[sound], np.full(width, 1 / width), "valid") for values in (lead, turning))
+    if one.size < 2 or np.std(one) == 0.0 or np.std(two) == 0.0:
+        return 0.0
+    return float(np.mean((one - one.mean()) * (two - two.mean())) / (np.std(one) * np.std(two)))

@@ -1,0 +1,184 @@
+"""Splits one log with many manoeuvres into runs: at the rests between them, or at stated times."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.signals import RATE_OF, SIGNALS
+from brickpilot.errors import InputError
+
+Vector = NDArray[np.float64]
+
+_SHORTEST_REST_S = 0.5
+_KEPT_S = 0.5  # of the rest before a manoeuvre and after it
+_SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
+_STILL = 0.03  # of the fastest motion of the log: what is slower counts as rest
+_ONE_KIND = 0.25  # of turning in driving, or the other way round: less of it leaves a straight run or a spin
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some rows of a log that become a run of their own."""
+
+    name: str
+    rows: slice
+
+
+def parse_split(entries: Sequence[str]) -> list[tuple[float, float]] | None:
+    """Returns the stated times in s of `--split FROM,TO`, none without the option, and None for `--split rests`.
+
+    Raises:
+        InputError: an entry of another form, or both forms at once.
+    """
+    if "rests" in entries:
+        if len(entries) > 1:
+            raise InputError("rests stands alone", field="--split")
+        return None
+    spans = []
+    for entry in entries:
+        try:
+            start, end = (float(text) for text in entry.split(","))
+        except ValueError:
+            start = end = math.nan
+        if not start < end:
+            raise InputError("is neither rests nor FROM,TO in s", field=f"--split {entry}")
+        spans.append((start, end))
+    return spans
+
+
+def split_log(
+    time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], spans: Sequence[tuple[float, float]] | None
+) -> list[Part]:
+    """Returns the runs of a log, in order; a run that is the whole log has no name.
+
+    Args:
+        time: (n,) s.
+        signals: inputs and outputs, NaN where blank.
+        starts: rows at which a new run has to begin.
+        spans: the answer of `parse_split`.
+
+    Raises:
+        InputError: a span with fewer than two rows, or in a log whose clock starts again; no manoeuvre.
+    """
+    if spans:
+        return _stated(time, spans)
+    bounds = [0, *starts, time.size]
+    pieces = [slice(start, stop) for start, stop in pairwise(bounds) if stop - start >= 2]
+    if spans is not None:
+        whole = len(pieces) == 1 and pieces[0] == slice(0, time.size)
+        return [Part("" if whole else f"part_{number}", piece) for number, piece in enumerate(pieces, 1)]
+    counted: Counter[str] = Counter()
+    parts = []
+    for piece in pieces:
+        for kind, rows in manoeuvres(time[piece], {name: values[piece] for name, values in signals.items()}):
+            counted[kind] += 1
+            shifted = slice(piece.start + rows.start, piece.start + rows.stop)
+            parts.append(Part(f"{kind}_{counted[kind]}", shifted))
+    if not parts:
+        raise InputError("finds no manoeuvre: no input is ever other than 0", field="--split rests")
+    return parts
+
+
+def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:
+    if np.any(np.diff(time) <= 0.0):
+        raise InputError("needs a log whose clock does not start again", field="--split FROM,TO")
+    parts = []
+    for number, (start, end) in enumerate(spans, 1):
+        first, last = np.searchsorted(time, start), np.searchsorted(time, end, side="right")
+        if last - first < 2:
+            message = f"holds {last - first} rows of a log from {time[0]:.6g} to {time[-1]:.6g} s"
+            raise InputError(message, field=f"--split {start:g},{end:g}")
+        parts.append(Part(f"part_{number}", slice(int(first), int(last))))
+    return parts
+
+
+def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, slice]]:
+    """Returns kind and rows of each manoeuvre, with up to 0.5 s of the rest before it and after it.
+
+    The vehicle rests where no input drives it and it hardly moves, for 0.5 s at least.
+
+    Args:
+        time: (n,) s, strictly increasing.
+        signals: inputs and outputs; NaN where blank.
+    """
+    inputs = {name: np.nan_to_num(values) for name, values in signals.items() if SIGNALS[name].kind == "input"}
+    driven = np.any([values != 0.0 for values in inputs.values()], axis=0)
+    busy = driven | _moves(time, signals, ~driven)
+    rests = [rest for rest in _stretches(~busy) if time[rest.stop - 1] - time[rest.start] >= _SHORTEST_REST_S]
+    resting = np.zeros(time.size, dtype=bool)
+    for rest in rests:
+        resting[rest] = True
+    return [
+        (_kind({name: values[busy_rows] for name, values in inputs.items()}), _with_rest(time, busy_rows, rests))
+        for busy_rows in _stretches(~resting)
+        if driven[busy_rows].any()
+    ]
+
+
+def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
+    """Returns the rows of a manoeuvre with some of the rest around it; two runs share no row."""
+    first, last = busy.start, busy.stop
+    for rest in rests:
+        middle = (rest.start + rest.stop) // 2
+        if rest.stop == busy.start:
+            begins = int(np.searchsorted(time, time[busy.start] - _KEPT_S))
+            first = max(begins, rest.start if rest.start == 0 else middle)
+        if rest.start == busy.stop:
+            ends = int(np.searchsorted(time, time[busy.stop - 1] + _KEPT_S, side="right"))
+            last = min(ends, rest.stop if rest.stop == time.size else middle)
+    return slice(first, last)
+
+
+def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns where a wheel, the motor or the body moves; accelerations and currents do not tell."""
+    moves = np.zeros(time.size, dtype=bool)
+    for name, values in signals.items():
+        known = np.isfinite(values)
+        if np.count_nonzero(known) < 2:
+            continue
+        if name in RATE_OF or name == "yaw_angle":
+            rate = np.abs(_slope(time, np.interp(time, time[known], values[known])))
+        elif name in RATE_OF.values() or name == "yaw_rate":
+            filled = np.interp(time, time[known], values[known])
+            offset = float(np.median(filled[undriven])) if undriven.any() else 0.0
+            held = np.concatenate([[0.0], np.cumsum((filled[:-1] - offset) * np.diff(time))])
+            rate = np.abs(_slope(time, held))
+        else:
+            continue
+        moves |= rate > _STILL * float(np.quantile(rate, 0.995))
+    return moves
+
+
+def _slope(time: Vector, values: Vector) -> Vector:
+    """Returns the mean slope over `_SPAN_S` on either side."""
+    before: Vector = np.interp(time - _SPAN_S, time, values)
+    after: Vector = np.interp(time + _SPAN_S, time, values)
+    span: Vector = np.minimum(time + _SPAN_S, time[-1]) - np.maximum(time - _SPAN_S, time[0])
+    return (after - before) / span
+
+
+def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
+    """Returns the stretches of rows in which a flag is set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def _kind(inputs: Mapping[str, Vector]) -> str:
+    """Returns what is driven: straight, spin or curve; of a motor: drive."""
+    if len(inputs) < 2:
+        return "drive"
+    one, two = inputs.values()
+    if "duty_mean" in inputs:
+        ahead, turning = np.mean(np.abs(one)), np.mean(np.abs(two)) / 2
+    else:
+        ahead, turning = np.mean(np.abs(one + two)), np.mean(np.abs(one - two))
+    if turning <= _ONE_KIND * ahead:
+        return "straight"
+    return "spin" if ahead <= _ONE_KIND * turning else "curve"
