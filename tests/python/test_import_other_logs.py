@@ -17,6 +17,7 @@ from brickpilot.importers import IMPORTERS
 from brickpilot.importers.listing import contents
 from brickpilot.importers.registry import kind_of
 from command import brickpilot
+from scipy.io import savemat
 
 TIME = 1.0 + np.arange(60) * 0.02
 VOLTS = np.where(TIME < 1.5, 6.0, -3.0)
@@ -283,3 +284,33 @@ def test_the_list_shows_a_text_entry_as_a_note(tmp_path: Path) -> None:
     log = read_wpilog(wpilog(tmp_path / "a.wpilog"))
     assert [one.name for one in contents(log).channels][2:4] == ["/drive/both[0]", "/drive/both[1]"]
     assert log.notes == ("without numbers: messages (string)",)
+
+
+def test_the_list_shows_tables_matrices_and_tests_too(tmp_path: Path) -> None:
+    from test_importers import new_log, write_json
+
+    rows = "\n".join(f"{10 * k};{k / 8:.3f};on".replace(".", ",") for k in range(40))
+    (tmp_path / "bench.csv").write_text(f"rig 7, 2024\nmillis;pwm;state\n{rows}\n", encoding="utf-8")
+    savemat(tmp_path / "axis.mat", {"qm": np.arange(5.0), "many": np.ones((5, 2)), "about": {"rig": "axis"}})
+    write_json(tmp_path / "sysid.json", new_log())
+    done = brickpilot("import", "--list", "bench.csv", cwd=tmp_path).stdout
+    assert [line.split() for line in done.splitlines()[1:4]] == [
+        ["channel", "type", "unit", "samples", "rate", "Hz", "first", "s", "last", "s", "lowest", "highest"],
+        ["millis", "number", "-", "40", "0.1", "0", "390", "0", "390"],
+        ["pwm", "number", "-", "40", "0.1", "0", "390", "0", "4.875"],
+    ]
+    assert "note: the rate and the times are those of column millis, in its unit" in done
+    assert "note: 1 of 42 lines have another number of cells" in done
+    assert "note: without numbers: state" in done
+    channels = json.loads(brickpilot("import", "--list", "axis.mat", "--json", cwd=tmp_path).stdout)["files"][0][
+        "channels"
+    ]
+    assert [(one["name"], one["samples"]) for one in channels] == [("qm", 5), ("many[0]", 5), ("many[1]", 5)]
+    listed = brickpilot("import", "--list", "sysid.json", cwd=tmp_path).stdout
+    assert "fast-forward.wheel_travel_left" in listed
+    refused = brickpilot("import", "--list", "rcx", "/dev/null", cwd=tmp_path)
+    assert (refused.returncode, refused.stderr) == (2, "brickpilot: --list: does not work with rcx\n")
+    (tmp_path / "what.xyz").write_text("1")
+    refused = brickpilot("import", "--list", "what.xyz", cwd=tmp_path)
+    assert refused.stderr.startswith("brickpilot: what.xyz: no kind of log is known by this ending; name one: wpilib, ")
+    assert brickpilot("import", "--list", "--kind", "table", "bench.csv", cwd=tmp_path).returncode == 0

@@ -57,12 +57,16 @@ IMPORTERS = (
     Importer(
         kind="wpilib",
         function="brickpilot.importers.wpilib:import_wpilib",
+        reader="brickpilot.importers.wpilib:read",
+        suffixes=(".json",),
         help="JSON files of WPILib SysId and of the older frc-characterization.",
         example="wpilib linear.json angular.json --out drivetrain",
     ),
     Importer(
         kind="matlab",
         function="brickpilot.importers.matlab:import_matlab",
+        reader="brickpilot.importers.matlab:read",
+        suffixes=(".mat",),
         help="MATLAB .mat files, v4 to v7.3.",
         example="matlab DATA.mat --vehicle motor --map time=t --map voltage=vir --map position=qm --out axis",
         options=(MAP, VEHICLE, FRAME),

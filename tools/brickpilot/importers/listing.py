@@ -45,22 +45,22 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns what a log holds.
 
-    The columns of a table have no times of their own. Theirs are those of the first column in s that only increases.
+    The columns of a table have no times of their own. Theirs are the values of the first column that only increases.
     """
     clock = _clock(log.channels)
-    return Contents([_of(channel, clock) for channel in log.channels.values()], log.notes, log.cut)
+    notes = [*log.notes]
+    if clock is not None and clock.unit != "s":
+        notes.append(f"the rate and the times are those of column {clock.name}, in its unit")
+    times = None if clock is None else clock.values
+    return Contents([_of(channel, times) for channel in log.channels.values()], tuple(notes), log.cut)
 
 
-def _clock(channels: Mapping[str, Channel]) -> Vector | None:
-    for channel in channels.values():
-        if (
-            channel.time is None
-            and channel.unit == "s"
-            and channel.values.size > 1
-            and (np.diff(channel.values) > 0).all()
-        ):
-            return channel.values
-    return None
+def _clock(channels: Mapping[str, Channel]) -> Channel | None:
+    """Returns the first column in s that only increases, or else the first that only increases."""
+    rising = [
+        one for one in channels.values() if one.time is None and one.values.size > 1 and (np.diff(one.values) > 0).all()
+    ]
+    return next((one for one in rising if one.unit == "s"), rising[0] if rising else None)
 
 
 def _of(channel: Channel, clock: Vector | None) -> Listed:

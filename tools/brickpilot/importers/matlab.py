@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take, units_of
 from brickpilot.importers.mat_file import load
@@ -68,6 +69,36 @@ def _signals(file: Path, sources: Mapping[str, Source]) -> Mapped:
         return values
 
     return take(formulas, checked, file)
+
+
+def read(file: Path) -> Log:
+    """Reads the vectors and the columns of matrices; a field of a struct is ``struct.field``.
+
+    Raises:
+        InputError: no such file, or the file cannot be read.
+    """
+    variables = load(file)
+    channels, others = {}, []
+    for name in _names(variables):
+        try:
+            for place in _places(name, variables):
+                text = name if place.index is None else f"{name}[{place.index}]"
+                channels[text] = Channel(text, "matrix", None, _column(file, name, place, variables, ()))
+        except InputError:
+            others.append(name)
+    notes = (f"without a vector of numbers: {', '.join(others)}",) if others else ()
+    return Log(file, channels, notes=notes)
+
+
+def _places(name: str, variables: Mapping[str, Any]) -> list[Place]:
+    """Returns a vector's place, or those of the columns of a matrix."""
+    value: Any = variables
+    for part in name.split("."):
+        value = value[part]
+    shape = np.shape(value)
+    if len(shape) == 2 and min(shape) > 1:
+        return [Place(name, index) for index in range(shape[1])]
+    return [Place(name)]
 
 
 def _names(variables: Mapping[str, Any]) -> list[str]:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 Vector = NDArray[np.float64]
@@ -103,6 +104,22 @@ def import_wpilib(
     return write(
         NewDataset(name or out.resolve().name, first.vehicle, frame, units, runs, nominal or {}, notes), out, files[0]
     )
+
+
+def read(file: Path) -> Log:
+    """Reads the tests of a file; the channels are ``TEST.SIGNAL``.
+
+    Raises:
+        InputError: the file or a test is bad.
+    """
+    notes: list[str] = []
+    channels = [
+        Channel(f"{run.name}.{signal}", "double", run.columns["time"], values, _UNITS[signal])
+        for run in _runs("", _read(file), notes)
+        for signal, values in run.columns.items()
+        if signal != "time"
+    ]
+    return Log(file, {one.name: one for one in channels}, notes=tuple(notes))
 
 
 def _read(file: Path) -> _Log:
