@@ -74,23 +74,6 @@ def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
     assert gap.after <= gap.before
 
 
-def test_later_parts_of_the_fitted_runs_alone_name_nothing(tmp_path: Path) -> None:
-    """A second run of one manoeuvre is what it takes."""
-    moves = {"straight": (4.0, 4.0), "straight_back": (-5.0, -5.0), "spin": (4.0, -4.0), "spin_back": (-4.0, 4.0)}
-    with_friction = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.012}})
-    told = {"manoeuvres": moves, "roles": [""] * 5}
-    once = discover(dataset.read(write(tmp_path / "once", with_friction, NOISE, NOMINAL, **told)), jobs=1)
-    assert once.evidence is not None
-    assert (once.verdict, once.evidence.kind) == ("unknown", "fitted_only")
-    assert "was driven once" in once.evidence.sentence
-    assert not once.evidence.contradicted
-    assert [(one.name, one.claimed) for one in once.effects] == [("coulomb_friction", False)]
-
-    moves["again"] = (5.0, 5.0)
-    twice = discover(dataset.read(write(tmp_path / "twice", with_friction, NOISE, NOMINAL, **told)), jobs=1)
-    assert (twice.verdict, [one.name for one in twice.effects]) == ("named", ["coulomb_friction"])
-
-
 def _yardstick(low: float | None) -> Yardstick:
     interval = None if low is None else (low, 1.0)
     return Yardstick(predictable={"free_run": Predictable(0.5, interval, 0.5, interval, None, None, {}, ())})

@@ -244,3 +244,13 @@ def test_robots_of_other_scales_drive_within_their_sensors(kind) -> None:
         assert np.sqrt(np.mean(slip**2)) / kind.wheel_radius < measure.NOISE_SD["wheel_speed_left"] / 2
     assert max(np.abs(track.yaw_rate).max() for track in tracks) > 2.0
     assert kind.mass != BENCH.mass
+
+
+def test_a_claimed_name_is_right_for_another_law_if_it_is_said_to_differ() -> None:
+    """And wrong for the library's own law, so that saying it always does not pay."""
+    other = said(OTHER, "named", "battery_fade", mechanism="supply", left=5.0)
+    assert not law_score.law_right(other)
+    assert law_score.law_right(other | {"law_differs": True})
+    same = said(SAME, "named", "coulomb_friction", mechanism="bearing", left=1.0)
+    assert law_score.law_right(same)
+    assert not law_score.law_right(same | {"law_differs": True})

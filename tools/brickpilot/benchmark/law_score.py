@@ -89,9 +89,10 @@ def name_right(result: Result) -> bool:
 def law_right(result: Result) -> bool:
     """Returns whether the law is right, or said to differ.
 
-    The library's own law is right if its name, or the family's, is claimed alone or among rivals. Another law is said
-    to differ if the verdict is `unknown` with the right mechanism. A claimed name is right for it only if what the
-    model leaves on held-out runs is noise: then the data cannot tell both laws apart.
+    The library's own law is right if its name, or the family's, is claimed alone or among rivals, and not said to
+    differ. Another law is said to differ if the verdict is `unknown` with the right mechanism, or says so of a claimed
+    name that is right. Where it does not, what the model leaves on held-out runs has to be noise: then the data cannot
+    tell both laws apart.
     """
     if result.get("error"):
         return False
@@ -104,10 +105,11 @@ def law_right(result: Result) -> bool:
     alone = [one for one in explanations(result) if all(_is_called(name, right) for name in one)]
     if not right or not alone:
         return False
+    differs = bool(result.get("law_differs"))
     if relation == {"same"}:
-        return True
+        return not differs
     left = result["held_out"]["after"]
-    return left is not None and left <= ADEQUATE
+    return differs or (left is not None and left <= ADEQUATE)
 
 
 def false_names(result: Result) -> list[str]:

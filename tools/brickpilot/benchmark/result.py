@@ -78,6 +78,7 @@ def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
         "size": float(size[1]) if size else None,
         "visibility": facts["visibility"],
         "mechanism": None,
+        "law_differs": None,
         "effects": [],
         "suspected": [],
         "term": None,
@@ -98,6 +99,7 @@ def verdict_fields(found: Finding) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "mechanism": full["mechanism"],
+        "law_differs": full["law_differs"],
         "evidence": full["evidence"],
         "fit_percent": _without_nan(full.get("fit_percent")),
         "effects": [_effect(effect) for effect in full["effects"] if effect["claimed"]],

@@ -60,6 +60,7 @@ def conclude(
         dataset=prepared.dataset,
         verdict=written.kind,
         mechanism=mechanism(effects, written),
+        law_differs=_law_differs(prepared, verdict, written),
         evidence=written.evidence,
         effects=effects,
         where=_places(prepared, written),
@@ -84,6 +85,16 @@ def conclude(
         elapsed_s=0.0,
         seed=prepared.seed,
     )
+
+
+def _law_differs(prepared: Prepared, verdict: Verdict, written: Written) -> bool | None:
+    """Returns whether the claimed effects leave more than noise, on the fit runs or on held-out runs."""
+    if written.kind not in ("named", "ambiguous"):
+        return None
+    held_out = prepared.held_out()
+    if not verdict.adequate or held_out is None:
+        return not verdict.adequate
+    return bool(held_out.losses(verdict.best.model).sum() > gates.ADEQUATE * held_out.noise_cost())
 
 
 def _power(prepared: Prepared, verdict: Verdict) -> Mapping[str, Visible]:

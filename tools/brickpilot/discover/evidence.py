@@ -19,7 +19,6 @@ from brickpilot.vehicle.model import Model
 _DRAWS = 400  # of the bootstrap
 _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
-_SAME_RUNS = "Later parts of the fit runs confirm it, but each manoeuvre was driven once: drive one of them again."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
 _CONTRADICTED = "It explains the fit runs, but the held-out runs contradict it."
 _PARTLY = "It explains the fit runs, but little of the error of the held-out runs: something else is different in them."
@@ -103,10 +102,8 @@ def confirm(
     falls = gap.before is not None and gap.after is not None and gap.after < gap.before
     partly = (change.removed or 0.0) < gates.HELD_OUT_SHARE * (removed_fit or 0.0)
     sentence = _sentence(change, free_run_change(prepared, simulated), falls=falls, partly=partly)
-    if sentence is _CONFIRMED and not prepared.roles.held_out():
-        sentence = _SAME_RUNS
     kind: EvidenceKind = "held_out" if sentence is _CONFIRMED else "fitted_only"
-    contradicted = sentence not in (_CONFIRMED, _SAME_RUNS, _NOT_EXCITED)
+    contradicted = sentence not in (_CONFIRMED, _NOT_EXCITED)
     evidence = Evidence(kind, removed_fit, change.removed, change.draws, contradicted, sentence)
     return evidence, sentence is not _GROWS
 

@@ -122,8 +122,7 @@ class Evidence:
     """What proves the augmented model. It is measured last, on the model as its file says.
 
     Attributes:
-        kind: "held_out": runs that are held out as a whole confirm the model. "fitted_only": only fit runs show what it
-            adds, or held-out runs contradict it.
+        kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
         removed_fit, removed_held_out: the share of the cost above that of noise that it removes, at most 1; below 0
             the model is worse. None: no such runs, or no cost above noise.
         draws: how often the cost on held-out runs falls when stretches of them are drawn again, 0..1; None: no such
@@ -303,6 +302,8 @@ class Finding:
         effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
             `unknown` the best names, which are not claimed, or those beside a term, which are.
         mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
+        law_differs: what the claimed effects leave is more than noise: their laws are not quite right, or something
+            smaller is missing too. None: no effect is claimed.
         evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.
@@ -346,3 +347,4 @@ class Finding:
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()
+    law_differs: bool | None = None

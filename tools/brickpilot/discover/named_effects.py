@@ -15,15 +15,12 @@ from brickpilot.fit.parameters import value_of
 from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model, unit_on
 
-_MECHANISM_OF_PLACE = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
-"""Mechanism of a composed term by the place where it acts; at any other place it is a sensor's."""
-
 
 def named_effects(prepared: Prepared, verdict: Verdict, written: Written) -> tuple[Effect, ...]:
     """Returns the effects of the best explanation; they are claimed where the evidence allows it.
 
-    Beside a composed term, effects are claimed whose intervals exclude zero. For `unknown`, the best explanation is
-    listed if it removes enough of the gap to be worth a reader's time.
+    Beside a composed term, effects are claimed whose intervals exclude zero. Where none does, as for any `unknown`, the
+    best explanation without the term is listed if it removes enough of the gap to be worth a reader's time.
     """
     found = verdict.best if verdict.best.chosen else verdict.unclaimed
     if written.kind == "none" or found is None:
@@ -36,10 +33,10 @@ def named_effects(prepared: Prepared, verdict: Verdict, written: Written) -> tup
         return _effects(verdict, found, written.estimates, written.model, confidence, claimed=proved)
     if verdict.removed_by(found) < gates.WORTH_LISTING:
         return ()
-    beside = written.composed is not None and not written.composed.alone
-    if beside:
+    if written.composed is not None and not written.composed.alone:
         effects = _effects(verdict, found, written.estimates, written.model, confidence, claimed=True)
-        return tuple(one for one in effects if _excludes_zero(one))
+        if sure := tuple(one for one in effects if _excludes_zero(one)):
+            return sure
     estimates = assess(prepared.fine.with_plan(found.plan), found.model, found.plan.free).estimates
     return _effects(verdict, found, estimates, found.model, confidence, claimed=False)
 
@@ -48,7 +45,7 @@ def mechanism(effects: tuple[Effect, ...], written: Written) -> str | None:
     """Returns the kind of cause that explains most; None if nothing is missing or nothing points at one.
 
     A law that is not quite right still shows its mechanism: the best effect stands for it where that removes most of
-    the gap. Else the composed term does: by the law of the library that it resembles, or by the place where it acts.
+    the gap. Else the composed term does: by the law of the library that it resembles, or by its own place and symbols.
     """
     if written.kind == "none":
         return None
@@ -58,7 +55,7 @@ def mechanism(effects: tuple[Effect, ...], written: Written) -> str | None:
     nearest = composed.matches[0] if composed.matches else None
     if nearest is not None and nearest.correlation > gates.SHOWS_MECHANISM:
         return nearest.mechanism
-    return _MECHANISM_OF_PLACE.get(composed.terms.places[0], "sensor")
+    return composed.terms.terms[0].basis.mechanism
 
 
 def _effects(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 
@@ -100,9 +100,7 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
     refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
     found = [one for one in [best, *refitted] if one.chosen]
     ranked = tuple(best_first(found))
-    possible = [one for one in ranked if _is_possible(prepared, one)]
-    passing = [one for one in possible if passes_gates(error, nominal, one, held_out)]
-    determined = list(_determined(error, best, passing, jobs))
+    determined = _determined(prepared, nominal, best, ranked, held_out)
     if not determined:
         unclaimed = ranked[0] if ranked else None
         return Verdict(nothing, nominal, nominal, (), ranked, noise, 1.0, unclaimed)
@@ -182,13 +180,26 @@ def _rank(error: BinnedOutputError, determined: Sequence[FittedModel]) -> tuple[
 
 
 def _determined(
-    error: BinnedOutputError, best: FittedModel, ranked: Sequence[FittedModel], jobs: int
-) -> Iterator[FittedModel]:
-    """Yields the explanations that keep all their effects without undetermined parameters."""
-    for one in ranked:
-        kept = one if one is best else drop_undetermined(error, one, jobs)
-        if kept.names == one.names:
-            yield kept
+    prepared: Prepared,
+    nominal: FittedModel,
+    best: FittedModel,
+    ranked: Sequence[FittedModel],
+    held_out: BinnedOutputError | None,
+) -> list[FittedModel]:
+    """Returns those of `ranked` that pass the gates, the best first, without parameters that are undetermined.
+
+    What is left of an explanation after those are dropped has to pass the gates too. It may be one of fewer effects,
+    which the search did not follow.
+    """
+    error, jobs = prepared.fine, prepared.jobs
+
+    def passes(one: FittedModel) -> bool:
+        return bool(one.chosen) and _is_possible(prepared, one) and passes_gates(error, nominal, one, held_out)
+
+    passing = [one for one in ranked if passes(one)]
+    left = [one if one is best else drop_undetermined(error, one, jobs) for one in passing]
+    first = {frozenset(one.names): one for one in reversed(best_first(left))}
+    return [one for one in best_first(list(first.values())) if one in passing or passes(one)]
 
 
 def _simplest(near: Sequence[FittedModel]) -> list[FittedModel]:

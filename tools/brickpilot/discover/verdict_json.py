@@ -21,6 +21,7 @@ def _figures(found: Finding) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "mechanism": found.mechanism,
+        "law_differs": found.law_differs,
         "evidence": None if found.evidence is None else found.evidence.kind,
         "proof": None if found.evidence is None else dataclasses.asdict(found.evidence),
         "fit_percent": found.yardstick.fit_json(),

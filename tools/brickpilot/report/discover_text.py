@@ -74,7 +74,15 @@ def alternatives(effects: Sequence[Effect]) -> list[str]:
 def verdict(finding: Finding) -> str:
     """Returns the verdict in a few sentences that stand alone."""
     by_run = "".join(f" {one.sentence()}" for one in finding.run_values)
-    return _verdict(finding) + _moved_values(finding) + by_run
+    return _verdict(finding) + _rest(finding) + _moved_values(finding) + by_run
+
+
+def _rest(finding: Finding) -> str:
+    """Returns a sentence on what claimed effects leave; empty: noise alone, or none is claimed."""
+    if not finding.law_differs:
+        return ""
+    which = "a law is" if len(finding.effects) > 1 else "the law is"
+    return f" What is left is more than noise: {which} not quite right, or something smaller is missing too."
 
 
 def _moved_values(finding: Finding) -> str:

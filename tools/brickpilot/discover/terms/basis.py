@@ -29,6 +29,8 @@ PLACES = {
 }
 """Place where a term may act -> words for it."""
 
+_MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
+
 _NAME = re.compile(rf"({'|'.join(sorted(PLACES, key=len, reverse=True))})_(gain|add|dry|loss|push)_(diff_)?(\w+)")
 _MEANING = re.compile(r"(\w+) \+= (.*)\[(.*)\](.*)")
 
@@ -68,6 +70,13 @@ class Basis:
     def symbols(self) -> frozenset[str]:
         """The symbols of its expression and of its factors."""
         return symbols_in(f"{self.sign}({self.expression}){self.factor}") - {"c"}
+
+    @property
+    def mechanism(self) -> str:
+        """The kind of cause: that of its place, but a torque that goes with the current is the motor's."""
+        if self.place == "wheel" and "i" in self.symbols:
+            return "motor"
+        return _MECHANISMS.get(self.place, "sensor")
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,6 @@ _HOOKS = {
     "sensor": (("gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
 }
 _ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body"}
-_MECHANISM = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
 _OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
 
 
@@ -119,7 +118,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         "parameters": _rows(terms, settings),
         "general": EFFECT,
         "acts_on": _ACTS_ON.get(terms[0].basis.place, "sensor"),
-        "mechanism": _MECHANISM.get(terms[0].basis.place, "sensor"),
+        "mechanism": terms[0].basis.mechanism,
     }
     return _environment().get_template("composed_effect.c.j2").render(content | hooks)
 
