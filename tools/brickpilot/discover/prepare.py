@@ -126,7 +126,10 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, dead
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
-    """Returns the same data cut into short windows; None if they are in windows already or no wheel was measured."""
+    """Returns the same data cut into short windows.
+
+    None if they are in windows already, no wheel was measured, or the samples are too far apart for a window.
+    """
     if prepared.compared is not prepared.dataset:
         return None
     ready = prepared.dataset
@@ -134,6 +137,8 @@ def prepare_windows(prepared: Prepared) -> Prepared | None:
     if windows is None:
         return None
     fitted, fit_windows = part(windows, prepared.roles, "fit"), _with_role(windows, prepared.roles, "fit")
+    if not fit_windows:
+        return None
     some = fit_windows[:: -(-len(fit_windows) // _SEARCHED_WINDOWS)]
     return dataclasses.replace(
         prepared,
