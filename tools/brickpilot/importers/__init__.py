@@ -33,7 +33,7 @@ GUESS = Option(
     "says why; --vehicle is then found too.", default=False,
 )  # fmt: skip
 SPLIT = Option(
-    "split", "--split", "Makes runs of one log: rests splits where the vehicle rests for 0.5 s; FROM,TO takes a span "
+    "split", "--split", "Makes runs of one log: rests splits where the vehicle rests for 0.3 s; FROM,TO takes a span "
     "of the log's clock in s and is repeatable.", metavar="rests|FROM,TO", repeatable=True,
 )  # fmt: skip
 INPUTS = Option(

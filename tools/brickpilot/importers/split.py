@@ -16,10 +16,10 @@ from brickpilot.errors import InputError
 
 Vector = NDArray[np.float64]
 
-_SHORTEST_REST_S = 0.5
+_SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # of the rest before a manoeuvre and after it
 _SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
-_STILL = 0.03  # of the fastest motion of the log: what is slower counts as rest
+_STILL = 0.05  # of the fastest motion of the log: what is slower counts as rest
 _ONE_KIND = 0.25  # of turning in driving, or the other way round: less of it leaves a straight run or a spin
 
 
@@ -102,7 +102,7 @@ def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:
 def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, slice]]:
     """Returns kind and rows of each manoeuvre, with up to 0.5 s of the rest before it and after it.
 
-    The vehicle rests where no input drives it and it hardly moves, for 0.5 s at least.
+    The vehicle rests where no input drives it and it hardly moves, for 0.3 s at least.
 
     Args:
         time: (n,) s, strictly increasing.
