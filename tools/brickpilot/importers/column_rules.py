@@ -82,7 +82,8 @@ def column_of(name: str, values: Vector) -> Column:
         words = [part for part in short.groups() if part]
     joined = re.search(r"(deg|rad|mm|cm|m|rev)(?:_per_|_p?|/)s(?:ec)?$", bare.lower())
     stated = {"deg": "deg/s", "rad": "rad/s", "mm": "mm/s", "cm": "cm/s", "m": "m/s", "rev": "rotation/s"}
-    unit = found[1].strip() if found else stated[joined[1]] if joined else None
+    small = re.search(r"(?:[_ ]|(?<=[a-z]))(m[VAs]|us)$", bare)
+    unit = found[1].strip() if found else stated[joined[1]] if joined else small[1] if small else None
     if unit is None and len(words) > 1:
         unit = _UNITS.get(words[-1]) or ("V" if words[-1] == "v" else "A" if words[-1] == "a" else None)
     sides = [_SIDES[word] for word in words if word in _SIDES]

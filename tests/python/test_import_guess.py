@@ -1,0 +1,142 @@
+"""`--guess` takes columns for signals by their names and ranges, says why, and leaves out what it cannot tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+from brickpilot.data.dataset import read
+from brickpilot.errors import InputError
+from brickpilot.importers.column_rules import Taken, column_of, taken_for
+from brickpilot.importers.table import import_table
+from command import brickpilot
+from serial_logs import COUNTS, HEADER, driven, lines_of, write_log
+
+
+def test_the_commonest_log_is_guessed_in_one_command(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(driven())])
+    done = brickpilot("import", "log.csv", "--guess", "--split", "rests", "--out", "set", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    dataset = read(tmp_path / "set")
+    assert (dataset.vehicle, dataset.frame, len(dataset.runs)) == ("diff_drive", "FLU", 4)
+    log, run = driven(), dataset.runs[1]
+    rows = np.searchsorted(log[:, 0] / 1000, run.time - 1e-9)
+    np.testing.assert_allclose(run.inputs["duty_right"], log[rows, 2] / 255)
+    np.testing.assert_allclose(run.raw_outputs["wheel_angle_left"], log[rows, 3] / COUNTS * 2 * np.pi)
+    np.testing.assert_allclose(run.raw_outputs["yaw_rate"], -np.radians(log[rows, 5]))
+    assert "960 IS A GUESS for encL and encR" in done.stdout
+    assert "gx is left out" in done.stdout
+    text = (tmp_path / "set/dataset.toml").read_text()
+    assert "# its name; values up to 200, so full drive is taken as 255" in text
+    assert "960 IS A GUESS" in text
+    assert set(tomlkit.parse(text)["signals"]) == {  # type: ignore[arg-type]
+        "time", "duty_left", "duty_right", "wheel_angle_left", "wheel_angle_right", "yaw_rate",
+    }  # fmt: skip
+
+
+def test_what_a_map_states_stands(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", [HEADER, *lines_of(driven())])
+    maps = ["wheel_angle_left=encL/1440:rotation", "wheel_angle_right=encR/1440:rotation"]
+    made = import_table([log], tmp_path / "set", maps, guessed=True)
+    dataset = read(made.folder)
+    assert dataset.signals["wheel_angle_left"].scale == 1 / 1440
+    assert "duty_left" in dataset.signals
+    assert not any("IS A GUESS" in note for note in made.notes)
+
+
+def test_the_frame_follows_the_wheels(tmp_path: Path) -> None:
+    turned = driven() * [1, 1, 1, 1, 1, -1]
+    log = write_log(tmp_path / "log.csv", [HEADER, *lines_of(turned)])
+    assert read(import_table([log], tmp_path / "set", guessed=True).folder).frame == "FRD"
+
+
+RISING = np.arange(100) * 20.0
+WAVE = 200 * np.sin(RISING / 300)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "taken"),
+    [
+        ("t", RISING / 1000, ("time", "t", "s")),
+        ("time_us", RISING * 1000, ("time", "time_us", "us")),
+        ("micros", RISING, ("time", "micros", "us")),
+        ("Time [s]", RISING, ("time", "Time [s]", "s")),
+        ("timestamp", RISING, ("time", "timestamp", "ms")),
+        ("pwmL", np.round(WAVE), ("duty_left", "pwmL/255", "1")),
+        ("left_pwm", np.round(WAVE / 3), ("duty_left", "left_pwm/255", "1")),
+        ("PWM_RIGHT", np.round(WAVE * 5), ("duty_right", "PWM_RIGHT/1000", "1")),
+        ("motorR", WAVE / 250, ("duty_right", "motorR", "1")),
+        ("duty", WAVE / 2, ("duty", "duty/100", "1")),
+        ("v_left", WAVE / 40, ("voltage_left", "v_left", "V")),
+        ("leftVoltage", WAVE * 40 // 1, ("voltage_left", "leftVoltage", "mV")),
+        ("encL", RISING, ("wheel_angle_left", "encL/960", "rotation")),
+        ("rightEncoder", RISING, ("wheel_angle_right", "rightEncoder/960", "rotation")),
+        ("ticks", RISING, ("angle", "ticks/960", "rotation")),
+        ("gz", WAVE, ("yaw_rate", "gz", "deg/s")),
+        ("gyro_z", WAVE / 100, ("yaw_rate", "gyro_z", "rad/s")),
+        ("gyroZ", np.round(WAVE * 100), ("yaw_rate", "gyroZ/131", "deg/s")),
+        ("yaw_rate_dps", WAVE / 100, ("yaw_rate", "yaw_rate_dps", "deg/s")),
+        ("yaw", WAVE, ("yaw_angle", "yaw", "deg")),
+        ("battery", np.full(100, 7.4), ("battery_voltage", "battery", "V")),
+        ("vbat_mV", np.full(100, 7400.0), ("battery_voltage", "vbat_mV", "mV")),
+        ("rpmL", WAVE, None),
+        ("speed_left [rpm]", WAVE, ("wheel_speed_left", "speed_left [rpm]", "rpm")),
+        ("vel_right_m_s", WAVE / 100, ("wheel_velocity_right", "vel_right_m_s", "m/s")),
+        ("speed", WAVE, None),
+        ("battery", np.full(100, 612.0), None),
+        ("gx", WAVE, None),
+        ("state", np.full(100, np.nan), None),
+        ("t", WAVE, None),
+        ("ax", WAVE, None),
+    ],
+)
+def test_a_column_is_taken_by_name_and_range(name: str, values: np.ndarray, taken: tuple[str, ...] | None) -> None:
+    column = column_of(name, values)
+    found = taken_for(column, [column], driven=False)
+    if taken is None:
+        assert isinstance(found, str)
+    else:
+        assert isinstance(found, Taken), found
+        assert (found.signal, found.formula, found.unit) == taken
+        assert found.reason
+
+
+def test_the_upright_axis_tells_the_unit_of_an_accelerometer() -> None:
+    for gravity, formula, unit in ((1.0, "ax", "g0"), (9.81, "ax", "m/s^2"), (16400.0, "ax/16384", "g0")):
+        columns = [column_of("ax", WAVE), column_of("az", np.full(100, gravity))]
+        found = taken_for(columns[0], columns, driven=True)
+        assert isinstance(found, Taken)
+        assert (found.signal, found.formula, found.unit) == ("accel_surge", formula, unit)
+
+
+def test_a_motor_is_guessed_where_no_column_has_a_side(tmp_path: Path) -> None:
+    rows = [f"{k * 0.01},{50 if k > 20 else 0},{max(0, k - 20) * 7},4" for k in range(100)]
+    log = write_log(tmp_path / "log.csv", ["t,pwm,enc,mystery", *rows])
+    made = import_table([log], tmp_path / "set", guessed=True)
+    dataset = read(made.folder)
+    assert (dataset.vehicle, set(dataset.signals)) == ("motor", {"time", "duty", "angle"})
+    assert any("mystery is left out" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("x,pwmL,pwmR,encL", r"log\.csv:1: --guess: finds no time among x, pwmL, pwmR, encL; add --map time=COLUMN:ms"),
+        ("t,pwmL,b,encL", r"log\.csv:1: --guess: finds no complete input among"),
+        ("t,pwmL,pwmR,b", r"log\.csv:1: --guess: finds no complete output among"),
+        ("0,1,2,3", r"log\.csv: --guess: needs a header"),
+    ],
+)
+def test_what_cannot_be_guessed_is_named(tmp_path: Path, header: str, says: str) -> None:
+    log = write_log(tmp_path / "log.csv", [header, *(f"{k},{k % 7},{k % 5},{k}" for k in range(1, 50))])
+    with pytest.raises(InputError, match=says):
+        import_table([log], tmp_path / "set", guessed=True)
+    assert not (tmp_path / "set").exists()
+
+
+def test_without_a_vehicle_or_a_guess_the_option_is_named(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(driven())])
+    done = brickpilot("import", "table", "log.csv", "--map", "time=millis", "--out", "set", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "brickpilot: --vehicle: is needed to import table\n")

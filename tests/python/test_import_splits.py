@@ -1,0 +1,152 @@
+"""One log becomes several runs, and a log that is slower than its commands gets them from a table of their own."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.data.dataset import read
+from brickpilot.errors import InputError
+from brickpilot.importers.inputs import with_events, with_linear_inputs
+from brickpilot.importers.table import import_table
+from brickpilot.importers.writer import Imported
+from serial_logs import DRIVES, HEADER, MAPPING, driven, lines_of, write_log
+
+
+def imported(tmp_path: Path, lines: list[str], *split: str, mapping: list[str] = MAPPING, **options: str) -> Imported:
+    log = write_log(tmp_path / "log.csv", lines)
+    return import_table([log], tmp_path / "set", mapping, vehicle="diff_drive", frame="FLU", split=split, **options)
+
+
+def test_a_log_is_split_at_its_rests_and_keeps_some_of_them(tmp_path: Path) -> None:
+    made = imported(tmp_path, [HEADER, *lines_of(driven())], "rests")
+    assert made.runs == ("straight_1", "spin_1", "straight_2", "curve_1")
+    runs = read(made.folder).runs
+    for run, (start, end, _, _) in zip(runs, DRIVES, strict=True):
+        assert start - 0.62 <= run.time[0] <= start - 0.3
+        assert end + 0.5 <= run.time[-1] <= end + 1.2
+        assert run.inputs["duty_left"][0] == run.inputs["duty_left"][-1] == 0.0
+        assert np.any(run.inputs["duty_left"] != 0.0)
+    for before, after in pairwise(runs):
+        assert after.gap_s == pytest.approx(after.time[0] - before.time[-1])
+    assert any("split at its rests into 4 runs" in note for note in made.notes)
+
+
+def test_a_gyro_with_an_offset_and_noise_alone_shows_the_rests(tmp_path: Path) -> None:
+    log = driven()
+    log[:, 5] += 3.0 + np.random.default_rng(0).normal(0, 0.4, len(log))
+    mapping = [entry for entry in MAPPING if "angle" not in entry]
+    assert len(imported(tmp_path, [HEADER, *lines_of(log)], "rests", mapping=mapping).runs) == 4
+
+
+def test_a_vehicle_that_is_still_moving_does_not_rest(tmp_path: Path) -> None:
+    log = driven()
+    moving = (log[:, 0] > 3000) & (log[:, 0] < 5000)
+    log[moving, 3] += np.cumsum(np.full(np.count_nonzero(moving), 30.0))
+    log[log[:, 0] >= 5000, 3] += 30.0 * np.count_nonzero(moving)
+    assert len(imported(tmp_path, [HEADER, *lines_of(log)], "rests").runs) == 3
+
+
+def test_a_log_with_rests_that_is_not_split_says_so(tmp_path: Path) -> None:
+    made = imported(tmp_path, [HEADER, *lines_of(driven())])
+    assert made.runs == ("log",)
+    assert any("holds 4 manoeuvres with rests between them; --split rests" in note for note in made.notes)
+
+
+def test_stated_spans_become_runs(tmp_path: Path) -> None:
+    made = imported(tmp_path, [HEADER, *lines_of(driven())], "0.5,4", "8.5,12")
+    one, two = read(made.folder).runs
+    assert (one.time[0], one.time[-1], two.time[0], two.time[-1]) == (0.5, 4.0, 8.5, 12.0)
+    assert two.gap_s == pytest.approx(4.5)
+
+
+@pytest.mark.parametrize(
+    ("split", "says"),
+    [
+        (("4,3",), "--split 4,3: is neither rests nor FROM,TO in s"),
+        (("rest",), "--split rest: is neither"),
+        (("rests", "1,2"), "--split: rests stands alone"),
+        (("100,200",), "--split 100,200: holds 0 rows of a log from 0 to 15.98 s"),
+    ],
+)
+def test_a_bad_split_is_named_and_writes_nothing(tmp_path: Path, split: tuple[str, ...], says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path, [HEADER, *lines_of(driven())], *split)
+    assert says in str(caught.value)
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_log_without_a_manoeuvre_cannot_be_split(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--split rests: finds no manoeuvre"):
+        imported(tmp_path, [HEADER, *lines_of(driven(rows=40))], "rests")
+
+
+def slow_log(tmp_path: Path) -> Path:
+    """Writes every fifth row of a log, and beside it the commands at the times at which they changed."""
+    log = driven()
+    shifted = log[3::5]
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(shifted)])
+    events = [f"{one:.0f},{left},{right}" for start, end, a, b in DRIVES for one, left, right in
+              ((start * 1000, a, b), (end * 1000, 0, 0))]  # fmt: skip
+    return write_log(tmp_path / "commands.csv", ["millis,pwmL,pwmR", *events])
+
+
+def test_a_slow_log_gets_its_inputs_from_a_table_of_events(tmp_path: Path) -> None:
+    commands = slow_log(tmp_path)
+    made = import_table(
+        [tmp_path / "log.csv"], tmp_path / "set", MAPPING, vehicle="diff_drive", frame="FLU", inputs=str(commands)
+    )
+    run = read(made.folder).runs[0]
+    measured = np.isfinite(run.raw_outputs["yaw_rate"])
+    assert np.count_nonzero(measured) == 160
+    np.testing.assert_allclose(np.sort(run.time[~measured]), [second for drive in DRIVES for second in drive[:2]])
+    full, fast = driven(), np.searchsorted(run.time, driven()[3:-2, 0] / 1000, side="right") - 1
+    np.testing.assert_allclose(run.inputs["duty_left"][fast], full[3:-2, 1] / 255)
+    said = "\n".join(made.notes)
+    assert "8 rows are added where an input of commands.csv changes between two rows" in said
+    assert "before the first event of commands.csv the inputs are taken as 0" in said
+
+
+def test_an_input_holds_until_the_next_event() -> None:
+    log = {"time": np.array([0.0, 10, 20, 30]), "duty": np.full(4, 9.0), "speed": np.arange(4.0)}
+    events = {"time": np.array([-5.0, 5, 10, 28, 40]), "duty": np.array([1.0, 2, np.nan, 4, 5])}
+    joined = with_events(log, events)
+    np.testing.assert_array_equal(joined["time"], [0, 5, 10, 20, 28, 30])
+    np.testing.assert_array_equal(joined["duty"], [1, 2, np.nan, np.nan, 4, 4])
+    np.testing.assert_array_equal(joined["speed"], [0, np.nan, 1, 2, np.nan, 3])
+
+
+def test_a_linear_input_becomes_steps_with_the_mean_of_each() -> None:
+    log = {"time": np.array([0.0, 20, 40]), "duty": np.array([0.0, 0.4, 0.4]), "speed": np.arange(3.0)}
+    linear = with_linear_inputs(log, second=1000.0)
+    np.testing.assert_allclose(linear["time"], [0, 5, 10, 15, 20, 40])
+    np.testing.assert_allclose(linear["duty"], [0.05, 0.15, 0.25, 0.35, 0.4, 0.4])
+    np.testing.assert_array_equal(linear["speed"], [0, np.nan, np.nan, np.nan, 1, 2])
+
+
+def test_linear_timing_adds_rows_and_says_so(tmp_path: Path) -> None:
+    made = imported(tmp_path, [HEADER, *lines_of(driven())], input_timing="linear")
+    run = read(made.folder).runs[0]
+    assert run.time.size == 800 + 3 * 2 * len(DRIVES)
+    assert any("the inputs are taken as linear" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("commands", "says"),
+    [
+        ("ms,pwmL,pwmR\n0,1,1\n9,1,1\n", "commands.csv:1: time: no column 'millis'"),
+        ("millis,pwmL\n0,1\n9,1\n", "commands.csv:1: duty_right: no column 'pwmR' among millis, pwmL; did you mean"),
+        ("millis,pwmL,pwmR\n5000,1,1\n5001,1,1\n0,1,1\n1,1,1\n", "commands.csv: its clock starts again"),
+    ],
+)
+def test_a_bad_table_of_inputs_is_named(tmp_path: Path, commands: str, says: str) -> None:
+    slow_log(tmp_path).write_text(commands)
+    with pytest.raises(InputError) as caught:
+        import_table(
+            [tmp_path / "log.csv"], tmp_path / "set", MAPPING, vehicle="diff_drive",
+            inputs=str(tmp_path / "commands.csv"),
+        )  # fmt: skip
+    assert says in str(caught.value)
+    assert not (tmp_path / "set").exists()
