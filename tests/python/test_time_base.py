@@ -37,12 +37,27 @@ def test_a_rate_makes_rows_of_its_own() -> None:
     np.testing.assert_array_equal(made["speed"], np.arange(0.0, 100.0, 5.0))
 
 
-def test_an_input_holds_from_the_row_nearest_to_its_change() -> None:
+def test_an_input_holds_until_it_changes_and_a_change_between_rows_has_a_row() -> None:
+    changes = channel([0.0, 0.05, 0.104, 0.307, 0.31], [1.0, 1.0, 2.0, 3.0, 3.0])
+    other = channel([0.0, 0.10401, 0.32], [5.0, 6.0, 7.0])
+    made, notes = columns({"duty_left": changes, "duty_right": other, "yaw_rate": FAST}, None)
+    added = np.setdiff1d(made["time"], FAST.time)
+    np.testing.assert_array_equal(added, [0.104, 0.307])  # the other's change, 0.01 ms later, has no row of its own
+    assert np.isnan(made["yaw_rate"][np.isin(made["time"], added)]).all()
+    np.testing.assert_array_equal(made["yaw_rate"][~np.isin(made["time"], added)], FAST.values)
+    time = made["time"]
+    np.testing.assert_array_equal(made["duty_left"], np.where(time < 0.104, 1.0, np.where(time < 0.307, 2.0, 3.0)))
+    np.testing.assert_array_equal(made["duty_right"], np.where(time < 0.104, 5.0, np.where(time < 0.319, 6.0, 7.0)))
+    assert notes == ["2 rows are added where an input changes between two rows"]
+
+
+def test_an_input_changes_in_the_nearest_row_of_a_rate() -> None:
     changes = channel([0.0, 0.102, 0.307, 0.309], [1.0, 2.0, 3.0, 4.0])
-    made, _ = columns({"voltage": changes, "speed": FAST}, None)
+    made, notes = columns({"voltage": changes, "speed": FAST}, 100.0)
     np.testing.assert_array_equal(made["voltage"][:10], 1.0)
     np.testing.assert_array_equal(made["voltage"][10:31], 2.0)
     np.testing.assert_array_equal(made["voltage"][31:], 4.0)  # the last of two changes in one row
+    assert notes == []
 
 
 def test_rows_begin_where_all_inputs_are_known() -> None:

@@ -19,7 +19,8 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
 
     The rows are the times of the output with most samples, or follow `rate`. A sample of an output stands in the row
     nearest to its time, at most half a row away; its other rows are blank, for nothing is interpolated. An input holds
-    from the row nearest to its change. The first row is the first at which all inputs are known.
+    until it changes. Without `rate`, a row is added where an input changes between two rows; what is measured is blank
+    there. With `rate`, it changes in the nearest row. The first row is the first at which all inputs are known.
 
     Args:
         channels: signal -> channel with times, and with at least one output.
@@ -35,23 +36,39 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
         raise InputError("no output is mapped, so that there is nothing to compare with a simulation", field="--map")
     rows = _rows(outputs, rate)
     half = 0.5 * _step(rows)
-    known = max((time[0] for time, _ in inputs.values()), default=-np.inf)
-    rows = rows[rows > known - half]
+    late = half if rate is not None else _SAME * 2 * half
+    rows = rows[rows > max((time[0] for time, _ in inputs.values()), default=-np.inf) - late]
     if rows.size < 2:
         raise InputError("inputs and outputs share fewer than two rows of time", field="--map")
-    made: dict[str, Vector] = {"time": rows}
-    notes: list[str] = []
+    changes = _changes(inputs, rows, late) if rate is None else np.empty(0)
+    with_changes = np.union1d(rows, changes)
+    measured = np.searchsorted(with_changes, rows)
+    notes = [f"{changes.size} rows are added where an input changes between two rows"] if changes.size else []
+    made: dict[str, Vector] = {"time": with_changes}
     for signal in channels:
         time, values = tracks[signal]
         if signal in inputs:
-            made[signal] = _held(time, values, rows, half)
-        else:
-            made[signal], shift = _placed(time, values, rows, half)
-            if shift > _SAME * 2 * half:
-                notes.append(
-                    f"{signal} is up to {1e3 * shift:.3g} ms from the time of its row; --rate gives finer rows"
-                )
+            made[signal] = _held(time, values, with_changes, late)
+            continue
+        made[signal] = np.full(with_changes.size, np.nan)
+        made[signal][measured], shift = _placed(time, values, rows, half)
+        if shift > _SAME * 2 * half:
+            notes.append(f"{signal} is up to {1e3 * shift:.3g} ms from the time of its row; --rate gives finer rows")
     return made, notes
+
+
+def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: float) -> Vector:
+    """Returns the times between the rows at which an input changes, where they are more than `late` s from a row."""
+    times = [np.empty(0)]
+    for time, values in inputs.values():
+        same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        times.append(time[1:][~same])
+    at = np.unique(np.concatenate(times))
+    at = at[(at > rows[0]) & (at < rows[-1])]
+    right = np.searchsorted(rows, at)
+    at = at[(at - rows[right - 1] > late) & (rows[right] - at > late)]
+    alone: Vector = at[np.diff(at, prepend=-np.inf) > late]  # two inputs that change together have one row
+    return alone
 
 
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
