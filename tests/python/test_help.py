@@ -116,6 +116,8 @@ def test_settings_are_a_line_each(tmp_path: Path) -> None:
         ("brickpilot settings heading_k", ["heading_kp", "heading_ki", "heading_kd"]),
         ("brickpilot upload --set cru", ["cruise="]),
         ("brickpilot import ", [row.kind for row in IMPORTERS]),
+        ("brickpilot import --kind mat", ["matlab"]),
+        ("brickpilot import matlab mat", ["file,mat"]),
     ],
 )
 def test_the_shell_completes(words: str, offers: list[str]) -> None:

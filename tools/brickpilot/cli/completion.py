@@ -1,4 +1,4 @@
-"""What the shell completes: scenarios, effects, settings, mechanisms. Each function is a `shell_complete` of click."""
+"""What the shell completes: scenarios, kinds of log, effects, settings and mechanisms, by `shell_complete` of click."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: 
     from brickpilot.vehicle.scenario import packaged
 
     found = [CompletionItem(name) for name in packaged() if name.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
+def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the kinds of log as the first word, and files where none begins so and behind it."""
+    from brickpilot.importers import IMPORTERS
+
+    first = not context.params.get("words")
+    found = [CompletionItem(row.kind, help=row.help) for row in IMPORTERS if first and row.kind.startswith(typed)]
     return found or [CompletionItem(typed, type="file")]
 
 

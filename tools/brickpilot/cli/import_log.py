@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from brickpilot.cli.completion import import_kinds
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
@@ -70,7 +71,7 @@ def _importer_and_files(
 def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command:
     """Returns the click command of `function`, with the options that all importers share and those of the rows."""
     decorators = [
-        click.argument("words", nargs=-1, required=True, metavar="[KIND] FILE..."),
+        click.argument("words", nargs=-1, required=True, metavar="[KIND] FILE...", shell_complete=import_kinds),
         click.option(
             "--kind",
             type=click.Choice([row.kind for row in importers]),
