@@ -202,3 +202,16 @@ def test_windows_of_a_held_motor_start_from_its_measured_motion(tmp_path: Path) 
     for run in ready.runs:
         at = float(np.interp(run.time[0], data.runs[0].time, true["ahead"]))
         assert run.outputs["speed"][0] == pytest.approx(at, abs=0.12 * fastest)
+
+
+@pytest.mark.parametrize("blank", [2, 3])
+def test_a_channel_that_is_blank_between_its_samples_is_not_held(blank: int, tmp_path: Path) -> None:
+    def spoil(_: str, table: Table) -> None:
+        table["yaw_rate"][np.arange(len(table["t"])) % blank != 0] = np.nan
+
+    written = synthetic.write(
+        tmp_path / "s", synthetic.robot(), NOISE, "mass = 0.6", seed=3, manoeuvres=TWO, spoil=spoil
+    )
+    data = read(written)
+    assert [note for note in data.notes if "hold a sample" in note] == []
+    assert np.count_nonzero(np.isfinite(data.runs[0].outputs["yaw_rate"])) == -(-len(data.runs[0].time) // blank)

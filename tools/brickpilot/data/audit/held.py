@@ -53,10 +53,12 @@ def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, f
     """
     row = float(np.median(np.diff(time)))
     changed = {name: _changes(values) for name, values in outputs.items()}
+    rows = {name: _row(time, values) for name, values in outputs.items()}
     beats = {
         name: beat
         for name, mask in changed.items()
-        if (beat := _beat(time, mask, row)) is not None and _steps(outputs[name], mask) > _STEPS * resolution[name]
+        if (beat := _beat(time, mask, rows[name])) is not None
+        and _steps(outputs[name], mask) > _STEPS * resolution[name]
     }
     grids = _grids(beats, changed)
     found: dict[str, Held] = {}
@@ -70,6 +72,12 @@ def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, f
             beat, grid = others[0]
         found[name] = Held(beat, _fresh(time, grid, beat, row))
     return found
+
+
+def _row(time: Vector, values: Vector) -> float:
+    """Returns the time between two rows in which a channel has a value: a blank cell holds nothing."""
+    known = time[np.isfinite(values)]
+    return float(np.median(np.diff(known if len(known) > 1 else time)))
 
 
 def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: float) -> str:
