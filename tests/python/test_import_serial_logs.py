@@ -54,6 +54,7 @@ def test_what_a_serial_monitor_adds_is_skipped_and_counted(tmp_path: Path) -> No
     assert "3 lines before the first row are skipped, the first is '0.1,-0.3,0.0'" in said
     assert "1 repeated headers are left out, the first is line 305" in said
     assert "2 broken lines are left out, the first is line 104" in said
+    assert "cells that are no numbers" not in said  # a repeated header counts once
     assert "1 rows have a time out of line with the rows around them and are left out, the first is line 505" in said
     assert "line 806 is the last and has no end" in said
 
