@@ -380,3 +380,25 @@ def test_each_command_of_the_page_on_other_logs_works(tmp_path: Path) -> None:
         raw = run.raw_outputs
         turning = raw["yaw_rate"] if "yaw_rate" in raw else np.gradient(raw["yaw_angle"])
         assert np.nanmax(np.abs(turning)) > 0.01, name
+
+
+@pytest.mark.parametrize("ending", ["wpilog", "parquet"])
+def test_a_log_with_many_manoeuvres_is_split(ending: str, tmp_path: Path) -> None:
+    time = 1.0 + np.arange(500) * 0.02
+    volts = np.select([(time > 2) & (time < 4), (time > 6) & (time < 9)], [6.0, -6.0], 0.0)
+    speed = np.where(volts == 0, 0.0, volts + 0.01 * np.sin(40 * time))
+    if ending == "wpilog":
+        changed = np.flatnonzero(np.diff(volts, prepend=np.nan))
+        entries = {"/u": ("double", time[changed], volts[changed]), "/w": ("double", time, speed)}
+        file, mapping = logs.write_wpilog(tmp_path / "a.wpilog", entries), ["voltage=/u", "speed=/w"]
+    else:
+        file = logs.write_parquet(tmp_path / "a.parquet", {"t": 1000 * time, "u": volts, "w": speed})
+        mapping = ["time=t:ms", "voltage=u", "speed=w"]
+    load = importer(file)
+    first, second = read(load([file], tmp_path / "rests", mapping, vehicle="motor", split=["rests"]).folder).runs
+    assert [first.name, second.name] == ["drive_1", "drive_2"]
+    assert set(first.inputs["voltage"]) == {0.0, 6.0}
+    assert set(second.inputs["voltage"]) == {0.0, -6.0}
+    assert second.gap_s == pytest.approx(second.time[0] - first.time[-1], abs=1e-6)
+    (part,) = read(load([file], tmp_path / "span", mapping, vehicle="motor", split=["3,5"]).folder).runs
+    assert [part.time[0], part.time[-1]] == pytest.approx([3.0, 5.0])

@@ -51,7 +51,7 @@ RATE = Option(
     "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
 )
 CUT = Option("cut", "--cut", "Read a file that ends inside a record, up to there.", default=False)
-CHANNELS = (MAP, VEHICLE, FRAME, RATE, CUT)
+CHANNELS = (MAP, VEHICLE, FRAME, RATE, SPLIT, CUT)
 
 IMPORTERS = (
     Importer(
@@ -134,7 +134,7 @@ IMPORTERS = (
         suffixes=(".parquet", ".pq"),
         help="Tables in Parquet files.",
         example="parquet drive.parquet --vehicle motor --map time=t --map voltage=u --map speed=w:rpm --out bench",
-        options=(MAP, VEHICLE, FRAME),
+        options=(MAP, VEHICLE, FRAME, SPLIT),
     ),
     Importer(
         kind="rcx",

@@ -12,12 +12,16 @@ from typing import Protocol
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers import table_log
 from brickpilot.importers.channels import Channel, Log, Reader
 from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas
+from brickpilot.importers.split import parse_split
+from brickpilot.importers.table import runs_of
 from brickpilot.importers.time_base import aligned, columns
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
+_CLOCK = {"time": Source("time", "s")}
 _NEAREST = 4  # names that an error proposes
 _ALIKE = 0.4  # of difflib: how like the name they are at least
 
@@ -34,6 +38,7 @@ class ChannelImporter(Protocol):
             or else the SI unit.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
         rate: rows per second; None: the rows are the samples of the fastest output.
+        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
         cut: whether a file that ends inside a record is read up to there.
 
     Raises:
@@ -49,6 +54,7 @@ class ChannelImporter(Protocol):
         vehicle: Vehicle,
         frame: Frame = "FRD",
         rate: str | None = None,
+        split: Sequence[str] = (),
         cut: bool = False,
         nominal: Mapping[str, float] | None = None,
         name: str | None = None,
@@ -75,25 +81,32 @@ def channel_importer(read: Reader) -> ChannelImporter:
         vehicle: Vehicle,
         frame: Frame = "FRD",
         rate: str | None = None,
+        split: Sequence[str] = (),
         cut: bool = False,
         nominal: Mapping[str, float] | None = None,
         name: str | None = None,
     ) -> Imported:
         check_out(out)
         sources = parse_mapping(mapping, has_time=True)
-        hertz, names = _rate(rate), run_names(files)
+        hertz, names, spans = _rate(rate), run_names(files), parse_split(split)
         logs = [_signals(file, read, sources, hertz, cut) for file in files]
         for file, log in zip(files, logs, strict=True):
             if log.units != logs[0].units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
+        runs, notes = list[NewRun](), list[str]()
+        for file, log, run in zip(files, logs, names, strict=True):
+            whole = table_log.Log(file, log.signals, (), ())
+            made, told = runs_of(whole, _CLOCK, spans, (run, f"{run}_" if len(files) > 1 else ""))
+            runs += made
+            notes += [f"{file.name}: {note}" for note in (*log.notes, *told)]
         new = NewDataset(
             name or out.resolve().name,
             vehicle,
             frame,
             logs[0].units,
-            [NewRun(run, log.signals.columns) for run, log in zip(names, logs, strict=True)],
+            runs,
             nominal or {},
-            [f"run {run}: {note}" for run, log in zip(names, logs, strict=True) for note in log.notes],
+            notes,
             common_scalings([log.signals for log in logs], files),
         )
         return write(new, out, files[0])

@@ -10,10 +10,13 @@ import numpy as np
 
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
+from brickpilot.importers import table_log
 from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
 from brickpilot.importers.chosen import unit_of
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take
+from brickpilot.importers.split import parse_split
+from brickpilot.importers.table import runs_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 
@@ -24,6 +27,7 @@ def import_parquet(
     *,
     vehicle: Vehicle,
     frame: Frame = "FRD",
+    split: Sequence[str] = (),
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
@@ -35,21 +39,28 @@ def import_parquet(
         mapping: ``SIGNAL=COLUMN[:UNIT]``, or a formula of columns; a field of a struct is ``column.field``. A column of
             time stamps or durations is in s, from its first value or as it stands.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
+        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
 
     Raises:
         InputError: naming file and column, or the option. Nothing is written then.
     """
     check_out(out)
     sources = parse_mapping(mapping)
-    names = run_names(files)
+    spans, names = parse_split(split), run_names(files)
     tables = [_signals(file, sources) for file in files]
     for file, (_, units) in zip(files, tables, strict=True):
         if units != tables[0][1]:
             raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
     logs = [log for log, _ in tables]
-    runs = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)]
+    clock = {"time": Source("time", tables[0][1]["time"])}
+    runs, notes = list[NewRun](), list[str]()
+    for file, log, run in zip(files, logs, names, strict=True):
+        whole = table_log.Log(file, log, (), ())
+        made, told = runs_of(whole, clock, spans, (run, f"{run}_" if len(files) > 1 else ""))
+        runs += made
+        notes += [f"{file.name}: {note}" for note in told]
     scalings = common_scalings(logs, files)
-    new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, scalings=scalings)
+    new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings)
     return write(new, out, files[0])
 
 

@@ -80,7 +80,7 @@ def import_table(
     scalings = common_scalings([log.signals for log in logs], files)
     notes, runs = list(found.notes), list[NewRun]()
     for log, run in zip(logs, names, strict=True):
-        made, more = _runs(log, sources, spans, (run, f"{run}_" if len(files) > 1 else ""))
+        made, more = runs_of(log, sources, spans, (run, f"{run}_" if len(files) > 1 else ""))
         runs += made
         notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
     if input_timing == "linear":
@@ -120,12 +120,15 @@ def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inp
     return [joined(read_log(table, measured), events) for table in tables]
 
 
-def _runs(
+def runs_of(
     log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
 ) -> tuple[list[NewRun], list[str]]:
     """Returns the runs of a log, and notes.
 
     Args:
+        log: its signals, of which time is one.
+        sources: signal -> source; of time, the unit is taken.
+        spans: of `split.parse_split`.
         names: of a run that is the whole log, and what the names of its parts begin with.
     """
     columns, scalings = log.signals.columns, log.signals.scalings
