@@ -17,11 +17,7 @@ from command import brickpilot
 from numpy.typing import NDArray
 
 Table = Mapping[str, NDArray[np.float64]]
-MANOEUVRES = {
-    f"{name}_{number}": (volts, 0.0)
-    for number in (1, 2)
-    for name, volts in (("low", 2.0), ("back", -3.0), ("high", 6.0))
-}
+MANOEUVRES = {"low": (2.0, 0.0), "back": (-3.0, 0.0), "high": (6.0, 0.0)}
 NOMINAL = ("resistance", "torque_constant", "emf_constant", "wheel_inertia")
 
 
