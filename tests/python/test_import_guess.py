@@ -140,3 +140,10 @@ def test_without_a_vehicle_or_a_guess_the_option_is_named(tmp_path: Path) -> Non
     write_log(tmp_path / "log.csv", [HEADER, *lines_of(driven())])
     done = brickpilot("import", "table", "log.csv", "--map", "time=millis", "--out", "set", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (2, "brickpilot: --vehicle: is needed to import table\n")
+
+
+def test_only_a_kind_that_guesses_may_be_told_to(tmp_path: Path) -> None:
+    (tmp_path / "a.mat").write_bytes(b"")
+    done = brickpilot("import", "matlab", "a.mat", "--guess", "--out", "set", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("brickpilot: --")

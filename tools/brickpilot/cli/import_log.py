@@ -123,17 +123,17 @@ def _kinds(option: Option, importers: Iterable[Importer]) -> str:
 def _taken(importer: Importer, importers: Sequence[Importer], given: dict[str, Any]) -> dict[str, Any]:
     """Returns the options that `importer` takes, by keyword.
 
-    An option without a default has to be one that the importer takes; others are left at their default or ignored.
+    An option without a default, and a switch, has to be one that the importer takes; others are left at their default.
 
     Raises:
         InputError: an option of other kinds of log is given, or one that is needed is not.
     """
     for option in _options(importers):
         value = given[option.keyword]
-        if option not in importer.options and option.default is None and value:
+        if option not in importer.options and option.default in (None, False) and value:
             message = f"works only with {_kinds(option, importers)}; a log of kind {importer.kind} describes itself"
             raise InputError(message, field=option.flag)
-        spared = option.unless and given.get(option.unless)
+        spared = any(one.keyword == option.unless and given[one.keyword] for one in importer.options)
         if option in importer.options and option.required and not value and not spared:
             raise InputError(f"is needed to import {importer.kind}", field=option.flag)
     return {option.keyword: given[option.keyword] for option in importer.options}
