@@ -158,6 +158,21 @@ def test_an_angle_sensor_that_overflows_again_and_again_is_counted_on() -> None:
     assert (found.kind, len(found.rows)) == ("unsigned 12-bit", 7)
 
 
+@pytest.mark.parametrize(("low", "unit"), [(0.0, "deg"), (-180.0, "deg"), (-np.pi, "rad")])
+def test_a_heading_goes_on_where_it_jumps_by_a_turn(tmp_path: Path, low: float, unit: str) -> None:
+    turn = 360.0 if unit == "deg" else 2 * np.pi
+    log = driven()
+    heading = np.cumsum(log[:, 5]) * 0.02 * turn / 360
+    log[:, 5] = np.round((heading - low) % turn + low, 2)
+    made = import_table(
+        [write_log(tmp_path / "log.csv", [HEADER, *lines_of(log)])], tmp_path / "set",
+        [*MAPPING[:5], f"yaw_angle=gz:{unit}"], vehicle="diff_drive",
+    )  # fmt: skip
+    yaw = read(made.folder).runs[0].raw_outputs["yaw_angle"] * turn / (2 * np.pi)
+    np.testing.assert_allclose(yaw - yaw[0], heading - heading[0], atol=0.02)
+    assert any("yaw_angle jumps by a turn" in note for note in made.notes)
+
+
 def test_a_counter_that_is_set_to_0_starts_a_run(tmp_path: Path) -> None:
     log = driven()
     log[450:, 3:5] -= log[450, 3:5]

@@ -57,6 +57,23 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
     return Unwrapped(values)
 
 
+def unturn(values: Vector, turn: float) -> Unwrapped:
+    """Returns a heading that goes on where it jumps by a turn, as from 359 to 0 degrees or from 180 to -180.
+
+    Args:
+        values: cells as logged; NaN where blank.
+        turn: how many of their units are a turn.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[known])
+    jumps = _overflows(steps, turn, clock=False)
+    turns = np.zeros(known.size)
+    turns[jumps + 1] = -np.sign(steps[jumps])
+    unwrapped = values.copy()
+    unwrapped[known] += turn * np.cumsum(turns)
+    return Unwrapped(unwrapped, tuple(known[jumps + 1].tolist()), "heading")
+
+
 def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
     """Returns which steps of a counter are overflows of a range `span`."""
     large = np.abs(steps) > span / 2

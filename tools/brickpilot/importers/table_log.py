@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.signals import SIGNALS, SUMMED
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.clock import ordered
-from brickpilot.importers.counters import resets, unwrap
-from brickpilot.importers.formula import Formula, Place
+from brickpilot.importers.counters import resets, unturn, unwrap
+from brickpilot.importers.formula import Formula, Place, Scaling
 from brickpilot.importers.inputs import with_events
 from brickpilot.importers.mapping import Mapped, Source, read_formulas, take
 from brickpilot.importers.text_table import TextTable
@@ -61,6 +62,8 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
     rows = np.flatnonzero(sound)[order.kept]
     signals = take(formulas, lambda _, place: cells[place][rows], table.file)
     signals.columns["time"] = order.time[order.kept]
+    if "yaw_angle" in signals.columns:
+        notes += _unturned(signals, sources["yaw_angle"].unit, table.lines[rows])
     starts = set(order.starts)
     for signal, values in signals.columns.items():
         for row in resets(values) if signal in SUMMED and signal != "yaw_angle" else ():
@@ -68,6 +71,16 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
                 notes.append(f"{signal} is set to 0 in line {table.lines[rows[row]]}: a new run begins there")
             starts.add(row)
     return Log(table.file, signals, tuple(sorted(starts)), tuple(notes))
+
+
+def _unturned(signals: Mapped, unit: str, lines: NDArray[np.int64]) -> list[str]:
+    """Lets the heading of `signals` go on where it jumps by a turn, and returns notes."""
+    scale = signals.scalings.get("yaw_angle", Scaling()).scale
+    found = unturn(signals.columns["yaw_angle"], 2 * np.pi / abs(si_factor(unit, "rad") * scale))
+    signals.columns["yaw_angle"] = found.values
+    if not found.rows:
+        return []
+    return [f"yaw_angle jumps by a turn {len(found.rows)} times: it goes on from line {lines[found.rows[0]]}"]
 
 
 def _cells(
