@@ -144,6 +144,8 @@ def test_without_a_vehicle_or_a_guess_the_option_is_named(tmp_path: Path) -> Non
 
 def test_only_a_kind_that_guesses_may_be_told_to(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_bytes(b"")
-    done = brickpilot("import", "matlab", "a.mat", "--guess", "--out", "set", cwd=tmp_path)
+    done = brickpilot("import", "matlab", "a.mat", "--vehicle", "motor", "--guess", "--out", "set", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert done.stderr.startswith("brickpilot: --")
+    assert done.stderr.startswith("brickpilot: --guess: works only with table")
+    done = brickpilot("import", "matlab", "a.mat", "--out", "set", cwd=tmp_path)
+    assert done.stderr == "brickpilot: --vehicle: is needed to import matlab\n"

@@ -113,6 +113,8 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         return Taken(signal, f"{column.name}/{COUNTS_PER_TURN}", "rotation", reason)
     if words & {"gz", "gyroz", "wz", "yawrate"} or words >= {"gyro", "z"} or words >= {"yaw", "rate"}:
         return _yaw_rate(column)
+    if words & {"gx", "gy", "wx", "wy"} or ("gyro" in words and words & {"x", "y"}):
+        return "it is a turn rate about a level axis, which no signal takes"
     if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y"}):
         return _acceleration(column, columns)
     if words & {"yaw", "heading"}:
