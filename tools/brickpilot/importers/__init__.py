@@ -11,9 +11,9 @@ from brickpilot.importers.registry import Importer, Option
 MAP = Option(
     "mapping",
     "--map",
-    "The place of a signal: a column's name or its number from 0, a MATLAB variable, NAME[INDEX] for a column of a "
-    "matrix, or a formula of them with + - * / and parentheses, as duty_left=pwmL*1/255 or "
-    "wheel_angle_left=encL/960:rotation. The unit is SI unless UNIT is given; repeatable.",
+    "The place of a signal: a channel's or column's name or its number from 0, a MATLAB variable, "
+    "NAME[INDEX] for a column of a matrix, or a formula of them with + - * / and parentheses, as "
+    "duty_left=pwmL*1/255 or wheel_angle_left=encL/960:rotation. The unit is SI unless UNIT is given; repeatable.",
     metavar="SIGNAL=FORMULA[:UNIT]",
     repeatable=True,
 )
@@ -113,8 +113,8 @@ IMPORTERS = (
         reader="brickpilot.importers.ulog:read",
         suffixes=(".ulg", ".ulog"),
         help="Logs of PX4.",
-        example="ulog log.ulg --vehicle diff_drive --map duty_left=actuator_motors.control[0] "
-        "--map duty_right=actuator_motors.control[1] --map yaw_rate=vehicle_angular_velocity.xyz[2] --out rover",
+        example="ulog log.ulg --vehicle motor --map duty=actuator_motors.control[0] "
+        "--map speed=esc_status.esc[0].esc_rpm:rpm --out wheel",
         options=CHANNELS,
     ),
     Importer(
@@ -123,8 +123,7 @@ IMPORTERS = (
         reader="brickpilot.importers.dataflash:read",
         suffixes=(".bin",),
         help="Dataflash logs of ArduPilot.",
-        example="dataflash 00000012.BIN --vehicle diff_drive --map 'duty_left=(RCOU.C1 - 1500)/400' "
-        "--map 'duty_right=(RCOU.C3 - 1500)/400' --map yaw_rate=IMU.GyrZ --out rover",
+        example="dataflash 12.BIN --vehicle motor --map 'duty=(RCOU.C1-1500)/400' --map speed=RPM.rpm1:rpm --out wheel",
         options=CHANNELS,
     ),
     Importer(
