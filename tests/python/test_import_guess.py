@@ -84,6 +84,8 @@ WAVE = 200 * np.sin(RISING / 300)
         ("rpmL", WAVE, None),
         ("speed_left [rpm]", WAVE, ("wheel_speed_left", "speed_left [rpm]", "rpm")),
         ("vel_right_m_s", WAVE / 100, ("wheel_velocity_right", "vel_right_m_s", "m/s")),
+        ("travel_left_m", RISING / 1000, ("wheel_travel_left", "travel_left_m", "m")),
+        ("accel_surge_mps2", WAVE / 100, ("accel_surge", "accel_surge_mps2", "m/s^2")),
         ("speed", WAVE, None),
         ("battery", np.full(100, 612.0), None),
         ("gx", WAVE, None),

@@ -85,7 +85,12 @@ def column_of(name: str, values: Vector) -> Column:
     small = re.search(r"(?:[_ ]|(?<=[a-z]))(m[VAs]|us)$", bare)
     unit = found[1].strip() if found else stated[joined[1]] if joined else small[1] if small else None
     if unit is None and len(words) > 1:
-        unit = _UNITS.get(words[-1]) or ("V" if words[-1] == "v" else "A" if words[-1] == "a" else None)
+        unit = "m/s^2" if re.search(r"m(?:ps|_?s)2$", bare.lower()) else _UNITS.get(words[-1])
+        unit = (
+            unit
+            or ("m" if words[-1] == "m" else None)
+            or ("V" if words[-1] == "v" else "A" if words[-1] == "a" else None)
+        )
     sides = [_SIDES[word] for word in words if word in _SIDES]
     return Column(name, frozenset(words), sides[0] if sides else "", unit, values)
 
@@ -115,7 +120,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         return _yaw_rate(column)
     if words & {"gx", "gy", "wx", "wy"} or ("gyro" in words and words & {"x", "y"}):
         return "it is a turn rate about a level axis, which no signal takes"
-    if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y"}):
+    if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y", "surge", "sway"}):
         return _acceleration(column, columns)
     if words & {"yaw", "heading"}:
         unit = column.unit or ("deg" if column.largest > 7.0 else "rad")
@@ -174,7 +179,7 @@ def _yaw_rate(column: Column) -> Taken:
 
 
 def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
-    sway = bool(column.words & {"ay", "accy", "y"})
+    sway = bool(column.words & {"ay", "accy", "y", "sway"})
     signal = "accel_sway" if sway else "accel_surge"
     if column.unit:
         unit = "g0" if column.unit == "g" else column.unit
