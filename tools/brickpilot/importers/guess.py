@@ -153,7 +153,7 @@ def _rate(values: Vector) -> Vector:
 def _agreement(lead: Vector, turning: Vector) -> float:
     """Returns the correlation of two signals over means of some rows; 0 where one of them does not change."""
     sound = np.isfinite(lead) & np.isfinite(turning)
-    width = min(10, max(1, int(np.count_nonzero(sound)) // 20))
+    width = min(100, max(1, int(np.count_nonzero(sound)) // 40))
     one, two = (np.convolve(values[sound], np.full(width, 1 / width), "valid") for values in (lead, turning))
     if one.size < 2 or np.std(one) == 0.0 or np.std(two) == 0.0:
         return 0.0
