@@ -17,6 +17,7 @@ from brickpilot.cli.bench import bench
 from brickpilot.cli.benchmark import benchmark
 from brickpilot.cli.brick import brick
 from brickpilot.cli.calibrate import calibrate
+from brickpilot.cli.check import check
 from brickpilot.cli.compare import compare
 from brickpilot.cli.discover import discover
 from brickpilot.cli.effects import effects
@@ -46,7 +47,8 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, flash, import_log, compare, calibrate, discover, benchmark, effects, bench,
+    run, upload, hil, brick, settings, flash, import_log, check, compare, calibrate, discover, benchmark, effects,
+    bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))

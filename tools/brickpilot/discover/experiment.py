@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Manoeuvre
 from brickpilot.discover.gates import SEPARATES_NOISE_SD, SEPARATES_SIGNAL_SHARE
-from brickpilot.discover.manoeuvres import manoeuvres
+from brickpilot.discover.manoeuvres import commands, manoeuvres
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.written import Written
@@ -87,19 +87,10 @@ _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "for
 
 def _drive(rivals: Mapping[str, Model], manoeuvre: Manoeuvre) -> list[dict[str, Array]]:
     time = np.arange(0.0, manoeuvre.duration_s, _STEP_S)
-    sides = [_held(time, points) for points in (manoeuvre.voltage_left, manoeuvre.voltage_right)]
     one = next(iter(rivals.values()))
-    inputs = np.column_stack(sides[:1] if one.vehicle == "motor" else sides)
+    inputs = commands(manoeuvre, time)[:, : 1 if one.vehicle == "motor" else 2]
     run = OpenLoopRun(time=time, inputs=inputs)
     return [simulated.outputs for simulated in plant.simulate([(model, run) for model in rivals.values()], threads=2)]
-
-
-def _held(time: Array, points: Sequence[tuple[float, float]]) -> Array:
-    """Returns (n,): linear between the break points; at a step, the value after it."""
-    at, value = np.array(points).T
-    index = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
-    span = np.where(at[index + 1] > at[index], at[index + 1] - at[index], 1.0)
-    return np.asarray(value[index] + (value[index + 1] - value[index]) * np.clip((time - at[index]) / span, 0.0, 1.0))
 
 
 def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[str, float]:

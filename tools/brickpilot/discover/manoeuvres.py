@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from brickpilot.discover.finding import Manoeuvre
+
+Array = NDArray[np.float64]
 
 _REST_S = 0.5  # before a manoeuvre
 _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s between them
@@ -14,6 +20,19 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
     """Returns manoeuvres up to `volts` that each excite one thing. A `motor` uses the left voltage alone."""
     drive = _Drive(volts)
     return drive.straight() if vehicle == "motor" else (*drive.straight(), *drive.turning())
+
+
+def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
+    """Returns (n, 2): the commanded voltage of the left and the right motor at `time` (n,), s."""
+    return np.column_stack([_at(points, time) for points in (manoeuvre.voltage_left, manoeuvre.voltage_right)])
+
+
+def _at(points: Sequence[tuple[float, float]], time: Array) -> Array:
+    """Returns (n,): linear between the break points; at a step, the value after it."""
+    at, value = np.array(points).T
+    index = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
+    span = np.where(at[index + 1] > at[index], at[index + 1] - at[index], 1.0)
+    return np.asarray(value[index] + (value[index + 1] - value[index]) * np.clip((time - at[index]) / span, 0.0, 1.0))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,33 @@
+"""`brickpilot check`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from brickpilot.cli.terminal import as_json, jobs_option, seed_option
+
+
+@click.command()
+@click.argument("dataset")
+@seed_option
+@jobs_option
+@as_json
+def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
+    """Says in seconds what a measured DATASET is worth.
+
+    It shows timing, noise and damage; what the runs tell of each nominal value, and which effects they would show, from
+    which size on; which manoeuvres would tell more; and how long discover will take. It writes nothing.
+    """
+    from brickpilot.data import dataset as dataset_module
+    from brickpilot.discover import check as check_module
+    from brickpilot.report import check_text
+
+    found = check_module.check(dataset_module.read(Path(dataset)), seed=seed, jobs=jobs)
+    if as_json:
+        click.echo(json.dumps(found.to_json(), allow_nan=False))
+        return
+    for line in check_text.lines(found):
+        click.echo(line)

@@ -1,0 +1,177 @@
+"""`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can tell.
+
+One fit of the nominal model is all that it takes. What the runs tell of a parameter is its interval in that fit; what
+they tell of an effect is the smallest size of it that would be named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from brickpilot.data.audit.fault import Fault
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.holdout import manoeuvre
+from brickpilot.data.noise import Noise, noise_of, step_of
+from brickpilot.data.signals import SIGNALS
+from brickpilot.discover import power
+from brickpilot.discover.advice import Advice, advise
+from brickpilot.discover.calibrate import calibrate
+from brickpilot.discover.estimate import estimate
+from brickpilot.discover.finding import Visible
+from brickpilot.discover.prepare import Prepared, prepare
+from brickpilot.discover.verdict_json import valid
+from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
+
+Array = NDArray[np.float64]
+
+_LATE = 0.99  # quantile of the steps between samples that is reported beside their median
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """One run.
+
+    Attributes:
+        role: "fit" or "held_out", as discovery takes it.
+        manoeuvre: what is driven, such as "straight step forward".
+        step_s: median time between samples, s; `late_s`: 99 of 100 are no longer.
+    """
+
+    name: str
+    role: str
+    manoeuvre: str
+    samples: int
+    duration_s: float
+    step_s: float
+    late_s: float
+
+
+@dataclass(frozen=True)
+class SignalFacts:
+    """One measured signal, over all runs.
+
+    Attributes:
+        rms, noise_sd: in `unit`, of a sample.
+        colour: of the noise; see `data.noise.Noise`.
+        resolution: the converter's step in `unit`; 0: none shows.
+        missing: share of the samples that are blank or left out as damaged, 0..1.
+    """
+
+    name: str
+    unit: str
+    rms: float
+    noise_sd: float
+    colour: str
+    resolution: float
+    missing: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """What a data set is worth.
+
+    Attributes:
+        faults: damaged samples, which every fit leaves out.
+        parameters: nominal parameters that are fitted, with 95 % intervals.
+        cannot_tell_apart: groups of them of which only combinations are known; `combinations` has those with a meaning.
+        visible: effect -> the smallest size that would be named.
+        invisible: effects that no size within their range would show.
+        advice: manoeuvres that would tell more, the best first.
+        discover_s: how long `discover` will take, at least, s.
+        notes: one sentence each.
+    """
+
+    dataset: str
+    vehicle: str
+    frame: str
+    runs: tuple[RunFacts, ...]
+    signals: tuple[SignalFacts, ...]
+    faults: tuple[Fault, ...]
+    parameters: Mapping[str, Estimate]
+    cannot_tell_apart: tuple[tuple[str, ...], ...]
+    combinations: tuple[Combination, ...]
+    visible: Mapping[str, Visible]
+    invisible: tuple[str, ...]
+    advice: tuple[Advice, ...]
+    discover_s: float
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the object that `check --json` prints. What is no finite number is None."""
+        made: dict[str, Any] = valid(asdict(self) | {"faults": [one.to_json() for one in self.faults]})
+        return made
+
+
+def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
+    """Returns what `dataset` is worth.
+
+    Args:
+        seed: of the random starts of the nominal fit, where nominal values are not given.
+        jobs: simulations at the same time.
+
+    Raises:
+        InputError: no measured signal is one that the model gives, every run is held out, or the plant diverges with
+            the nominal values.
+    """
+    with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
+        prepared = prepare(dataset, None, seed=seed, jobs=jobs)
+        seconds = estimate(prepared)
+        nominal = calibrate(prepared)
+        prepared.fine.adopt_scales(prepared.coarse)
+        visible = power.smallest(prepared.coarse, nominal, prepared.excitation)
+        told: Uncertainty = assess(prepared.fine.with_plan(nominal.plan), nominal.model, nominal.plan.free)
+        advice, invisible = advise(prepared, nominal, told, visible)
+    return Check(
+        dataset=dataset.name,
+        vehicle=dataset.vehicle,
+        frame=dataset.frame,
+        runs=tuple(_run(one, prepared) for one in dataset.runs),
+        signals=tuple(_signals(dataset)),
+        faults=prepared.measured.faults,
+        parameters=told.estimates,
+        cannot_tell_apart=told.groups,
+        combinations=told.combinations,
+        visible=visible,
+        invisible=invisible,
+        advice=advice,
+        discover_s=seconds,
+        notes=(prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes),
+    )
+
+
+def _run(run: Run, prepared: Prepared) -> RunFacts:
+    steps = np.diff(run.time)
+    return RunFacts(
+        run.name,
+        prepared.roles.by_run[run.name],
+        manoeuvre(np.nan_to_num(motor_inputs(run, prepared.measured))),
+        len(run.time),
+        float(run.time[-1] - run.time[0]),
+        float(np.median(steps)),
+        float(np.quantile(steps, _LATE)),
+    )
+
+
+def _signals(dataset: Dataset) -> list[SignalFacts]:
+    found = []
+    for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs):
+        parts = [run.outputs[name] for run in dataset.runs if name in run.outputs]
+        known = [part[np.isfinite(part)] for part in parts]
+        values = np.concatenate(known)
+        if len(values) == 0:
+            found.append(SignalFacts(name, SIGNALS[name].unit, 0.0, 0.0, Noise(0.0).colour, 0.0, 1.0))
+            continue
+        stated = dataset.signals.get(name)
+        resolution = (stated.resolution if stated is not None else None) or step_of(known)
+        noise = noise_of(parts, resolution)
+        sd = (stated.noise_sd if stated is not None else None) or noise.sd
+        missing = 1 - len(values) / sum(len(part) for part in parts)
+        rms = float(np.sqrt(np.mean(values**2)))
+        found.append(SignalFacts(name, SIGNALS[name].unit, rms, sd, noise.colour, resolution, missing))
+    return found

@@ -1,0 +1,110 @@
+"""The lines of `brickpilot check`: what a data set is worth, for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from brickpilot.discover.check import Check
+from brickpilot.discover.finding import Visible
+from brickpilot.fit.uncertainty import Estimate
+from brickpilot.report.discover_text import listed
+from brickpilot.report.quantities import quantity
+
+_MINUS = "\N{MINUS SIGN}"
+_KNOWN = {
+    "data": "from the runs",
+    "data and prior": "from the runs and what is stated",
+    "prior alone": "as stated; the runs add nothing",
+    "not narrowed by the data": "not known: the runs do not tell",
+}
+_COLUMNS = 3  # of sizes in a line
+
+
+def lines(found: Check) -> Iterator[str]:
+    """Yields the lines, in SI but for handy prefixes."""
+    seconds = sum(run.duration_s for run in found.runs)
+    samples = sum(run.samples for run in found.runs)
+    yield f"{found.dataset}: a {found.vehicle}, {len(found.runs)} runs of {seconds:.0f} s in all, {samples} samples"
+    yield from _runs(found)
+    yield from _signals(found)
+    yield f"damaged samples: {_faults(found)}"
+    yield from _parameters(found)
+    yield from _effects(found)
+    yield from _advice(found)
+    seconds = max(found.discover_s, 1)
+    yield f"brickpilot discover will take about {seconds:.0f} s, more where something remains unexplained"
+    for note in found.notes:
+        yield f"note: {note}"
+
+
+def _runs(found: Check) -> Iterator[str]:
+    yield f"{'run':26}{'role':10}{'manoeuvre':46}{'samples':>8}{'s':>8}{'step ms':>9}{'99 % below':>11}"
+    for run in found.runs:
+        timing = f"{1e3 * run.step_s:>9.4g}{1e3 * run.late_s:>11.4g}"
+        yield f"{run.name:26}{run.role:10}{run.manoeuvre:46}{run.samples:>8}{run.duration_s:>8.4g}{timing}"
+
+
+def _signals(found: Check) -> Iterator[str]:
+    yield f"{'signal':26}{'rms':>16}{'noise sd':>16}  {'noise is':16}{'converter step':>16}{'missing':>9}"
+    for one in found.signals:
+        sizes = [_plain(size, one.unit) for size in (one.rms, one.noise_sd, one.resolution)]
+        step = sizes[2] if one.resolution else "none found"
+        yield f"{one.name:26}{sizes[0]:>16}{sizes[1]:>16}  {one.colour:16}{step:>16}{100 * one.missing:>8.1f}%"
+
+
+def _faults(found: Check) -> str:
+    if not found.faults:
+        return "none found"
+    kinds: dict[str, int] = {}
+    for fault in found.faults:
+        kinds[fault.kind] = kinds.get(fault.kind, 0) + 1
+    spans = listed([f"{kind} {count} times" if count > 1 else f"{kind} once" for kind, count in kinds.items()])
+    return f"{spans}; every fit leaves them out (see the notes)"
+
+
+def _parameters(found: Check) -> Iterator[str]:
+    if not found.parameters:
+        yield "nominal values: all are stated without an sd, so none is fitted"
+        return
+    yield "nominal values, fitted to the runs with no effect added:"
+    for name, one in found.parameters.items():
+        yield f"  {name:24}{_with_interval(one):42}{_KNOWN.get(one.basis, one.basis)}"
+    for group in found.cannot_tell_apart:
+        yield f"  only combinations are known of {listed(group)}"
+    for known in found.combinations:
+        text = str(quantity(known.value, known.unit, known.ci95)).replace(_MINUS, "-")
+        yield f"  {known.name:24}{text:42}{known.formula}"
+
+
+def _with_interval(one: Estimate) -> str:
+    shown = quantity(one.value, one.unit, one.ci95 if one.identifiable else None)
+    return str(shown).replace(_MINUS, "-")
+
+
+def _effects(found: Check) -> Iterator[str]:
+    count = len(found.visible) + len(found.invisible)
+    yield f"of {count} effects these runs would show {len(found.visible)}, from this size on:"
+    cells = [f"{name} {_size(one)}" for name, one in found.visible.items()]
+    for first in range(0, len(cells), _COLUMNS):
+        yield "  " + "".join(f"{cell:44}" for cell in cells[first : first + _COLUMNS]).rstrip()
+    if found.invisible:
+        yield f"  at no size: {', '.join(found.invisible)}"
+
+
+def _size(one: Visible) -> str:
+    return _plain(one.size, one.unit)
+
+
+def _advice(found: Check) -> Iterator[str]:
+    if not found.advice:
+        yield "no manoeuvre of brickpilot's list would tell much more"
+        return
+    yield "to tell more, drive as well:"
+    for one in found.advice:
+        gains: Mapping[str, Sequence[str]] = {"would show": one.effects, "would tell more of": one.parameters}
+        told = "; ".join(f"{words} {', '.join(names)}" for words, names in gains.items() if names)
+        yield f'  "{one.manoeuvre.name}", {one.manoeuvre.duration_s:g} s: {told}'
+
+
+def _plain(size: float, unit: str) -> str:
+    return str(quantity(size, unit)).replace(_MINUS, "-")
