@@ -53,6 +53,7 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
     with ZipFile(wheel) as archive:
         info = wheel.name.partition("-")[0] + "-" + wheel.name.split("-")[1] + ".dist-info"
         assert archive.read(f"{info}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
+        assert "brickpilot/py.typed" in archive.namelist()  # else no user's type checker reads the types
         metadata = Parser().parsestr(archive.read(f"{info}/METADATA").decode())
     assert metadata["License-Expression"] == "MIT"
     asked = metadata.get_all("Requires-Dist") or []

@@ -1,51 +1,183 @@
-"""The names that `import brickpilot` gives: the example in its docstring runs, and the import itself loads nothing."""
+"""The names that `import brickpilot` gives: their examples run, they have types, and the import loads nothing."""
 
 from __future__ import annotations
 
-import dataclasses
+import ast
+import doctest
+import importlib
+import json
 import subprocess
 import sys
-import textwrap
+from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
-import brickpilot
+import brickpilot as bp
+import nbformat
+import numpy as np
+import pandas as pd
 import pytest
-import synthetic
+from brickpilot.report import discover_text
+from markupsafe import escape
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOK = ROOT / "tools/examples/hidden_effect.ipynb"
+SCRIPT = "<script>alert(1)</script>"
+
+USER_SCRIPT = """\
+import brickpilot as bp
+
+dataset = bp.read("bench")
+fitted = bp.calibrate(dataset, seed=1)
+comparison: bp.Comparison = bp.compare(dataset, fitted.model)
+share: float | None = comparison.share("held_out", "speed")
+finding = bp.discover(dataset, jobs=1)
+worth: bp.Check = bp.check(dataset, seed=1, jobs=1)
+names: list[str] = [effect.name for effect in finding.effects]
+flown: bp.Flown = bp.fly("mission", sensors="imu", seed=2)
+why: str | None = flown.failure
+page: str = bp.to_html(finding)
+"""
 
 
-def example() -> str:
-    """The indented lines of the package's docstring."""
-    lines = str(brickpilot.__doc__).splitlines()
-    return textwrap.dedent("\n".join(line for line in lines if line.startswith("    ") or not line))
-
-
-def test_the_docstrings_example_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    truth = synthetic.motor(wheel_inertia=1e-3)
-    dry = dataclasses.replace(truth, effects={"coulomb_friction": {"torque": 0.02}})
-    known = "\n".join(f"{name} = {truth.parameters[name]}" for name in ("resistance", "torque_constant"))
-    manoeuvres = {"low": (3.0, 0.0), "middle": (-5.0, 0.0), "high": (7.0, 0.0)}
-    roles = ["fit", "fit", "held_out"]
-    synthetic.write(tmp_path / "bench", dry, {"speed": 0.02}, known, manoeuvres=manoeuvres, roles=roles)
-    monkeypatch.chdir(tmp_path)
-    code = example()
-    assert len([line for line in code.splitlines() if line.strip()]) <= 20
-    exec(compile(code, "example", "exec"), {})
-    said = capsys.readouterr().out
-    assert "emf_constant" in said
-    assert "named ['coulomb_friction']" in said
-    assert (tmp_path / "model.toml").is_file()
+@pytest.mark.parametrize("module", ["brickpilot", "brickpilot.data.dataset", "brickpilot.vehicle.fly"])
+def test_the_examples_of_the_docstrings_run(module: str) -> None:
+    with pd.option_context("display.width", 120):
+        result = doctest.testmod(importlib.import_module(module))
+    assert result.attempted >= 4
+    assert result.failed == 0
 
 
 def test_each_public_name_is_there() -> None:
-    assert set(brickpilot.__all__) <= set(dir(brickpilot))
-    assert all(getattr(brickpilot, name) is not None for name in brickpilot.__all__)
+    assert set(bp.__all__) <= set(dir(bp))
+    assert all(getattr(bp, name) is not None for name in bp.__all__)
     with pytest.raises(AttributeError, match="no attribute 'replay'"):
-        _ = brickpilot.replay
+        _ = bp.replay
+
+
+def test_the_type_checker_gets_the_names_that_are_loaded() -> None:
+    tree = ast.parse(Path(bp.__file__).read_text())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    imported = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    typed = {one.asname or one.name: f"{node.module}:{one.name}" for node in imported for one in node.names}
+    assert typed == {**bp._NAMES, "discover": "brickpilot.discover.pipeline:discover"}
+    assert {*typed, "__version__"} == set(bp.__all__)
 
 
 def test_the_import_loads_nothing_else() -> None:
     program = "import sys, brickpilot; print('numpy' in sys.modules, [m for m in sys.modules if 'brickpilot.' in m])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False []\n"
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "pass",
+        "from brickpilot.discover import pipeline",
+        "import brickpilot.discover.pipeline as p",
+        "from brickpilot import discover",
+        "bp.discover_effects",
+    ],
+)
+def test_discover_is_the_function_and_the_package(first: str) -> None:
+    program = f"""
+import brickpilot as bp
+{first}
+try:
+    bp.discover("no data set", seed=3)
+except AttributeError as error:
+    print(error)
+from brickpilot.discover import gates, pipeline
+import inspect
+print(bp.discover.gates is gates, inspect.signature(bp.discover) == inspect.signature(pipeline.discover))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "'str' object has no attribute 'vehicle'\nTrue True\n"
+
+
+def checked(folder: Path, script: str) -> str:
+    """What mypy --strict says of a user's script with the installed package."""
+    (folder / "script.py").write_text(script)
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", folder / "cache", "script.py"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False).stdout
+
+
+def test_a_users_script_has_types(tmp_path: Path) -> None:
+    said = checked(tmp_path, USER_SCRIPT)
+    assert said.startswith("Success"), said
+    wrong = USER_SCRIPT.replace("names: list[str]", "names: list[int]").replace("seed=1", "sede=1")
+    said = checked(tmp_path, wrong)
+    assert 'Unexpected keyword argument "sede" for "calibrate"' in said
+    assert "script.py:9: error: List comprehension has incompatible type" in said
+
+
+class Tags(HTMLParser):
+    """Collects the tags and the attributes of a text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags, self.attributes = set[str](), list[Any]()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[Any]) -> None:
+        self.tags.add(tag)
+        self.attributes += attrs
+
+
+def test_a_notebook_shows_each_result_with_all_text_escaped() -> None:
+    time = np.arange(0.0, 1.0, 0.01)
+    volts = np.where(time > 0.1, 4.0, 0.0)
+    frame = pd.DataFrame({"time": time, "voltage": volts, "speed": np.cumsum(volts) * 0.02})
+    dataset = bp.Dataset.from_frames({"low": frame, "b<i>": frame}, vehicle="motor", name="<img>", frame="FRD")
+    model = bp.Model(SCRIPT, "motor", "coupled", {})
+    fitted = bp.calibrate(dataset)
+    finding = bp.discover(dataset, jobs=1, budget_s=1.0)
+    for result in (
+        dataset,
+        bp.check(dataset, jobs=1),
+        bp.compare(dataset, model),
+        fitted,
+        finding,
+        bp.fly("forward_1m"),
+    ):
+        shown = result._repr_html_()
+        tags = Tags(shown)
+        assert tags.tags <= {"div", "p", "b", "table", "tr", "th", "td"}
+        assert tags.attributes == []
+        assert "&lt;img&gt;" in shown or isinstance(result, bp.Flown)
+        assert all(str(name) in shown for name in result.to_frame().columns) or isinstance(result, bp.Flown)
+    assert str(escape(discover_text.verdict(finding))) in finding._repr_html_()
+    assert list(finding.to_frame("ranking").columns) == ["effects", "gap", "removed", "why"]
+    with pytest.raises(TypeError, match="str is no result of brickpilot"):
+        bp.to_html(SCRIPT)
+
+
+def test_the_notebook_finds_the_hidden_effect_in_ten_lines() -> None:
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    cells = {cell["id"]: cell for cell in notebook.cells}
+    assert all(cell.get("outputs", []) == [] for cell in notebook.cells)
+    find = cells["find"]["source"]
+    assert sum(isinstance(node, ast.stmt) for node in ast.parse(find).body) <= 10
+    assert len(find.replace("\n\n", "\n").splitlines()) <= 11
+    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    (shown,) = cells["find"]["outputs"]
+    assert "coulomb_friction" in shown["data"]["text/html"]
+    assert "The simulator lacks" in shown["data"]["text/html"]
+    assert "image/png" in cells["draw"]["outputs"][0]["data"]
+
+
+def test_a_flight_has_the_keys_of_the_command(tmp_path: Path) -> None:
+    command = [Path(sys.executable).with_name("brickpilot"), "run", "mission", "--sensors", "imu", "--seed", "4"]
+    flown = bp.fly("mission", sensors="imu", seed=4)
+    done = subprocess.run(
+        [*command, "--json", "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert {**printed, "times_real_time": 0} == {**flown.figures, "times_real_time": 0}
+    written = pd.read_csv(tmp_path / "out/log.csv")
+    np.testing.assert_allclose(written.to_numpy(), flown.to_frame().to_numpy(), rtol=1e-8)
+    with pytest.raises(bp.InputError, match=r"^sensors: 'sonar' is not one of ideal, imu"):
+        bp.fly(sensors="sonar")

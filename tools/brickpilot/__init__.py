@@ -1,70 +1,143 @@
 """Brickpilot: from measured runs of a small robot or a motor to a model that explains them.
 
-What you provide is a data set: a folder with `dataset.toml` and a table of columns for each run. What you get is a
-calibrated model, its gap to the measurement, and the effects that the model lacks.
+What you provide is a data set: DataFrames, or a folder with `dataset.toml` and a table of columns for each run. What
+you get is a calibrated model, its gap to the measurement, and the effects that the model lacks. `brickpilot COMMAND`
+prints what the function of the same name returns.
 
-    import brickpilot
-    import numpy as np
+Three runs of a motor, here simulated, as DataFrames. Every value is in SI unless a unit is given:
 
-    dataset = brickpilot.read("bench")                  # every value in SI, damaged samples left out
-    for fault in dataset.faults:
-        print(f"{fault.run}: {fault.signal} is {fault.kind} from {fault.from_s} s to {fault.to_s} s")
+>>> import brickpilot as bp
+>>> import numpy as np, pandas as pd
+>>> known = {"resistance": 22.0, "torque_constant": 0.195, "wheel_inertia": 1e-3, "viscous_friction": 1e-4}
+>>> motor = bp.Model("bench motor", "motor", "coupled", {**known, "emf_constant": 0.3})
+>>> time = np.arange(0.0, 2.0, 0.01)
+>>> def bench(volts):
+...     voltage = np.where((time > 0.1) & (time < 1.4), volts, 0.0)
+...     (simulated,) = bp.simulate([(motor, bp.OpenLoopRun(time, voltage[:, np.newaxis]))])
+...     noise = np.random.default_rng(round(10 * abs(volts))).normal(0.0, 0.02, time.size)
+...     return pd.DataFrame({"time": time, "volts": voltage, "speed": simulated.outputs["speed"] + noise})
+>>> dataset = bp.Dataset.from_frames(                        # bp.read("folder") reads a data set of files
+...     {"low": bench(3.0), "back": bench(-5.0), "high": bench(7.0)},
+...     vehicle="motor", signals={"voltage": "volts", "speed": ("speed", "rad/s")},
+...     nominal=known, roles={"low": "fit", "back": "fit", "high": "held_out"}, name="bench",
+... )
+>>> [fault.kind for fault in dataset.faults]                 # damaged samples are left out
+[]
 
-    fitted = brickpilot.calibrate(dataset)              # the parameters that [nominal] does not give
-    for name, estimate in fitted.parameters.items():
-        print(name, estimate.value, estimate.unit, estimate.ci95 if estimate.identifiable else "not identifiable")
+The parameters that `nominal` does not give are fitted; each result has its tables as DataFrames:
 
-    comparison = brickpilot.compare(dataset, fitted.model)      # free runs: simulated from the inputs alone
-    print("rms error of the speed:", comparison.share("held_out", "speed"))
+>>> fitted = bp.calibrate(dataset)
+>>> fitted.to_frame()[["parameter", "value", "unit", "identifiable"]].round(3)
+      parameter  value     unit  identifiable
+0  emf_constant    0.3  V s/rad          True
+>>> comparison = bp.compare(dataset, fitted.model)           # simulated from the inputs alone
+>>> comparison.share("held_out", "speed") < 0.01
+True
+>>> finding = bp.discover(dataset)                           # what the simulator lacks
+>>> finding.verdict, finding.to_frame().empty
+('none', True)
 
-    finding = brickpilot.discover_effects(dataset)      # what the simulator lacks
-    print(finding.verdict, [effect.name for effect in finding.effects])
-    brickpilot.save_model(finding.augmented, "model.toml")
+What was never measured is simulated, and the robot flies its mission:
 
-    model = brickpilot.load_model("model.toml")         # simulate what was never measured
-    time = np.arange(0.0, 2.0, 0.01)
-    run = brickpilot.OpenLoopRun(time, inputs=np.full((200, 1), 4.5))
-    (simulated,) = brickpilot.simulate([(model, run)])
-    print("speed at the end:", simulated.outputs["speed"][-1], "rad/s")
+>>> run = bp.OpenLoopRun(time, np.full((200, 1), 4.5))
+>>> (simulated,) = bp.simulate([(fitted.model, run)])
+>>> round(float(simulated.outputs["speed"][-1]), 1)          # rad/s at the end
+14.4
+>>> flown = bp.fly("mission", sensors="imu+encoders", seed=1)
+>>> flown.figures["waypoints_reached"], flown.failure
+(8, None)
 
-The names below are the public face; each is loaded when it is first used, so that `import brickpilot` takes no time.
+The names below are the public face. Each is loaded when it is first used, so that `import brickpilot` takes no time.
+`discover` is also the package of that name: `bp.discover(dataset)` works before and after an import of its modules.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from brickpilot.catalogue import effects
+    from brickpilot.data.dataset import Dataset, read
+    from brickpilot.discover.check import Check, check
+    from brickpilot.discover.finding import Finding
+    from brickpilot.discover.pipeline import discover
+    from brickpilot.discover.pipeline import discover as discover_effects
+    from brickpilot.errors import InputError, SimulationError
+    from brickpilot.fit.calibrate import Calibration, calibrate
+    from brickpilot.fit.compare import Comparison, compare
+    from brickpilot.report.notebook import to_html
+    from brickpilot.vehicle.fly import Flown, fly
+    from brickpilot.vehicle.model import Model, rcx
+    from brickpilot.vehicle.model import load as load_model
+    from brickpilot.vehicle.model import save as save_model
+    from brickpilot.vehicle.plant import OpenLoopRun, simulate
 
 __version__ = "0.1.0"
 
 _NAMES = {
+    "Calibration": "brickpilot.fit.calibrate:Calibration",
+    "Check": "brickpilot.discover.check:Check",
+    "Comparison": "brickpilot.fit.compare:Comparison",
     "Dataset": "brickpilot.data.dataset:Dataset",
-    "read": "brickpilot.data.dataset:read",
-    "Model": "brickpilot.vehicle.model:Model",
-    "load_model": "brickpilot.vehicle.model:load",
-    "save_model": "brickpilot.vehicle.model:save",
-    "rcx": "brickpilot.vehicle.model:rcx",
-    "OpenLoopRun": "brickpilot.vehicle.plant:OpenLoopRun",
-    "simulate": "brickpilot.vehicle.plant:simulate",
-    "effects": "brickpilot.catalogue:effects",
-    "compare": "brickpilot.fit.compare:compare",
-    "calibrate": "brickpilot.fit.calibrate:calibrate",
-    "discover_effects": "brickpilot.discover.pipeline:discover",
+    "Finding": "brickpilot.discover.finding:Finding",
+    "Flown": "brickpilot.vehicle.fly:Flown",
     "InputError": "brickpilot.errors:InputError",
+    "Model": "brickpilot.vehicle.model:Model",
+    "OpenLoopRun": "brickpilot.vehicle.plant:OpenLoopRun",
     "SimulationError": "brickpilot.errors:SimulationError",
+    "calibrate": "brickpilot.fit.calibrate:calibrate",
+    "check": "brickpilot.discover.check:check",
+    "compare": "brickpilot.fit.compare:compare",
+    "discover": "brickpilot.discover",  # the package, which can be called
+    "discover_effects": "brickpilot.discover.pipeline:discover",  # the older name of discover
+    "effects": "brickpilot.catalogue:effects",
+    "fly": "brickpilot.vehicle.fly:fly",
+    "load_model": "brickpilot.vehicle.model:load",
+    "rcx": "brickpilot.vehicle.model:rcx",
+    "read": "brickpilot.data.dataset:read",
+    "save_model": "brickpilot.vehicle.model:save",
+    "simulate": "brickpilot.vehicle.plant:simulate",
+    "to_html": "brickpilot.report.notebook:to_html",
 }
 
-__all__ = ["__version__", *_NAMES]
+__all__ = [
+    "Calibration",
+    "Check",
+    "Comparison",
+    "Dataset",
+    "Finding",
+    "Flown",
+    "InputError",
+    "Model",
+    "OpenLoopRun",
+    "SimulationError",
+    "__version__",
+    "calibrate",
+    "check",
+    "compare",
+    "discover",
+    "discover_effects",
+    "effects",
+    "fly",
+    "load_model",
+    "rcx",
+    "read",
+    "save_model",
+    "simulate",
+    "to_html",
+]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _NAMES:
         raise AttributeError(f"module 'brickpilot' has no attribute {name!r}")
     module, _, attribute = _NAMES[name].partition(":")
-    found = getattr(importlib.import_module(module), attribute)
+    loaded = importlib.import_module(module)
+    found = getattr(loaded, attribute) if attribute else loaded
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_NAMES})
+    return sorted({*globals(), *__all__})

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -69,16 +69,27 @@ class FlightRequest:
         Raises:
             InputError: a file is bad, or the scenario is given twice.
         """
-        from brickpilot.vehicle import compensation, flight, model, scenario
+        from brickpilot.vehicle import fly
+
+        return fly.prepare(self.scenario, **self.choices())
+
+    def choices(self) -> dict[str, Any]:
+        """Returns the arguments of `fly.fly` beside the scenario.
+
+        Raises:
+            InputError: a file is bad, or the scenario is given twice.
+        """
+        from brickpilot.vehicle import compensation, model
 
         if self.scenario_name is not None and self.scenario_file is not None:
             raise InputError("the scenario is given twice: as an argument and as an option", field="--scenario")
-        chosen = scenario.load(scenario.find(self.scenario))
-        vehicle = model.load(Path(self.model_file)) if self.model_file else model.rcx()
-        undone = compensation.load(Path(self.compensation_file)) if self.compensation_file else None
-        return flight.plan(
-            chosen, vehicle, profile=self.profile, sensors=self.sensors, seed=self.seed, compensation=undone
-        )
+        return {
+            "model": model.load(Path(self.model_file)) if self.model_file else None,
+            "profile": self.profile,
+            "sensors": self.sensors,
+            "seed": self.seed,
+            "compensation": compensation.load(Path(self.compensation_file)) if self.compensation_file else None,
+        }
 
     def options(self, plan: Plan) -> list[str]:
         """The options that repeat the flight of `plan`, for the command line on its page."""

@@ -12,7 +12,7 @@ import click
 from brickpilot.cli.flight_request import FlightRequest, flight_options
 from brickpilot.cli.mission_lines import figure_lines, waypoint_lines
 from brickpilot.cli.terminal import as_json
-from brickpilot.errors import InputError, WorkFailedError
+from brickpilot.errors import WorkFailedError
 
 
 @click.command(short_help="Flies a mission or a manoeuvre in simulation.")
@@ -26,28 +26,22 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     A mission whose waypoints were not all reached, or that ended with a fault, gives one line and exit status 1.
     """
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import flight, flight_checks, flight_figures
+    from brickpilot.vehicle import fly
 
-    plan = request.plan()
+    flown = fly.fly(request.scenario, **request.choices())
+    figures, plan = flown.figures, flown.flight.plan
     chosen = plan.scenario
-    if chosen.faults:
-        raise InputError(
-            "needs a link, and run has none; fly it with brickpilot hil", file=request.scenario, field="faults"
-        )
     command = ["brickpilot", "run", request.scenario, *request.options(plan)]
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
-    flown = flight.fly(plan)
-    figures = flight_figures.summary(flown)
-    failure = figures["failure"] = flight_checks.failure(figures)
-    run_folder.write(flown, figures, run_page.page(flown, figures, shlex.join(command)), folder)
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, shlex.join(command)), folder)
     if as_json:
         click.echo(json.dumps(figures))
     else:
         for line in _lines(chosen.title, figures):
             click.echo(line)
         click.echo(f"report: {folder / 'report.html'}")
-    if failure is not None:
-        raise WorkFailedError(f"{chosen.name}: {failure}")
+    if flown.failure is not None:
+        raise WorkFailedError(f"{chosen.name}: {flown.failure}")
 
 
 def _lines(title: str, figures: dict[str, Any]) -> list[str]:

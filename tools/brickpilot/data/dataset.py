@@ -5,21 +5,27 @@ Values are converted to SI and to the paper's frame (x forward, y right, clockwi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+import brickpilot
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
-from brickpilot.data.description import Description, Role, RunEntry, Signal, describe
+from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
+from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
 from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Signal", "motor_inputs", "read"]
 
@@ -62,6 +68,12 @@ class Run:
     replicate_of: str | None
     initial: Mapping[str, float]
 
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns a row for each sample: time, inputs and outputs, in SI and the paper's frame."""
+        import pandas
+
+        return pandas.DataFrame({"time": self.time, **self.inputs, **self.outputs})
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
@@ -95,6 +107,75 @@ class Dataset:
         """See `motor_inputs`."""
         return motor_inputs(run, self)
 
+    @staticmethod
+    def from_frames(
+        frames: Mapping[str, pandas.DataFrame],
+        *,
+        vehicle: Vehicle,
+        signals: Mapping[str, Column] | None = None,
+        nominal: Mapping[str, Any] | None = None,
+        frame: Frame | None = None,
+        roles: Mapping[str, Role] | None = None,
+        gap_s: float | None = None,
+        name: str = "frames",
+    ) -> Dataset:
+        """Returns a data set of DataFrames, checked as `read` checks files.
+
+        Args:
+            frames: run -> its table, a row a sample.
+            vehicle: "diff_drive" or "motor".
+            signals: signal -> its column: a name, in SI; (name, unit); or a mapping with what a data set's file may
+                state of it, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
+                unless stated. None: each column of the first frame that has the name of a signal, in SI. An index
+                counts as a column by its name.
+            nominal: as [nominal] of a data set's file: a value in SI, or {"value": ..., "sd": ...}.
+            frame: "FLU" or "FRD"; None: FRD.
+            roles: run -> "fit" or "held_out"; the program chooses for the others.
+            gap_s: s of pause between runs.
+
+        Raises:
+            InputError: anything is wrong; the message names run, row (from 0, as in `iloc`) and column.
+
+        >>> import brickpilot as bp, pandas as pd
+        >>> bench = pd.DataFrame({"time": [0.0, 0.1, 0.2], "u": [0.0, 6.0, 6.0], "rpm": [0.0, 12.0, 30.0]})
+        >>> dataset = bp.Dataset.from_frames(
+        ...     {"step": bench}, vehicle="motor", signals={"voltage": "u", "speed": ("rpm", "rpm")}
+        ... )
+        >>> dataset.runs[0].to_frame().round(3)
+           time  voltage  speed
+        0   0.0      0.0  0.000
+        1   0.1      6.0  1.257
+        2   0.2      6.0  3.142
+        """
+        stated = {"name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal, "gap_s": gap_s}
+        toml = tables(frames, signals, roles or {}, stated)
+
+        def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
+            return read_frame(entry.file, frames[entry.name], wanted)
+
+        return _checked(Path(name), described(toml), columns)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns a row for each run: its role, samples, duration (s), median step (s) and faults."""
+        import pandas
+
+        rows = [
+            {
+                "run": run.name,
+                "role": run.role,
+                "samples": len(run.time),
+                "duration_s": run.time[-1] - run.time[0],
+                "step_s": np.median(np.diff(run.time)),
+                "faults": sum(fault.run == run.name for fault in self.faults),
+            }
+            for run in self.runs
+        ]
+        return pandas.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
+        return brickpilot.to_html(self)
+
 
 def read(folder: Path | str) -> Dataset:
     """Reads a data set.
@@ -114,7 +195,19 @@ def read(folder: Path | str) -> Dataset:
     except (OSError, ValueError) as error:
         raise InputError("cannot be read", file=path) from error
     description = describe(path)
-    runs, faults, damage = _audited([_read_run(entry, description) for entry in description.runs], description)
+
+    def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
+        return read_columns(entry.file, wanted, description.layout)
+
+    return _checked(path, description, columns)
+
+
+def _checked(
+    path: Path, description: Description, columns: Callable[[RunEntry, Mapping[str, str | int]], Columns]
+) -> Dataset:
+    """Returns the data set whose runs' columns `columns` reads, audited."""
+    measured = [_run(entry, description, columns) for entry in description.runs]
+    runs, faults, damage = _audited(measured, description)
     dataset = Dataset(
         name=description.name,
         path=path,
@@ -176,11 +269,12 @@ def _battery_notes(dataset: Dataset) -> list[str]:
     return notes
 
 
-def _read_run(entry: RunEntry, description: Description) -> Run:
-    wanted = {name: signal.column for name, signal in description.signals.items()}
-    columns = read_columns(entry.file, wanted, description.layout)
-    values = {name: _to_si(entry.file, columns, description, signal) for name, signal in description.signals.items()}
-    _check_time(entry.file, columns, values["time"])
+def _run(
+    entry: RunEntry, description: Description, read: Callable[[RunEntry, Mapping[str, str | int]], Columns]
+) -> Run:
+    columns = read(entry, {name: signal.column for name, signal in description.signals.items()})
+    values = {name: _to_si(columns, description, signal) for name, signal in description.signals.items()}
+    _check_time(columns, values["time"])
     _check_duty(entry.file, values)
     outputs = {name: value for name, value in values.items() if SIGNALS[name].kind == "output"}
     return Run(
@@ -208,16 +302,14 @@ def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...]
     return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
 
 
-def _to_si(file: Path, columns: Columns, description: Description, signal: Signal) -> Vector:
+def _to_si(columns: Columns, description: Description, signal: Signal) -> Vector:
     raw = columns.values[signal.name]
     with np.errstate(over="ignore", invalid="ignore"):
         values = signal.to_si * (signal.scale * raw + signal.offset)
     beyond = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
     if beyond.any():
-        line = columns.lines[int(np.argmax(beyond))]
-        raise InputError(
-            "is too large for a number", file=file, line=line, field=f"{signal.name} (column {signal.column})"
-        )
+        place = f"{signal.name} (column {signal.column})"
+        raise columns.fault("is too large for a number", int(np.argmax(beyond)), place)
     limit = SIGNALS[signal.name].largest
     with np.errstate(invalid="ignore"):
         beyond = np.abs(values) > limit
@@ -225,26 +317,26 @@ def _to_si(file: Path, columns: Columns, description: Description, signal: Signa
         row = int(np.argmax(beyond))
         message = f"{values[row]:.4g} {SIGNALS[signal.name].unit} is beyond what is physical, {limit:g}"
         place = f"{signal.name} (column {signal.column})"
-        raise InputError(message, file=file, line=columns.lines[row], field=place)
+        raise columns.fault(message, row, place)
     values = np.asarray(to_frd(signal.name, values, description.frame), dtype=np.float64)
     values.setflags(write=False)
     return values
 
 
-def _check_time(file: Path, columns: Columns, time: Vector) -> None:
+def _check_time(columns: Columns, time: Vector) -> None:
     blank = np.isnan(time)
     if blank.any():
-        raise InputError("is blank", file=file, line=columns.lines[int(np.argmax(blank))], field="time")
+        raise columns.fault("is blank", int(np.argmax(blank)), "time")
     if time.size < 2:
-        raise InputError("a run needs at least two samples", file=file, line=columns.lines[0])
+        raise columns.fault("a run needs at least two samples", 0)
     stuck = np.diff(time) <= 0.0
     if stuck.any():
         row = int(np.argmax(stuck)) + 1
         message = f"does not increase: {time[row]:.9g} s after {time[row - 1]:.9g} s"
-        raise InputError(message, file=file, line=columns.lines[row], field="time")
+        raise columns.fault(message, row, "time")
     if (span := float(time[-1] - time[0])) > _LONGEST_RUN_S:
         message = f"a run of {span:.4g} s is longer than {_LONGEST_RUN_S:g} s; is the unit of time right?"
-        raise InputError(message, file=file, line=columns.lines[-1], field="time")
+        raise columns.fault(message, time.size - 1, "time")
 
 
 def _check_duty(file: Path, values: Mapping[str, Vector]) -> None:

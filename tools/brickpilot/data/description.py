@@ -89,12 +89,20 @@ def describe(path: Path) -> Description:
     Raises:
         InputError: the message names file, line and key.
     """
-    toml = TomlFile(path)
+    return described(TomlFile(path))
+
+
+def described(toml: TomlFile) -> Description:
+    """Checks the tables of a dataset.toml.
+
+    Raises:
+        InputError: the message names file, line and key.
+    """
     data = toml.data
     toml.known_keys((), data, _TOP)
     for key in ("name", "vehicle", "signals", "runs"):
         if key not in data:
-            raise InputError("is missing", file=path, field=key)
+            raise InputError("is missing", file=toml.path, field=key)
     vehicle = cast(Vehicle, toml.choice(("vehicle",), data["vehicle"], ("diff_drive", "motor")))
     frame = cast(Frame, toml.choice(("frame",), data.get("frame", "FRD"), ("FLU", "FRD")))
     signals = _signals(toml, vehicle, frame)
@@ -271,25 +279,12 @@ def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, fram
     replicate_of = toml.text((*key, "replicate_of"), entry["replicate_of"]) if "replicate_of" in entry else None
     return RunEntry(
         name=name,
-        file=_file(toml, (*key, "file"), entry["file"]),
+        file=toml.file_beside((*key, "file"), entry["file"]),
         role=role,
         gap_s=_number(toml, (*key, "gap_s"), entry.get("gap_s", gap_s), 0.0, _LONGEST_GAP_S),
         replicate_of=replicate_of,
         initial=_initial(toml, (*key, "initial"), entry.get("initial", {}), vehicle, frame),
     )
-
-
-def _file(toml: TomlFile, key: Key, value: object) -> Path:
-    name = toml.text(key, value)
-    folder = toml.path.parent
-    try:
-        if not (folder / name).resolve().is_relative_to(folder.resolve()) or Path(name).is_absolute() or "\\" in name:
-            toml.refuse(key, f"{name!r} is outside the data set's folder")
-        if not (folder / name).is_file():
-            toml.refuse(key, f"no such file: {name!r}")
-    except (OSError, RuntimeError) as error:
-        toml.refuse(key, f"{name!r} cannot be read: {error.__class__.__name__}")
-    return folder / name
 
 
 def _initial(toml: TomlFile, key: Key, value: object, vehicle: Vehicle, frame: Frame) -> dict[str, float]:

@@ -39,10 +39,16 @@ class Columns:
     Attributes:
         values: signal -> values as written, without unit, scale or offset; NaN where blank.
         lines: the 1-based line of each row.
+        source: the file.
     """
 
     values: dict[str, NDArray[np.float64]]
     lines: Sequence[int]
+    source: Path
+
+    def fault(self, message: str, row: int, field: str | None = None) -> InputError:
+        """Returns the error that names the file, the line of a row, and the field."""
+        return InputError(message, file=self.source, line=self.lines[row], field=field)
 
 
 def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat) -> Columns:
@@ -59,7 +65,7 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
     """
     text = _text(path)
     if len(text) > LONG_TEXT and (plain := read_plain(text, columns, layout.delimiter, layout.header)) is not None:
-        return Columns(plain, range(1 + layout.header, 1 + layout.header + len(next(iter(plain.values())))))
+        return Columns(plain, range(1 + layout.header, 1 + layout.header + len(next(iter(plain.values())))), path)
     rows, lines = _rows(path, text, layout.delimiter)
     names = _header(path, rows, lines) if layout.header else None
     if layout.header:
@@ -75,7 +81,7 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
     for signal, column in columns.items():
         position = _position(path, signal, column, names, width, lines[0])
         values[signal] = _numbers(path, f"{signal} (column {column})", table[position], lines)
-    return Columns(values, lines)
+    return Columns(values, lines, path)
 
 
 def _text(path: Path) -> str:

@@ -130,6 +130,20 @@ class TomlFile:
             self.refuse(key, f"{name!r} cannot be a part of a file's name")
         return name
 
+    def file_beside(self, key: Key, value: object) -> Path:
+        """Returns the file that `value` names in this file's folder, or refuses it."""
+        name = self.text(key, value)
+        folder = self.path.parent
+        try:
+            outside = not (folder / name).resolve().is_relative_to(folder.resolve())
+            if outside or Path(name).is_absolute() or "\\" in name:
+                self.refuse(key, f"{name!r} is outside the data set's folder")
+            if not (folder / name).is_file():
+                self.refuse(key, f"no such file: {name!r}")
+        except (OSError, RuntimeError) as error:
+            self.refuse(key, f"{name!r} cannot be read: {error.__class__.__name__}")
+        return folder / name
+
     def choice(self, key: Key, value: object, known: Iterable[str]) -> str:
         """Returns `value` if it is one of `known`, or refuses it and lists them."""
         names = tuple(known)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+import brickpilot
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import manoeuvre
@@ -27,6 +28,9 @@ from brickpilot.discover.finding import Visible
 from brickpilot.discover.prepare import Prepared, prepare
 from brickpilot.discover.verdict_json import valid
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -101,6 +105,31 @@ class Check:
     advice: tuple[Advice, ...]
     discover_s: float
     notes: tuple[str, ...]
+
+    def to_frame(self, table: Literal["parameters", "signals", "effects"] = "parameters") -> pandas.DataFrame:
+        """Returns a table, in SI.
+
+        Args:
+            table: "parameters": the fitted nominal values with the ends of their 95 % intervals, NaN where there is
+                none. "signals": the facts of each. "effects": the smallest size of each effect that would be named.
+        """
+        import pandas
+
+        if table == "signals":
+            return pandas.DataFrame([asdict(one) for one in self.signals])
+        if table == "effects":
+            sizes = [(name, one.parameter, one.size, one.unit) for name, one in self.visible.items()]
+            return pandas.DataFrame(sizes, columns=["effect", "parameter", "size", "unit"])
+        rows = [
+            (name, one.value, one.unit, *(one.ci95 or (np.nan, np.nan)), one.identifiable, one.basis)
+            for name, one in self.parameters.items()
+        ]
+        columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
+        return pandas.DataFrame(rows, columns=columns)
+
+    def _repr_html_(self) -> str:
+        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
+        return brickpilot.to_html(self)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""

@@ -5,14 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+import brickpilot
 from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.discover.yardstick.record import Yardstick
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.run_values import RunValues
 from brickpilot.vehicle.model import Model
+
+if TYPE_CHECKING:
+    import pandas
 
 VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 EvidenceKind = Literal["held_out", "fitted_only"]
@@ -348,3 +352,29 @@ class Finding:
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()
     law_differs: bool | None = None
+
+    def to_frame(self, table: Literal["effects", "ranking"] = "effects") -> pandas.DataFrame:
+        """Returns a table.
+
+        Args:
+            table: "effects": a row for each parameter of each effect, in SI, with the ends of its 95 % interval, NaN
+                where the data do not determine it. "ranking": a row for each explanation that was tried, the best
+                first, with the share of the error above noise that it removes on the fit runs.
+        """
+        import pandas
+
+        if table == "ranking":
+            ranks = [(" + ".join(one.names), one.gap, one.removed, one.why) for one in self.ranking]
+            return pandas.DataFrame(ranks, columns=["effects", "gap", "removed", "why"])
+        nothing = (float("nan"), float("nan"))
+        rows = [
+            (effect.name, effect.claimed, effect.confidence, name, one.value, one.unit, *(one.ci95 or nothing))
+            for effect in self.effects
+            for name, one in effect.parameters.items()
+        ]
+        columns = ["effect", "claimed", "confidence", "parameter", "value", "unit", "low", "high"]
+        return pandas.DataFrame(rows, columns=columns)
+
+    def _repr_html_(self) -> str:
+        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
+        return brickpilot.to_html(self)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import brickpilot
 from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.ils import signal_error
@@ -33,6 +34,9 @@ from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.uncertainty import Combination, Estimate, assess
 from brickpilot.vehicle.model import Model
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 _COARSE_STEP = 0.003  # s: the motor step of all descents but the last, which uses the plant's own
@@ -76,6 +80,25 @@ class Calibration:
     scales: Mapping[str, Scale]
     roles: Mapping[str, str]
     notes: tuple[str, ...]
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what fixes it.
+
+        `low` and `high` are NaN where the data do not identify the parameter and nothing is stated of it.
+        """
+        import pandas
+
+        rows = []
+        for name, one in self.parameters.items():
+            low, high = one.ci95 if one.ci95 is not None else (np.nan, np.nan)
+            known = {"identifiable": one.identifiable, "basis": one.basis}
+            rows.append({"parameter": name, "value": one.value, "unit": one.unit, "low": low, "high": high, **known})
+        columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
+        return pandas.DataFrame(rows, columns=columns)
+
+    def _repr_html_(self) -> str:
+        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
+        return brickpilot.to_html(self)
 
     def to_json(self) -> dict[str, Any]:
         parameters = {}

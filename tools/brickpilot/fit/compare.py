@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import brickpilot
 from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.ils import SignalError, pooled, signal_error
@@ -18,6 +19,9 @@ from brickpilot.fit.compared import compared_signals, is_compared
 from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
 from brickpilot.fit.replay import Array, Outputs, Replay, Window
 from brickpilot.vehicle.model import Model
+
+if TYPE_CHECKING:
+    import pandas
 
 Progress = Callable[[int, int, str], None]
 
@@ -74,6 +78,33 @@ class Comparison:
         """Returns rms error over rms signal of all runs of `role` ("fit" or "held_out"); None where there is none."""
         found = [(run.windows if windows else run.signals) for run in self.runs if run.role == role]
         return pooled(errors[signal] for errors in found if signal in errors).share
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns a row for each signal of each run: rms of error and signal in SI, and the one over the other.
+
+        `window_s` is the length of the open-loop windows, 0 for the whole run.
+        """
+        import pandas
+
+        rows = [
+            {
+                "run": run.name,
+                "role": run.role,
+                "signal": name,
+                "window_s": window_s,
+                "rms_error": error.rms_error,
+                "rms_signal": error.rms_signal,
+                "share": error.share,
+            }
+            for run in self.runs
+            for window_s, errors in ((0.0, run.signals), (self.window_s, run.windows))
+            for name, error in errors.items()
+        ]
+        return pandas.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
+        return brickpilot.to_html(self)
 
     def to_json(self) -> dict[str, Any]:
         runs = []
