@@ -27,6 +27,7 @@ from brickpilot.cli.import_log import import_log
 from brickpilot.cli.run import run
 from brickpilot.cli.settings import settings
 from brickpilot.cli.upload import upload
+from brickpilot.cli.why import why
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
 
 
@@ -47,7 +48,7 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, flash, import_log, check, compare, calibrate, discover, benchmark, effects,
+    run, upload, hil, brick, settings, flash, import_log, check, why, compare, calibrate, discover, benchmark, effects,
     bench,
 )  # fmt: skip
 for command in COMMANDS:

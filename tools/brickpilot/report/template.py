@@ -1,4 +1,4 @@
-"""Renders the package's page templates."""
+"""Renders the package's templates: pages, and files of other programs."""
 
 from __future__ import annotations
 
@@ -15,3 +15,16 @@ def render(name: str, **content: object) -> str:
         undefined=StrictUndefined,
     )
     return environment.get_template(f"{name}.html.j2").render(version=__version__, **content)
+
+
+def render_plain(template: str, **content: object) -> str:
+    """Returns the file `template` of another program, such as a C header; nothing is escaped."""
+    environment = Environment(
+        loader=PackageLoader("brickpilot.report"),
+        autoescape=False,  # it writes no HTML
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(f"{template}.j2").render(version=__version__, **content)

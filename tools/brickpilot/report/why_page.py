@@ -1,0 +1,105 @@
+"""The page of `why`, and the constants that it hands to other programs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from brickpilot.discover.finding import Finding
+from brickpilot.report.quantities import quantity
+from brickpilot.report.template import render, render_plain
+from brickpilot.report.why_text import Answer, as_stated
+from brickpilot.vehicle.drive_constants import FeedForward, Odometry, feed_forward, odometry
+
+CONTROLLER, HEADER = "diff_drive_controller.yaml", "robot_constants.h"
+
+FILES = {
+    "report.html": "all that was found, with plots",
+    "verdict.json": "the same for programs",
+    "model.toml": "the model with what was missing, for brickpilot run, compare and calibrate",
+    "compensation.toml": "for the firmware: brickpilot run --model model.toml --compensation compensation.toml",
+    CONTROLLER: "odometry for ros2_control",
+    HEADER: "the constants as C macros",
+    "data": "the log as a data set: brickpilot check, compare and discover take it",
+}
+"""Each file or folder that the command may write, and what it is for."""
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What other programs ask for; see `vehicle.drive_constants`. `odometry` is None for a motor."""
+
+    feed_forward: FeedForward
+    odometry: Odometry | None
+
+    def to_json(self) -> dict[str, Any]:
+        one, wheels = self.feed_forward, self.odometry
+        found: dict[str, Any] = {"feed_forward": {"ks": one.ks, "kv": one.kv, "ka": one.ka, "per": one.unit}}
+        if wheels is not None:
+            found["odometry"] = {
+                "wheel_radius": wheels.radius,
+                "wheel_separation": wheels.separation,
+                "left_wheel_radius_multiplier": wheels.left,
+                "right_wheel_radius_multiplier": wheels.right,
+                "wheel_separation_multiplier": wheels.turning,
+            }
+        return found
+
+
+def constants_of(finding: Finding) -> Constants:
+    """Returns the constants of the robot as found, against the radius and half track that are stated."""
+    return Constants(feed_forward(finding.augmented), odometry(finding.augmented, as_stated(finding).parameters))
+
+
+def files_of(name: str, constants: Constants) -> dict[str, str]:
+    """Returns file -> text for other programs. `name`: of the robot, in comments."""
+    plain = re.sub(r"[^\w .+-]", " ", name)  # a comment of C or YAML ends at none of these
+    speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
+    told: Mapping[str, object] = {
+        "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,
+    }  # fmt: skip
+    names = [HEADER] if constants.odometry is None else [HEADER, CONTROLLER]
+    return {one: render_plain(one, **told) for one in names}
+
+
+def page(
+    finding: Finding, answer: Answer, constants: Constants, *, source: str, files: Sequence[str], command: str,
+    notes: Sequence[str],
+) -> str:  # fmt: skip
+    """Returns the page as one self-contained HTML text.
+
+    Args:
+        source: what was read, in words.
+        files: the names of those that lie beside the page.
+        command: the command line that reproduces it.
+        notes: on how the log was taken, one sentence each.
+    """
+    return render(
+        "why",
+        title=f"Why {finding.dataset.name} does not do what the simulation does"
+        if finding.verdict != "none"
+        else f"{finding.dataset.name} does what the simulation does",
+        answer=answer,
+        constants=_rows(constants),
+        files=[(name, FILES.get(name, "the composed term in C")) for name in files],
+        wheels=constants.odometry is not None,
+        frame=finding.dataset.frame,
+        source=source,
+        command=command,
+        notes=notes,
+    )
+
+
+def _rows(constants: Constants) -> list[tuple[str, str, str]]:
+    one, wheels = constants.feed_forward, constants.odometry
+    units = (("kS", one.ks, "V"), ("kV", one.kv, f"V s/{one.unit}"), ("kA", one.ka, f"V s^2/{one.unit}"))
+    rows = [(name, shown.value, shown.unit) for name, value, unit in units for shown in (quantity(value, unit),)]
+    if wheels is not None:
+        rows += [
+            ("left wheel radius multiplier", f"{wheels.left:.4f}", ""),
+            ("right wheel radius multiplier", f"{wheels.right:.4f}", ""),
+            ("wheel separation multiplier", f"{wheels.turning:.4f}", ""),
+        ]
+    return rows

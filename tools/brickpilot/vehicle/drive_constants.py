@@ -1,0 +1,164 @@
+"""The constants of a drive that other programs ask for, read off simulated drives of a model, effects included.
+
+Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib has it (docs.wpilib.org, "Feedforward control"). Odometry
+as diff_drive_controller of ros2_control has it: a radius for each wheel, and the separation that its turns show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun
+
+Array = NDArray[np.float64]
+
+_STEP_S = 0.005
+_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # of the battery's voltage, each held forward and backward
+_HELD_S = 2.0
+_MOVING = 0.1  # of the top speed: slower samples say little about the law of a moving drive
+_SETTLED = 0.5  # of a drive: what comes after counts as steady
+_DRIVE_S = 3.0
+_LEVEL, _CURVE = 0.6, 0.4  # of the battery's voltage: a straight drive, and the inner wheel of a curve
+_ROUNDS = 3  # of fitting the radii and the separation in turn
+
+
+@dataclass(frozen=True)
+class FeedForward:
+    """V = ks sgn(v) + kv v + ka dv/dt for each motor, driven alike; `unit` is "m" or "rad" of v.
+
+    Attributes:
+        ks, kv, ka: V, V s/unit, V s^2/unit.
+    """
+
+    ks: float
+    kv: float
+    ka: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """What turns wheel angles into a track.
+
+    Attributes:
+        radius, separation: stated, m.
+        left, right: how many times the stated radius a wheel rolls like.
+        turning: how many times the stated separation the turns show.
+    """
+
+    radius: float
+    separation: float
+    left: float
+    right: float
+    turning: float
+
+
+@dataclass(frozen=True)
+class Drives:
+    """How a vehicle drives, from simulated drives.
+
+    Attributes:
+        top_speed: at the battery's full voltage, m/s, or rad/s of a bare motor.
+        stop: m, or rad, from the last command to rest, from that speed.
+        veer: rad/m clockwise while both motors get the same voltage; None for a motor.
+    """
+
+    top_speed: float
+    stop: float
+    veer: float | None
+
+
+def feed_forward(model: Model) -> FeedForward:
+    """Returns the feed-forward constants of a model, by least squares over steps of voltage in both directions."""
+    volts = _battery(model)
+    levels = [sign * share for share in _LEVELS for sign in (1.0, -1.0)]
+    time = np.arange(0.0, _HELD_S * len(levels), _STEP_S)
+    command = volts * np.array(levels)[np.minimum((time / _HELD_S).astype(int), len(levels) - 1)]
+    speed = _speed(model, _simulated(model, time, command, command))
+    rate = np.gradient(speed, _STEP_S)
+    moving = (np.abs(speed) > _MOVING * np.abs(speed).max()) & (np.sign(speed) == np.sign(command))
+    columns = np.column_stack([np.sign(speed), speed, rate])[moving]
+    ks, kv, ka = np.linalg.lstsq(columns, command[moving], rcond=None)[0]
+    return FeedForward(float(ks), float(kv), float(ka), "rad" if _turns(model) else "m")
+
+
+def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
+    """Returns how the wheels of a model roll and turn, against the `stated` wheel_radius and half_track; None: a motor.
+
+    The radii come from a straight drive, the separation from a curve, at 60 % of the battery's voltage.
+    """
+    if model.vehicle == "motor":
+        return None
+    volts = _battery(model) * _LEVEL
+    time = np.arange(0.0, _DRIVE_S, _STEP_S)
+    late = time > _SETTLED * _DRIVE_S
+    straight = _simulated(model, time, np.full(time.size, volts), np.full(time.size, volts))
+    curve = _simulated(model, time, np.full(time.size, volts), np.full(time.size, _CURVE / _LEVEL * volts))
+    separation = 2 * stated["half_track"]
+    radii = np.full(2, stated["wheel_radius"])
+    for _ in range(_ROUNDS):
+        ahead, turn, wheels = (one[late] for one in (straight["surge"], _turn(straight), _wheels(straight)))
+        ground = np.column_stack([ahead + turn * separation / 2, ahead - turn * separation / 2])
+        radii = ground.mean(axis=0) / wheels.mean(axis=0)
+        turn, wheels = _turn(curve)[late], _wheels(curve)[late]
+        separation = float(np.mean(wheels @ (radii * [1, -1])) / np.mean(turn))
+    left, right = radii / stated["wheel_radius"]
+    stated_separation = 2 * stated["half_track"]
+    return Odometry(
+        stated["wheel_radius"], stated_separation, float(left), float(right), separation / stated_separation
+    )
+
+
+def drives(model: Model) -> Drives:
+    """Returns how a model drives straight at full voltage, and how it stops."""
+    time = np.arange(0.0, 2 * _DRIVE_S, _STEP_S)
+    command = np.where(time < _DRIVE_S, _battery(model), 0.0)
+    outputs = _simulated(model, time, command, command)
+    speed, driven = _speed(model, outputs), time < _DRIVE_S
+    stop = float(np.sum(np.abs(speed[~driven])) * _STEP_S)
+    last = int(np.flatnonzero(driven)[-1])
+    if model.vehicle == "motor":
+        return Drives(float(speed[last]), stop, None)
+    way = float(np.sum(np.abs(speed[driven])) * _STEP_S)
+    heading = _heading(outputs)
+    return Drives(float(speed[last]), stop, float(heading[last]) / way if way > 0 else 0.0)
+
+
+def _battery(model: Model) -> float:
+    return model.parameters.get("battery_voltage") or rcx().parameters["battery_voltage"]
+
+
+def _turns(model: Model) -> bool:
+    """Returns whether a speed of the model is one of turning: a bare motor without a wheel."""
+    return model.vehicle == "motor" and not model.parameters.get("wheel_radius")
+
+
+def _simulated(model: Model, time: Array, left: Array, right: Array) -> Mapping[str, Array]:
+    inputs = left[:, np.newaxis] if model.vehicle == "motor" else np.column_stack([left, right])
+    return plant.simulate([(model, OpenLoopRun(time=time, inputs=inputs))])[0].outputs
+
+
+def _speed(model: Model, outputs: Mapping[str, Array]) -> Array:
+    return outputs["surge" if model.vehicle != "motor" else "speed" if _turns(model) else "velocity"]
+
+
+def _wheels(outputs: Mapping[str, Array]) -> Array:
+    return np.column_stack([outputs["wheel_speed_left"], outputs["wheel_speed_right"]])
+
+
+def _heading(outputs: Mapping[str, Array]) -> Array:
+    """Returns (n,): the heading of a drive forward, rad clockwise, from its track: no sensor's error is in it."""
+    ahead, aside = np.gradient(outputs["x"]), np.gradient(outputs["y"])
+    moving = np.hypot(ahead, aside) > 1e-6
+    heading = np.unwrap(np.where(moving, np.arctan2(aside, ahead), 0.0))
+    return np.asarray(heading - heading[0])
+
+
+def _turn(outputs: Mapping[str, Array]) -> Array:
+    return np.gradient(_heading(outputs), _STEP_S)
