@@ -8,12 +8,13 @@ from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
 # The peers of discovery spell out their own library of laws; the README's picture shows one example; the kept results
-# of the benchmark on real logs say what was found.
+# of the benchmark on real logs say what was found; the example logs hide effects.
 MAY_NAME = frozenset(
     {
         Path("tools/brickpilot/benchmark/real_results.json"),
         Path("tools/brickpilot/benchmark/sindy_library.py"),
         Path("tools/brickpilot/gen/discovery_picture.py"),
+        Path("tools/examples/make_logs.py"),
     }
 )
 # Documents report what was found in which data set.

@@ -22,7 +22,7 @@ _REMEDIES = {
     "motor": "Run the motors one by one without load and compare them: a warm or a worn one is weaker.",
     "gear": "Feel for play and tight spots in the gears.",
     "bearing": "Turn each wheel by hand. Clean and grease the axles, and look for a part that rubs.",
-    "tyre": "Clean tyres and floor, put more of the weight on the driven wheels, or accelerate and turn less hard.",
+    "tyre": "Compare the radii of both wheels, clean tyres and floor, and try to accelerate and turn less hard.",
     "body": "Look at casters and cables, and at where the heavy parts sit.",
     "floor": "Level the floor, or drive each manoeuvre both ways over it.",
     "sensor": "Calibrate the sensor: at rest for its bias, over a known way or angle for its scale.",
