@@ -35,12 +35,12 @@ def discover(
     The verdict is "named", "none", "ambiguous" (several effects fit equally well, and an experiment is proposed that
     separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,
     verdict.json and model.toml; also the C source of a composed term, and compensation.toml, with which the packaged
-    firmware flies this robot.
+    firmware flies this robot, and next_experiment.toml, .csv and .h where one separates the effects.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.verdict_json import verdict_json
-    from brickpilot.report import discover_fit, discover_page, discover_text, run_folder
+    from brickpilot.report import discover_fit, discover_page, discover_text, experiment_files, run_folder
     from brickpilot.vehicle import compensation, model
 
     data = dataset_module.read(Path(dataset))
@@ -48,7 +48,7 @@ def discover(
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
     command += ["--budget", f"{budget:g}"] if budget is not None else []
-    with run_folder.fresh_folder(folder, conclude.file_names(data)) as beside:
+    with run_folder.fresh_folder(folder, conclude.file_names(data) | set(experiment_files.FILES)) as beside:
         with progress_shown(as_json) as progress:
             found = pipeline.discover(data, given, seed=seed, jobs=jobs, budget_s=budget, progress=progress)
         figures = verdict_json(found)
@@ -57,6 +57,8 @@ def discover(
         model.save(found.augmented, beside / "model.toml")
         if found.term is not None:
             (beside / found.term.file_name).write_text(found.term.source, encoding="utf-8")
+        for name, text in experiment_files.of_finding(found).items():
+            (beside / name).write_text(text, encoding="utf-8")
         undone = compensation.from_model(found.augmented)
         if undone is not None:
             undone.save(beside / "compensation.toml")

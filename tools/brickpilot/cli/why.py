@@ -89,7 +89,7 @@ def _read(
 def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence[str]) -> tuple[Answer, Constants]:
     """Writes the pages and files into `beside`, and returns what they say."""
     from brickpilot.discover.verdict_json import verdict_json
-    from brickpilot.report import discover_page, why_page, why_text
+    from brickpilot.report import discover_page, experiment_files, why_page, why_text
     from brickpilot.vehicle import compensation, model
 
     undone = compensation.from_model(found.augmented)
@@ -97,6 +97,7 @@ def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence
     texts = {
         "verdict.json": json.dumps(verdict_json(found), indent=2, allow_nan=False) + "\n",
         "report.html": discover_page.page(found, command),
+        **experiment_files.of_finding(found),
         **why_page.files_of(found.dataset.name, constants),
         **({found.term.file_name: found.term.source} if found.term is not None else {}),
     }

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from brickpilot.discover.finding import Finding
+from brickpilot.report import experiment_files
 from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
 from brickpilot.report.why_text import Answer, as_stated
@@ -22,6 +23,7 @@ FILES = {
     "compensation.toml": "for the firmware: brickpilot run --model model.toml --compensation compensation.toml",
     CONTROLLER: "odometry for ros2_control",
     HEADER: "the constants as C macros",
+    **experiment_files.FILES,
     "data": "the log as a data set: brickpilot check, compare and discover take it",
 }
 """Each file or folder that the command may write, and what it is for."""

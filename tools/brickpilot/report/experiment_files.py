@@ -1,0 +1,94 @@
+"""The next experiment as files: a scenario for `run`, a table, and an array for the program of a robot."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import tomlkit
+
+from brickpilot.discover.finding import Finding, Manoeuvre
+from brickpilot.discover.manoeuvres import commands
+from brickpilot.report.template import render_plain
+
+SCENARIO, TABLE, ARRAY = (f"next_experiment.{ending}" for ending in ("toml", "csv", "h"))
+
+FILES = {
+    SCENARIO: "the next experiment for brickpilot run",
+    TABLE: "the same as a table: from when on which voltage",
+    ARRAY: "the same as a C array",
+}
+"""Each file that `files_of` may write, and what it is for."""
+
+_RAMP_STEP_S = 0.05  # a ramp becomes steps of this length
+_HIGHEST_V = 20.0  # that a scenario takes
+
+Step = tuple[float, float, float]
+
+
+def of_finding(finding: Finding) -> dict[str, str]:
+    """Returns file -> text of the experiment that a finding asks for; none if it asks for no manoeuvre."""
+    asked = finding.next_experiment
+    if asked is None or asked.manoeuvre is None:
+        return {}
+    return files_of(asked.manoeuvre, finding.dataset.vehicle)
+
+
+def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
+    """Returns file -> text. A scenario drives a `diff_drive` alone, up to 20 V."""
+    found = steps(manoeuvre)
+    sides = ("voltage",) if vehicle == "motor" else ("voltage_left", "voltage_right")
+    texts = {TABLE: _table(found, sides), ARRAY: _array(manoeuvre, found, sides)}
+    highest = max(abs(volts) for _, *both in found for volts in both)
+    if vehicle != "motor" and highest <= _HIGHEST_V:
+        texts[SCENARIO] = _scenario(manoeuvre, found)
+    return texts
+
+
+def steps(manoeuvre: Manoeuvre) -> list[Step]:
+    """Returns (s, V left, V right) from when on each voltage holds; a ramp becomes steps through its middle."""
+    points = {round(at, 6) for side in (manoeuvre.voltage_left, manoeuvre.voltage_right) for at, _ in side}
+    grid = np.arange(0.0, manoeuvre.duration_s, _RAMP_STEP_S).round(6)
+    starts = np.array(sorted({0.0, *points, *grid.tolist()} - {round(manoeuvre.duration_s, 6)}))
+    ends = np.append(starts[1:], manoeuvre.duration_s)
+    found: list[Step] = []
+    for start, (left, right) in zip(starts, commands(manoeuvre, (starts + ends) / 2), strict=True):
+        one = (float(start), round(float(left), 4), round(float(right), 4))
+        if not found or one[1:] != found[-1][1:]:
+            found.append(one)
+    return found
+
+
+def _scenario(manoeuvre: Manoeuvre, found: list[Step]) -> str:
+    document = tomlkit.document()
+    document.add(
+        tomlkit.comment("The next experiment, made by brickpilot discover: brickpilot run next_experiment.toml")
+    )
+    document["name"], document["title"] = "next_experiment", manoeuvre.name
+    document["kind"], document["duration_s"] = "manoeuvre", manoeuvre.duration_s
+    segments = tomlkit.array().multiline(True)
+    for start, left, right in found:
+        entry = tomlkit.inline_table()
+        entry.update({"from_s": start, "left_V": left, "right_V": right})
+        segments.append(entry)
+    document["segments"] = segments
+    return tomlkit.dumps(document)
+
+
+def _table(found: list[Step], sides: tuple[str, ...]) -> str:
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["from_s", *sides])
+    rows.writerows([start, *both[: len(sides)]] for start, *both in found)
+    return text.getvalue()
+
+
+def _array(manoeuvre: Manoeuvre, found: list[Step], sides: tuple[str, ...]) -> str:
+    rows = [
+        (round(1000 * start), ", ".join(str(round(1000 * volts)) for volts in both[: len(sides)]))
+        for start, *both in found
+    ]
+    end = (round(1000 * manoeuvre.duration_s), ", ".join("0" for _ in sides))
+    fields = ", ".join(f"{side.replace('voltage', 'mv')}" for side in sides)
+    return render_plain("next_experiment.h", title=manoeuvre.name, rows=[*rows, end], fields=fields)
