@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -351,3 +353,20 @@ def test_a_model_under_which_the_plant_diverges_is_one_failure(tmp_path, monkeyp
     monkeypatch.setattr(plant, "simulate", diverging)
     with pytest.raises(SimulationError, match="the state diverged"):
         compare(data, robot())
+
+
+def test_of_many_runs_the_worst_are_drawn(tmp_path: Path) -> None:
+    """Runs 3 and 7 of 30 are measured twice as fast as the others."""
+
+    def spoil(name: str, table) -> None:
+        if name in ("run_3", "run_7"):
+            table["wheel_speed_left"] *= 2
+
+    moves = {f"run_{number}": (4.0, 4.0) for number in range(30)}
+    written = write(tmp_path / "many", robot(), {"wheel_speed_left": 0.05}, "", manoeuvres=moves, spoil=spoil)
+    page = compare_page(compare(dataset.read(written), robot()))
+    headings = re.findall(r"<h2>(run_\d+)", page)
+    assert len(headings) == 24
+    assert {"run_3", "run_7"} <= set(headings)
+    assert "6 others are in the table alone" in page
+    assert all(f"<td>{name}</td>" in page for name in moves)

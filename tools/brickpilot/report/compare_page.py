@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from brickpilot import catalogue
 from brickpilot.fit.compare import Comparison, RunComparison, Trace
 from brickpilot.report.plot import BLUE, GREY, ORANGE, figure, thin, to_svg
@@ -9,6 +11,7 @@ from brickpilot.report.quantities import ROLES, error_percent, number
 from brickpilot.report.template import render
 
 _POINTS = 500
+_DRAWN = 24  # runs with plots, at most: a page of hundreds is neither read nor quickly made
 
 
 def superimposed(run: str, signal: str, trace: Trace) -> str:
@@ -30,22 +33,35 @@ def superimposed(run: str, signal: str, trace: Trace) -> str:
 
 
 def compare_page(comparison: Comparison) -> str:
-    """Returns the page of `compare` as one self-contained HTML text."""
+    """Returns the page of `compare` as one self-contained HTML text.
+
+    Where there are many runs, those with the largest errors are drawn; the table has all.
+    """
+    drawn = drawn_runs(comparison.runs)
     return render(
         "compare",
         title=f"{comparison.dataset}: measured and simulated",
         comparison=comparison,
         summary=_summary(comparison),
+        undrawn=len(comparison.runs) - len(drawn),
         runs=[
             {
                 "name": run.name,
                 "role": ROLES[run.role],
                 "rows": _rows(run),
-                "figures": [superimposed(run.name, name, trace) for name, trace in run.traces.items()],
+                "figures": [superimposed(run.name, name, trace) for name, trace in run.traces.items()]
+                if run.name in drawn
+                else [],
             }
             for run in comparison.runs
         ],
     )
+
+
+def drawn_runs(runs: Sequence[RunComparison]) -> set[str]:
+    """Returns the names of the runs with plots: all, or of many those with the largest error of any signal."""
+    worst = sorted(runs, key=lambda run: -max((one.share or 0.0 for one in run.signals.values()), default=0.0))
+    return {run.name for run in worst[:_DRAWN]}
 
 
 def _summary(comparison: Comparison) -> list[tuple[str, ...]]:
