@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 
+STAMP = 1_700_000_000_000_000_000
+"""ns since 1970: the time of a log of ROS."""
+
 HEADER = """std_msgs/Header header
 """
 DEFINITIONS = f"""

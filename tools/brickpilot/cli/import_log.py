@@ -31,14 +31,14 @@ def import_command(importers: Sequence[Importer]) -> click.Command:
     ) -> None:  # fmt: skip
         from brickpilot.importers.mapping import parse_nominal
 
-        importer, files = _importer_and_files(words, kind, importers)
+        importer, files = importer_and_files(words, kind, importers)
         if show_list:
             _show_list(importer, files, as_json)
             return
         if out is None:
             raise InputError("is needed: the folder to write", field="--out")
         known = parse_nominal(nominal)
-        taken = _taken(importer, importers, options)
+        taken = options_taken(importer, importers, options)
         with progress_shown(as_json) if importer.reports_progress else nullcontext() as progress:
             if importer.reports_progress:
                 taken["progress"] = progress
@@ -48,7 +48,7 @@ def import_command(importers: Sequence[Importer]) -> click.Command:
     return _with_options(import_log, importers)
 
 
-def _importer_and_files(
+def importer_and_files(
     words: Sequence[str], kind: str | None, importers: Sequence[Importer]
 ) -> tuple[Importer, list[Path]]:
     """Returns the row of the kind that the user names, or that the ending of the first file shows, and the files.
@@ -79,7 +79,7 @@ def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command
         ),
         click.option("--list", "show_list", is_flag=True, help="Say what FILE holds, and write nothing."),
         click.option("--out", metavar="DATASET", help="The folder to write."),
-        *(_click_option(option, importers) for option in _options(importers)),
+        *(_click_option(option, importers) for option in all_options(importers)),
         click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable."),
         click.option("--name", help="The name of the data set; default: the name of the folder."),
         as_json,
@@ -94,7 +94,7 @@ def _help(importers: Sequence[Importer]) -> str:
     return "\n\n".join(["Turns logs of other tools into a data set.", *rows])
 
 
-def _options(importers: Sequence[Importer]) -> list[Option]:
+def all_options(importers: Sequence[Importer]) -> list[Option]:
     return list(dict.fromkeys(option for row in importers for option in row.options))
 
 
@@ -120,7 +120,7 @@ def _kinds(option: Option, importers: Iterable[Importer]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def _taken(importer: Importer, importers: Sequence[Importer], given: dict[str, Any]) -> dict[str, Any]:
+def options_taken(importer: Importer, importers: Sequence[Importer], given: dict[str, Any]) -> dict[str, Any]:
     """Returns the options that `importer` takes, by keyword.
 
     An option without a default, and a switch, has to be one that the importer takes; others are left at their default.
@@ -128,7 +128,7 @@ def _taken(importer: Importer, importers: Sequence[Importer], given: dict[str, A
     Raises:
         InputError: an option of other kinds of log is given, or one that is needed is not.
     """
-    for option in _options(importers):
+    for option in all_options(importers):
         value = given[option.keyword]
         if option not in importer.options and option.default in (None, False) and value:
             message = f"works only with {_kinds(option, importers)}; a log of kind {importer.kind} describes itself"

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from brickpilot.cli.import_log import all_options, importer_and_files, options_taken
 from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_option
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,7 +54,7 @@ def why(
 
     path = Path(log)
     folder = Path(out) if out else Path("runs") / f"why-{path.stem}"
-    command = shlex.join(["brickpilot", "why", log, *_given(vehicle, frame, mapping, nominal, seed)])
+    command = shlex.join(["brickpilot", "why", log, *_given(vehicle, frame, mapping, nominal, budget, seed)])
     with run_folder.fresh_folder(folder, {"why.html", *why_page.FILES} | _terms(folder)) as beside:
         data, notes = _read(path, beside / _DATA, vehicle, frame, mapping, nominal)
         with progress_shown(as_json) as progress:
@@ -121,13 +121,18 @@ def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence
 
 
 def _given(
-    vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...], seed: int
+    vehicle: str | None,
+    frame: str | None,
+    mapping: tuple[str, ...],
+    nominal: tuple[str, ...],
+    budget: float | None,
+    seed: int,
 ) -> list[str]:
     """Returns the options that make the answer what it is."""
     found = [*(["--vehicle", vehicle] if vehicle else []), *(["--frame", frame] if frame else [])]
     for flag, values in (("--map", mapping), ("--nominal", nominal)):
         found += [word for value in values for word in (flag, value)]
-    return [*found, "--seed", str(seed)]
+    return [*found, *([] if budget is None else ["--budget", f"{budget:g}"]), "--seed", str(seed)]
 
 
 def _terms(folder: Path) -> set[str]:
@@ -147,26 +152,12 @@ def _import(
 
     if not path.exists():
         raise InputError("no such file", file=path)
-    kind = kind_of(path, IMPORTERS)
-    if kind is None:
-        kinds = ", ".join(row.kind for row in IMPORTERS)
-        raise InputError(f"no kind of log is known by this ending: brickpilot import reads {kinds}", file=path)
-    importer = next(row for row in IMPORTERS if row.kind == kind)
-    wanted: dict[str, Any] = {
-        "vehicle": vehicle,
-        "frame": frame,
-        "mapping": mapping,
-        "guessed": True,
-        "split": ["rests"],
-    }
-    taken = {}
-    for option in importer.options:
-        value = wanted.get(option.keyword) or option.default or (() if option.repeatable else option.default)
-        spared = (
-            option.unless and wanted.get(option.unless) and any(o.keyword == option.unless for o in importer.options)
-        )
-        if option.required and not value and not spared:
-            raise InputError(f"is needed for a log of kind {kind}", field=option.flag)
-        taken[option.keyword] = value
-    made = importer.load()([path], into, nominal=parse_nominal(nominal), name=path.stem, **taken)
+    importer, files = importer_and_files([str(path)], None, IMPORTERS)
+    asked: dict[str, Any] = {option.keyword: option.default for option in all_options(IMPORTERS)}
+    asked |= {option.keyword: () for option in all_options(IMPORTERS) if option.repeatable}
+    asked |= {option.keyword: True for option in importer.options if option.keyword == "guessed"}
+    asked |= {option.keyword: ("rests",) for option in importer.options if option.keyword == "split"}
+    asked |= {"vehicle": vehicle, "mapping": mapping} | ({"frame": frame} if frame else {})
+    taken = options_taken(importer, IMPORTERS, asked)
+    made = importer.load()(files, into, nominal=parse_nominal(nominal), name=path.stem, **taken)
     return tuple(made.notes)
