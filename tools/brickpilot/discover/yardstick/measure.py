@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.yardstick import black_box
-from brickpilot.discover.yardstick.black_box import Problem, Summed
+from brickpilot.discover.yardstick.black_box import Error, Problem, Summed
 from brickpilot.discover.yardstick.features import features
 from brickpilot.discover.yardstick.horizons import Course, Track, deviation, simulate, track
 from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit, Source, Yardstick, percent, share
@@ -75,20 +76,16 @@ def reference(prepared: Prepared, nominal: Model) -> Reference:
     is_fit = _is_fit(prepared, compared, thinned)
     simulated = {name: one[0] for name, one in simulate(compared, [nominal], jobs=prepared.jobs).items()}
     folds, note = _folds(thinned, is_fit)
-    left: dict[str, dict[str, Left]] = {}
-    work: list[Callable[[], tuple[str, str, Left]]] = []
-    for course in compared.courses:
-        if course.horizon not in simulated:
-            continue
+
+    def left_of(course: Course) -> dict[str, Left]:
         told = features(compared, course, thinned, simulated["free_run"], simulated[course.horizon])
         problem = Problem(told.columns, told.groups, folds, prepared.seed)
-        work += [
-            _left_of(prepared, compared, thinned, course, signal, simulated[course.horizon], problem, is_fit)
-            for signal in compared.signals
-        ]
+        with threadpool_limits(1):  # a thread for each horizon: trees of this size are slower on several
+            return _left(prepared, compared, thinned, course, simulated[course.horizon], problem, is_fit)
+
+    courses = [course for course in compared.courses if course.horizon in simulated]
     with ThreadPoolExecutor(prepared.jobs) as pool:
-        for horizon, signal, one in pool.map(lambda job: job(), work):
-            left.setdefault(horizon, {})[signal] = one
+        left = dict(zip([course.horizon for course in courses], pool.map(left_of, courses), strict=True))
     return Reference(prepared, compared, thinned, is_fit, left, (*compared.notes, *note))
 
 
@@ -152,28 +149,27 @@ def _errors(compared: Track, course: Course, signal: str, simulated: Mapping[str
     return np.concatenate(errors), np.concatenate(values)
 
 
-def _left_of(
+def _left(
     prepared: Prepared,
     compared: Track,
     thinned: Rows,
     course: Course,
-    signal: str,
     simulated: Mapping[str, Outputs],
     problem: Problem,
     is_fit: Mask,
-) -> Callable[[], tuple[str, str, Left]]:
-    """Returns the work that finds what the nominal model leaves of one signal at one horizon."""
+) -> dict[str, Left]:
+    """Returns signal -> what the nominal model leaves of it at one horizon."""
+    measured = {signal: _errors(compared, course, signal, simulated) for signal in compared.signals}
+    errors = {signal: thinned.mean(errors) for signal, (errors, _) in measured.items()}
+    learned = [
+        Error(error, _summed(thinned, course, error) if signal in SUMMED else None) for signal, error in errors.items()
+    ]
+    left = {}
+    for signal, found in zip(errors, black_box.predict(problem, learned), strict=True):
+        error, (samples, values) = errors[signal], measured[signal]
+        count, before = thinned.total(np.isfinite(samples).astype(np.float64)), thinned.total(samples**2)
 
-    def work() -> tuple[str, str, Left]:
-        from threadpoolctl import threadpool_limits
-
-        errors, values = _errors(compared, course, signal, simulated)
-        error, count = thinned.mean(errors), thinned.total(np.isfinite(errors).astype(np.float64))
-        before = thinned.total(errors**2)
-        with threadpool_limits(1):  # one signal a thread: trees of this size are slower on several
-            found = black_box.predict(problem, error, _summed(thinned, course, error) if signal in SUMMED else None)
-
-        def unseen(predicted: Array) -> Array:
+        def unseen(predicted: Array, before: Array = before, count: Array = count, error: Array = error) -> Array:
             """Returns (rows,) the squared error less what a prediction of each row's mean takes away."""
             return np.asarray(before + count * np.nan_to_num(predicted**2 - 2 * predicted * error))
 
@@ -184,10 +180,9 @@ def _left_of(
             for role, here in (("fit", is_fit), ("held_out", ~is_fit))
             if (size := _spread(thinned, values, here, sd)) > 0
         }
-        repeated = _repeatability(compared, course, errors, values)
-        return course.horizon, signal, Left(count, before, unseen(found.value), shuffled, spread, repeated)
-
-    return work
+        repeated = _repeatability(compared, course, samples, values)
+        left[signal] = Left(count, before, unseen(found.value), shuffled, spread, repeated)
+    return left
 
 
 def _spread(thinned: Rows, values: Array, here: Mask, noise_sd: float) -> float:
