@@ -57,6 +57,26 @@ def test_frames_and_files_give_the_same_data_set(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(one.to_frame(), other.to_frame(), rtol=0, atol=0)
 
 
+def test_what_a_file_states_of_runs_can_be_stated_of_frames() -> None:
+    dataset = read(
+        bench(), gap_s={"high": 60.0}, replicate_of={"high": "low"}, initial={"low": {"speed": np.float64(2.0)}},
+        input_timing="linear",
+    )  # fmt: skip
+    assert [run.gap_s for run in dataset.runs] == [0.0, 60.0]
+    assert [run.replicate_of for run in dataset.runs] == [None, "low"]
+    assert [run.initial for run in dataset.runs] == [{"speed": 2.0}, {}]
+    assert dataset.input_timing == "linear"
+    assert dataset.gap_s == 0.0
+    assert {run.gap_s for run in read(bench(), gap_s=3.0).runs} == {3.0}
+
+
+def test_a_stated_start_is_in_the_frame_of_the_data() -> None:
+    drive = pd.DataFrame({"time": [0.0, 0.1], "voltage_left": [0.0, 1.0], "voltage_right": 0.0, "yaw_rate": 0.0})
+    turning = {"drive": {"yaw_rate": 0.5, "surge": 0.2}}
+    dataset = bp.Dataset.from_frames({"drive": drive}, vehicle="diff_drive", frame="FLU", initial=turning)
+    assert dataset.runs[0].initial == {"yaw_rate": -0.5, "surge": 0.2}
+
+
 def changed(row: int, column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
     def change(frame: pd.DataFrame) -> pd.DataFrame:
         frame[column] = frame[column].astype(object)
@@ -103,6 +123,13 @@ def test_a_bad_frame_is_refused_with_run_row_and_column(
         ({"nominal": {"masss": 1.0}}, "from_frames: nominal.masss: "),
         ({"nominal": {"resistance": -1.0}}, "from_frames: nominal.resistance: -1.0 is outside"),
         ({"roles": {"hihg": "fit"}}, "from_frames: roles: no run 'hihg'; the runs are low, high"),
+        ({"initial": {"hihg": {}}}, "from_frames: initial: no run 'hihg'; the runs are low, high"),
+        ({"initial": {"high": {"spin": 1.0}}}, "from_frames: runs[1].initial.spin: unknown key; known: angle, "),
+        ({"initial": {"high": 1.0}}, "from_frames: runs[1].initial: 1.0 is not a table"),
+        ({"replicate_of": {"high": "high"}}, "from_frames: runs[1].replicate_of: 'high' is not another run"),
+        ({"replicate_of": "low"}, "from_frames: replicate_of: 'low' is not a mapping of runs to values"),
+        ({"gap_s": {"high": -1.0}}, "from_frames: runs[1].gap_s: -1.0 is outside"),
+        ({"input_timing": "smooth"}, "from_frames: input_timing: 'smooth' is not one of held, linear, unknown"),
         ({"roles": {"high": "test"}}, "from_frames: runs[1].role: 'test' is not one of fit, held_out"),
     ],
 )

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.data.dataset import read
+from brickpilot.data.input_timing import InputTiming
 from brickpilot.errors import InputError
-from brickpilot.importers.inputs import with_events, with_linear_inputs
+from brickpilot.importers.events import with_events
 from brickpilot.importers.table import import_table
 from brickpilot.importers.writer import Imported
 from serial_logs import DRIVES, HEADER, MAPPING, driven, lines_of, write_log
@@ -118,19 +119,13 @@ def test_an_input_holds_until_the_next_event() -> None:
     np.testing.assert_array_equal(joined["speed"], [0, np.nan, 1, 2, np.nan, 3])
 
 
-def test_a_linear_input_becomes_steps_with_the_mean_of_each() -> None:
-    log = {"time": np.array([0.0, 20, 40]), "duty": np.array([0.0, 0.4, 0.4]), "speed": np.arange(3.0)}
-    linear = with_linear_inputs(log, second=1000.0)
-    np.testing.assert_allclose(linear["time"], [0, 5, 10, 15, 20, 40])
-    np.testing.assert_allclose(linear["duty"], [0.05, 0.15, 0.25, 0.35, 0.4, 0.4])
-    np.testing.assert_array_equal(linear["speed"], [0, np.nan, np.nan, np.nan, 1, 2])
-
-
-def test_linear_timing_adds_rows_and_says_so(tmp_path: Path) -> None:
-    made = imported(tmp_path, [HEADER, *lines_of(driven())], input_timing="linear")
-    run = read(made.folder).runs[0]
-    assert run.time.size == 800 + 3 * 2 * len(DRIVES)
-    assert any("the inputs are taken as linear" in note for note in made.notes)
+@pytest.mark.parametrize("timing", ["held", "linear", "unknown"])
+def test_the_timing_of_inputs_is_stated_in_the_data_set(tmp_path: Path, timing: InputTiming) -> None:
+    made = imported(tmp_path, [HEADER, *lines_of(driven())], input_timing=timing)
+    dataset = read(made.folder)
+    assert dataset.input_timing == timing
+    assert dataset.runs[0].time.size == 800 + (3 * 2 * len(DRIVES) if timing == "linear" else 0)
+    assert any("is not known: they are taken as held" in note for note in made.notes) == (timing == "unknown")
 
 
 @pytest.mark.parametrize(

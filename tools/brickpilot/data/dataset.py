@@ -19,6 +19,7 @@ from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
+from brickpilot.data.input_timing import InputTiming, with_linear_inputs
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
@@ -89,6 +90,8 @@ class Dataset:
         gap_s: s of pause between runs that do not state their own.
         faults: the damaged samples, which are NaN in the runs' outputs (see `audit`); by run, in time.
         notes: for the user: presets used, readings repaired, damage found. One sentence each.
+        input_timing: what an input does between two rows. The runs of "linear" have rows of at most 5 ms where an input
+            changes, with blank outputs; those of "unknown" are held.
     """
 
     name: str
@@ -102,6 +105,7 @@ class Dataset:
     gap_s: float
     faults: tuple[Fault, ...]
     notes: tuple[str, ...]
+    input_timing: InputTiming = "held"
 
     def motor_inputs(self, run: Run) -> Vector:
         """See `motor_inputs`."""
@@ -116,7 +120,10 @@ class Dataset:
         nominal: Mapping[str, Any] | None = None,
         frame: Frame | None = None,
         roles: Mapping[str, Role] | None = None,
-        gap_s: float | None = None,
+        gap_s: float | Mapping[str, float] | None = None,
+        replicate_of: Mapping[str, str] | None = None,
+        initial: Mapping[str, Mapping[str, float]] | None = None,
+        input_timing: InputTiming | None = None,
         name: str = "frames",
     ) -> Dataset:
         """Returns a data set of DataFrames, checked as `read` checks files.
@@ -131,7 +138,11 @@ class Dataset:
             nominal: as [nominal] of a data set's file: a value in SI, or {"value": ..., "sd": ...}.
             frame: "FLU" or "FRD"; None: FRD.
             roles: run -> "fit" or "held_out"; the program chooses for the others.
-            gap_s: s of pause between runs.
+            gap_s: s of pause between runs, or run -> s of pause before it; None: 0.
+            replicate_of: run -> the run that it repeats.
+            initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; what is
+                absent is taken from the first sample.
+            input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
 
         Raises:
             InputError: anything is wrong; the message names run, row (from 0, as in `iloc`) and column.
@@ -147,8 +158,11 @@ class Dataset:
         1   0.1      6.0  1.257
         2   0.2      6.0  3.142
         """
-        stated = {"name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal, "gap_s": gap_s}
-        toml = tables(frames, signals, roles or {}, stated)
+        stated: dict[str, Any] = {"name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal}
+        stated |= {"input_timing": input_timing, "gap_s": None if isinstance(gap_s, Mapping) else gap_s}
+        pauses = gap_s if isinstance(gap_s, Mapping) else None
+        of_runs = {"role": roles, "gap_s": pauses, "replicate_of": replicate_of, "initial": initial}
+        toml = tables(frames, signals, {key: values for key, values in of_runs.items() if values is not None}, stated)
 
         def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
             return read_frame(entry.file, frames[entry.name], wanted)
@@ -208,6 +222,8 @@ def _checked(
     """Returns the data set whose runs' columns `columns` reads, audited."""
     measured = [_run(entry, description, columns) for entry in description.runs]
     runs, faults, damage = _audited(measured, description)
+    if description.input_timing == "linear":
+        runs = tuple(with_linear_inputs(run) for run in runs)
     dataset = Dataset(
         name=description.name,
         path=path,
@@ -220,6 +236,7 @@ def _checked(
         gap_s=description.gap_s,
         faults=faults,
         notes=(*description.notes, *damage),
+        input_timing=description.input_timing,
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
         raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")

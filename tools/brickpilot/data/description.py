@@ -10,6 +10,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from brickpilot.data.input_timing import INPUT_TIMINGS, InputTiming
 from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
 from brickpilot.data.rows import DELIMITERS, CsvFormat
 from brickpilot.data.signals import INITIAL_UNITS, INPUT_SETS, SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, to_frd
@@ -20,12 +21,16 @@ from brickpilot.errors import InputError
 Role = Literal["fit", "held_out"]
 Sampling = Literal["instant", "mean"]
 
-_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "runs"}
+_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
+
+UNKNOWN_TIMING = "what the inputs do between two rows is not known: they are taken as held"
+"""The note on a data set that says so."""
+
 _LONGEST_GAP_S = 1e8
 _SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
 
@@ -79,6 +84,7 @@ class Description:
     nominal: dict[str, Nominal]
     nominal_effects: dict[str, dict[str, Nominal]]
     gap_s: float
+    input_timing: InputTiming
     runs: tuple[RunEntry, ...]
     notes: tuple[str, ...]
 
@@ -112,6 +118,7 @@ def described(toml: TomlFile) -> Description:
     effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
     effects = read_nominal_effects(toml, effects_table, frame)
     gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
+    timing = toml.choice(("input_timing",), data.get("input_timing", "held"), INPUT_TIMINGS)
     runs = _runs(toml, vehicle, frame, gap_s)
     return Description(
         name=toml.file_name(("name",), data["name"]),
@@ -122,6 +129,7 @@ def described(toml: TomlFile) -> Description:
         nominal=read_nominal(toml, nominal_table, vehicle),
         nominal_effects=effects,
         gap_s=gap_s,
+        input_timing=cast(InputTiming, timing),
         runs=runs,
         notes=tuple(_notes(data, signals)),
     )
@@ -131,6 +139,8 @@ def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
     notes = []
     if "frame" not in data and TURNS_WITH_FRAME & set(signals):
         notes.append("no frame is stated: FRD is assumed, the paper's, clockwise positive")
+    if data.get("input_timing") == "unknown":
+        notes.append(UNKNOWN_TIMING)
     return notes
 
 

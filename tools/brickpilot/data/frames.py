@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Column = str | tuple[str, str] | Mapping[str, Any]
 """What a signal's column is: its name, in SI; (name, unit); or all that a data set's file may state of a signal."""
 
+_ARGUMENTS = {"role": "roles"}  # of `Dataset.from_frames`, where they have other names than the keys
+
 
 class StatedTables(TomlFile):
     """What `Dataset.from_frames` was given, as the tables that a dataset.toml would hold. Errors name no file."""
@@ -49,7 +51,7 @@ class FrameColumns(Columns):
 def tables(
     frames: Mapping[str, pandas.DataFrame],
     signals: Mapping[str, Column] | None,
-    roles: Mapping[str, str],
+    of_runs: Mapping[str, Mapping[str, Any]],
     stated: Mapping[str, Any],
 ) -> StatedTables:
     """Returns the tables that a dataset.toml of these frames would hold.
@@ -57,11 +59,11 @@ def tables(
     Args:
         frames: run -> its table.
         signals: signal -> column; None: each column that has the name of a signal, in SI.
-        roles: run -> "fit" or "held_out".
+        of_runs: key of a run's table -> run -> its value.
         stated: the other keys of the file; None: not stated.
 
     Raises:
-        InputError: no frame, something that is no DataFrame, or a role of an unknown run.
+        InputError: no frame, something that is no DataFrame, or a statement on an unknown run.
     """
     import pandas
 
@@ -70,14 +72,23 @@ def tables(
     for name, frame in frames.items():
         if not isinstance(frame, pandas.DataFrame):
             raise InputError(f"is a {type(frame).__name__}, not a DataFrame", file=f"run {name}")
-    for name in roles:
-        if name not in frames:
-            raise InputError(f"no run {name!r}; the runs are {', '.join(map(str, frames))}", field="from_frames: roles")
+    for key, values in of_runs.items():
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"{values!r} is not a mapping of runs to values", field=f"from_frames: {_ARGUMENTS.get(key, key)}"
+            )
+        for name in values:
+            if name not in frames:
+                message = f"no run {name!r}; the runs are {', '.join(map(str, frames))}"
+                raise InputError(message, field=f"from_frames: {_ARGUMENTS.get(key, key)}")
     if signals is None:
         first = next(iter(frames.values()))
         signals = {name: name for name in SIGNALS if name in first.columns or name == first.index.name}
     columns = {"time": "time"} | dict(signals)
-    runs = [{"name": name, "file": name} | ({"role": roles[name]} if name in roles else {}) for name in frames]
+    runs = [
+        {"name": name, "file": name} | {key: values[name] for key, values in of_runs.items() if name in values}
+        for name in frames
+    ]
     given = {key: value for key, value in stated.items() if value is not None}
     described = {name: _signal(name, column) for name, column in columns.items()}
     return StatedTables(given | {"signals": described, "runs": runs})

@@ -25,6 +25,7 @@ from brickpilot.discover.advice import Advice, advise
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.estimate import estimate
 from brickpilot.discover.finding import Visible
+from brickpilot.discover.input_timing import with_known_timing
 from brickpilot.discover.prepare import Prepared, prepare
 from brickpilot.discover.verdict_json import valid
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
@@ -149,7 +150,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
             the nominal values.
     """
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
-        prepared = prepare(dataset, None, seed=seed, jobs=jobs)
+        known = with_known_timing(dataset, None, seed=seed, jobs=jobs)
+        prepared = prepare(known, None, seed=seed, jobs=jobs)
         seconds = estimate(prepared)
         nominal = calibrate(prepared)
         prepared.fine.adopt_scales(prepared.coarse)
@@ -175,22 +177,29 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
 
 
 def _run(run: Run, prepared: Prepared) -> RunFacts:
-    steps = np.diff(run.time)
+    steps = np.diff(run.time[_logged(run)])
     return RunFacts(
         run.name,
         prepared.roles.by_run[run.name],
         manoeuvre(np.nan_to_num(motor_inputs(run, prepared.measured))),
-        len(run.time),
+        len(steps) + 1,
         float(run.time[-1] - run.time[0]),
         float(np.median(steps)),
         float(np.quantile(steps, _LATE)),
     )
 
 
+def _logged(run: Run) -> NDArray[np.bool_]:
+    """Returns which rows the log had: those with an output, and the ends; others were added where an input changes."""
+    rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
+    rows[[0, -1]] = True
+    return rows
+
+
 def _signals(dataset: Dataset) -> list[SignalFacts]:
     found = []
     for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs):
-        parts = [run.outputs[name] for run in dataset.runs if name in run.outputs]
+        parts = [run.outputs[name][_logged(run)] for run in dataset.runs if name in run.outputs]
         known = [part[np.isfinite(part)] for part in parts]
         values = np.concatenate(known)
         if len(values) == 0:

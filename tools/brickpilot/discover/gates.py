@@ -23,6 +23,13 @@ LEAST_NOISE_SHARE = 1e-3
 CORRELATED_S = 1.0
 """Residuals are taken for correlated over so many seconds, as a part of a manoeuvre lasts: it widens intervals."""
 
+FOLLOWABLE_ROW_S = 0.008
+"""In a log with shorter rows it is not asked whether inputs hold or are linear between them: bins hide it. Set without
+data."""
+
+TIMING_SURE = 0.95
+"""What the inputs do between two rows is told if it is so probable. The usual level; set without data."""
+
 # What is known of a nominal value that is stated without an sd, as a share of it. Three times as much is usual too.
 
 SD_SHARE_RULER = 0.03

@@ -2,6 +2,7 @@
 
 Each stage is a function in a module beside this one. What it makes is a frozen dataclass that the next stages take.
 
+    with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not know
     prepare          -> Prepared      the runs ready for fits, their roles, and the residual that is compared
     calibrate        -> FittedModel   the calibrated nominal model
     search           -> Searched      the best set of effects, and every set that was tried
@@ -38,6 +39,7 @@ from brickpilot.discover.estimate import Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Budget, Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.input_timing import with_known_timing
 from brickpilot.discover.long_horizon import follow_whole_runs
 from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
@@ -86,7 +88,9 @@ def discover(
     """
     # Fits run side by side already, and their matrices are small: threads of BLAS would only wait for each other.
     with threadpool_limits(1, "blas"):
-        prepared: Prepared = prepare(dataset, model, seed=seed, jobs=jobs, deadline=Deadline(budget_s))
+        deadline = Deadline(budget_s)
+        known: Dataset = with_known_timing(dataset, model, seed=seed, jobs=jobs)
+        prepared: Prepared = prepare(known, model, seed=seed, jobs=jobs, deadline=deadline)
         return _find(prepared, Stages(progress))
 
 

@@ -43,8 +43,8 @@ INPUTS = Option(
 INPUT_TIMING = Option(
     "input_timing",
     "--input-timing",
-    "What an input does between two rows.",
-    choices=("held", "linear"),
+    "What an input does between two rows; of an unknown one, check and discover find which of both.",
+    choices=("held", "linear", "unknown"),
     default="held",
 )
 RATE = Option(

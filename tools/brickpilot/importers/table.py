@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.rows import DELIMITERS
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.guess import Guess, guess
-from brickpilot.importers.inputs import with_linear_inputs
-from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, units_of
+from brickpilot.importers.mapping import Source, common_scalings, parse_mapping, units_of
 from brickpilot.importers.split import manoeuvres, parse_split, split_log
 from brickpilot.importers.table_log import Log, joined, read_log
 from brickpilot.importers.text_table import TextTable, read_table
@@ -39,7 +38,7 @@ def import_table(
     guessed: bool = False,
     split: Sequence[str] = (),
     inputs: str | None = None,
-    input_timing: str = "held",
+    input_timing: InputTiming = "held",
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
@@ -55,7 +54,7 @@ def import_table(
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
         inputs: a table of time and inputs, for a log that is slower than its commands.
-        input_timing: ``held`` or ``linear``: what an input does between two rows.
+        input_timing: what an input does between two rows; with ``unknown``, `check` and `discover` find it.
 
     Raises:
         InputError: naming file, line and column, or the option. Nothing is written then.
@@ -75,32 +74,17 @@ def import_table(
         logs = [read_log(table, sources) for table in tables]
     else:
         logs = _joined_logs(tables, sources, read_table(Path(inputs), delimiter, header))
-    if input_timing == "linear":
-        logs = [_linear(log, sources) for log in logs]
     scalings = common_scalings([log.signals for log in logs], files)
     notes, runs = list(found.notes), list[NewRun]()
     for log, run in zip(logs, names, strict=True):
         made, more = runs_of(log, sources, spans, (run, f"{run}_" if len(files) > 1 else ""))
         runs += made
         notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
-    if input_timing == "linear":
-        notes.append("between two rows the inputs are taken as linear: rows are added, with the mean of each step")
     new = NewDataset(
         name or out.resolve().name, found.vehicle, found.frame, units_of(sources), runs, nominal or {}, notes, scalings,
-        found.reasons,
+        found.reasons, input_timing,
     )  # fmt: skip
     return write(new, out, files[0])
-
-
-def _linear(log: Log, sources: Mapping[str, Source]) -> Log:
-    """Returns a log whose inputs are linear between its rows."""
-    time = log.signals.columns["time"]
-    if np.any(np.diff(time) <= 0.0):
-        raise InputError("needs a log whose clock does not start again", field="--input-timing linear")
-    second = 1.0 / (si_factor(sources["time"].unit, "s") * log.signals.scalings.get("time", Scaling()).scale)
-    columns = with_linear_inputs(log.signals.columns, second)
-    starts = np.searchsorted(columns["time"], time[list(log.starts)]).tolist()
-    return dataclasses.replace(log, signals=Mapped(columns, log.signals.scalings), starts=tuple(starts))
 
 
 def _delimiter(text: str | None) -> str | None:

@@ -15,8 +15,8 @@ from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.clock import ordered
 from brickpilot.importers.counters import resets, unturn, unwrap
+from brickpilot.importers.events import with_events
 from brickpilot.importers.formula import Formula, Place, Scaling
-from brickpilot.importers.inputs import with_events
 from brickpilot.importers.mapping import Mapped, Source, read_formulas, take
 from brickpilot.importers.text_table import TextTable
 

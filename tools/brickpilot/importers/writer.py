@@ -16,6 +16,7 @@ import tomlkit
 from numpy.typing import NDArray
 
 from brickpilot.data import dataset
+from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
@@ -57,6 +58,7 @@ class NewDataset:
         notes: for the user; they also stand as comments at the head of the description.
         scalings: signal -> how its cells become values; absent: they are values.
         reasons: signal -> why it was taken for what it is: a comment behind its line.
+        input_timing: what an input does between two rows.
     """
 
     name: str
@@ -68,6 +70,7 @@ class NewDataset:
     notes: Sequence[str] = ()
     scalings: Mapping[str, Scaling] = field(default_factory=dict)
     reasons: Mapping[str, str] = field(default_factory=dict)
+    input_timing: InputTiming = "held"
 
 
 def check_out(out: Path) -> None:
@@ -152,6 +155,8 @@ def _description(new: NewDataset) -> str:
     for note in new.notes:
         document.add(tomlkit.comment(note))
     document.update({"name": new.name, "vehicle": new.vehicle, "frame": new.frame})
+    if new.input_timing != "held":
+        document["input_timing"] = new.input_timing
     document["csv"] = _inline({"delimiter": ",", "header": True})
     signals = tomlkit.table()
     for signal, unit in new.units.items():
