@@ -41,7 +41,17 @@ page: str = bp.to_html(finding)
 """
 
 
-@pytest.mark.parametrize("module", ["brickpilot", "brickpilot.data.dataset", "brickpilot.vehicle.fly"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "brickpilot",
+        "brickpilot.data.dataset",
+        "brickpilot.discover.check",
+        "brickpilot.discover.pipeline",
+        "brickpilot.fit.calibrate",
+        "brickpilot.vehicle.fly",
+    ],
+)
 def test_the_examples_of_the_docstrings_run(module: str) -> None:
     with pd.option_context("display.width", 120):
         result = doctest.testmod(importlib.import_module(module))

@@ -148,6 +148,22 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     Raises:
         InputError: no measured signal is one that the model gives, every run is held out, or the plant diverges with
             the nominal values.
+
+    A motor that was only driven forward:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> speed = 15 * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15)) + np.random.default_rng(1).normal(0, 0.1, 200)
+    >>> forward = pd.DataFrame({"time": time, "voltage": np.where(time >= 0.195, 5.0, 0.0), "speed": speed})
+    >>> dataset = bp.Dataset.from_frames({"forward": forward}, vehicle="motor", nominal={"resistance": 20.0})
+    >>> worth = bp.check(dataset)
+    >>> worth.to_frame("signals")[["name", "unit", "noise_sd", "colour"]].round(1)
+        name   unit  noise_sd colour
+    0  speed  rad/s       0.1  white
+    >>> bool(worth.to_frame()["identifiable"].any())        # one step does not tell two parameters apart
+    False
+    >>> worth.advice[0].manoeuvre.name                      # but this would
+    'a staircase of speeds'
     """
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
         known = with_known_timing(dataset, None, seed=seed, jobs=jobs)

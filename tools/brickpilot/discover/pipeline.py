@@ -85,6 +85,29 @@ def discover(
     Raises:
         InputError: no measured signal is one that the model gives, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
+
+    A motor with dry friction as large as 0.6 V, or 0.009 N m, of which the nominal values say nothing:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> time = np.arange(0.0, 3.0, 0.01)
+    >>> def bench(volts):
+    ...     driven = 3 * (abs(volts) - 0.6) * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15))
+    ...     coasting = np.maximum((driven[200] + 1.8) * np.exp(-(time - 2) / 0.15) - 1.8, 0)
+    ...     speed = np.sign(volts) * np.where(time < 2, driven, coasting)
+    ...     voltage = np.where((time > 0.195) & (time < 1.995), volts, 0.0)
+    ...     noise = np.random.default_rng(1).normal(0, 0.02, time.size)
+    ...     return pd.DataFrame({"time": time, "voltage": voltage, "speed": speed + noise})
+    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
+    >>> runs = {"low": bench(3.0), "back": bench(-5.0), "high": bench(6.0)}
+    >>> roles = {"low": "fit", "back": "fit", "high": "held_out"}
+    >>> finding = bp.discover(bp.Dataset.from_frames(runs, vehicle="motor", nominal=known, roles=roles))
+    >>> finding.verdict
+    'named'
+    >>> [one.mechanism for one in finding.effects]
+    ['bearing']
+    >>> finding.to_frame()[["parameter", "value", "unit"]].round(3)
+      parameter  value unit
+    0    torque  0.009  N m
     """
     # Fits run side by side already, and their matrices are small: threads of BLAS would only wait for each other.
     with threadpool_limits(1, "blas"):
