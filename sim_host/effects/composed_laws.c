@@ -124,7 +124,7 @@ double composed_gyro_add(const double *c, const composed_t *given, const compose
 
 double composed_accel_surge_add(const double *c, const composed_t *given, const composed_point_t *at)
 {
-    const double u = at->u, r = at->r, a = at->a, i_left = at->i_left, i_right = at->i_right, t = at->t;
+    const double u = at->u, r = at->r, a = at->a, b = at->b, i_left = at->i_left, i_right = at->i_right, t = at->t;
     const double frequency = given->frequency;
     double sum = 0;
     COMPOSED_ACCEL_SURGE_ADD(ADD)
@@ -133,7 +133,7 @@ double composed_accel_surge_add(const double *c, const composed_t *given, const 
 
 double composed_accel_sway_add(const double *c, const composed_t *given, const composed_point_t *at)
 {
-    const double u = at->u, r = at->r, b = at->b, i_left = at->i_left, i_right = at->i_right, t = at->t;
+    const double u = at->u, r = at->r, a = at->a, b = at->b, i_left = at->i_left, i_right = at->i_right, t = at->t;
     const double frequency = given->frequency;
     double sum = 0;
     COMPOSED_ACCEL_SWAY_ADD(ADD)

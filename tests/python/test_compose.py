@@ -346,6 +346,8 @@ COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
             "gyro_add_t2": 0.01,
             "gyro_add_current_sum": 0.1,
             "accel_surge_add_a3": 0.01,
+            "accel_surge_add_b": 0.05,
+            "accel_sway_add_a": -0.1,
             "accel_sway_add_sin_time": 0.1,
         },
         {"frequency": 1.1, "clock": 1.0},

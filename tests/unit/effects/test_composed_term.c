@@ -1,38 +1,6 @@
-#include <string.h>
-
-#include "drive.h"
-#include "effects/composed_laws.h"
+#include "composed.h"
 
 static const double PI = 3.14159265358979323846;
-
-static double values[BP_MAX_PARAMETERS];
-
-static const bp_effect_info *info(void)
-{
-    return bp_effect(effect_index("composed_term"));
-}
-
-static int is_coefficient(const bp_parameter_info *parameter)
-{
-    return parameter->preset == 0 && strcmp(parameter->name, "clock") != 0;
-}
-
-static void presets(void)
-{
-    for (int k = 0; k < info()->parameter_count; k++)
-        values[k] = info()->parameters[k].preset;
-}
-
-/* Sets one more parameter and keeps those set before. */
-static void term(const char *name, double value)
-{
-    int k = 0;
-    while (k < info()->parameter_count && strcmp(info()->parameters[k].name, name) != 0)
-        k++;
-    TEST_ASSERT_TRUE_MESSAGE(k < info()->parameter_count, name);
-    values[k] = value;
-    TEST_ASSERT_EQUAL_INT_MESSAGE(0, bp_model_add_effect(model, "composed_term", values), name);
-}
 
 void setUp(void)
 {
@@ -43,12 +11,6 @@ void tearDown(void)
 {
     bp_model_free(model);
     model = NULL;
-}
-
-static void fresh(int kind, int profile)
-{
-    presets();
-    vehicle(kind, profile);
 }
 
 /* A vehicle with losses, so that a term that takes losses away shows. */
@@ -363,30 +325,6 @@ static void test_a_heading_force_has_its_direction_over_ground(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.6 * (0.3 * cos(0.5) + 0.2 * sin(0.5)) / surge_mass(), state()->surge);
 }
 
-static void test_what_a_gyro_adds_its_angle_sums_up(void)
-{
-    const bp_state turning = {.yaw_rate = 2};
-    term("gyro_add_r3", 0.01);
-    start(&turning);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-12, 2.08, out[OUTPUT_YAW_RATE]);
-    go(NAN, NAN, 0.9);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-12, 2.08, out[OUTPUT_YAW_RATE]);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.9 * 2.08, out[OUTPUT_YAW_ANGLE]);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.9 * 2, state()->heading);
-}
-
-static void test_sensors_do_not_move_the_vehicle(void)
-{
-    const bp_state plain = tour();
-    term("gyro_add_u", 0.5);
-    term("accel_surge_add_a", 0.1);
-    term("accel_sway_add_b", 0.1);
-    const bp_state seen = tour();
-    TEST_ASSERT_EQUAL_MEMORY(&plain, &seen, sizeof plain);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-12, 1.1 * plant.vehicle.accel_surge, out[OUTPUT_ACCEL_SURGE]);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-12, 1.1 * plant.vehicle.accel_sway, out[OUTPUT_ACCEL_SWAY]);
-}
-
 static void test_a_motor_feels_its_drive_its_wheel_and_its_load(void)
 {
     presets();
@@ -436,8 +374,6 @@ int main(void)
     RUN_TEST(test_a_tether_makes_the_vehicle_swing_about_the_origin);
     RUN_TEST(test_a_sprung_mass_swings_against_the_vehicle);
     RUN_TEST(test_a_heading_force_has_its_direction_over_ground);
-    RUN_TEST(test_what_a_gyro_adds_its_angle_sums_up);
-    RUN_TEST(test_sensors_do_not_move_the_vehicle);
     RUN_TEST(test_a_motor_feels_its_drive_its_wheel_and_its_load);
     return UNITY_END();
 }
