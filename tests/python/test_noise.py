@@ -114,3 +114,26 @@ def test_a_signal_without_noise_or_with_few_samples_has_none_to_speak_of() -> No
 def test_a_step_is_found_where_values_are_whole_numbers_of_it(step: float, found: float) -> None:
     values = motion(3000, 0.001)
     assert step_of([np.round(values / step) * step if step else values]) == pytest.approx(found)
+
+
+def ticks(rate: float, step: float, zero: float = 0.0) -> np.ndarray:
+    """A counter of `step` rad on a wheel that goes up to `rate` rad/s and back, every 10 ms."""
+    time = np.arange(0.0, 4.0, 0.01)
+    return np.floor(rate * (1 - np.cos(np.pi * time / 2)) * time / step) * step + zero
+
+
+@pytest.mark.parametrize("rate", [2.0, 40.0])
+def test_the_step_of_a_counter_is_found_although_no_value_comes_twice(rate: float) -> None:
+    """At 40 rad/s it counts a dozen steps in a sample, so that hardly two values are one step apart."""
+    step = 2 * np.pi / 960
+    assert step_of([ticks(rate, step), ticks(0.7 * rate, step, zero=0.002)]) == pytest.approx(step, rel=1e-3)
+    written = [np.round(ticks(rate, step), 4), np.round(ticks(0.7 * rate, step), 4)]
+    assert step_of(written) == pytest.approx(step, rel=5e-3)
+
+
+def test_the_step_of_a_converter_is_found_below_its_noise_but_not_that_of_the_text() -> None:
+    random = np.random.default_rng(2)
+    values = motion(3000, 0.001) + random.normal(0.0, 0.05, 3000)
+    assert step_of([np.round(values / 0.01) * 0.01]) == pytest.approx(0.01, rel=1e-3)
+    assert step_of([np.round(values, 5)]) == 0.0
+    assert step_of([values.astype(np.float32).astype(float)]) == 0.0

@@ -25,7 +25,10 @@ _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: 
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
 _MOST = 0.85  # of these: noise that is smoother looks like motion, and its size would be a guess
 _CLEARLY = 0.5  # misfit of a colour over that of white noise, for it to be believed
-_MULTIPLE = 0.02  # of a step: how far a value may be from a whole number of steps
+_MULTIPLE = 0.05  # of a step: how far a distance may be from a whole number of steps, as texts are rounded
+_DISTANCES_TRIED = 300  # between values, the smallest ones
+_SKIPPED = 60  # values that a counter skips between two samples, at most
+_TEXT = 30.0  # times the step: a converter shows its noise in fewer steps
 _ALL = 0.98  # share of the values that are whole numbers of steps
 _COARSE = 0.5  # share of samples that repeat: the steps, and not the noise, set the error
 _LAGS = 400
@@ -81,17 +84,40 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def step_of(parts: Sequence[Array]) -> float:
-    """Returns the step of a converter, SI: nearly all values are whole numbers of it apart; 0: they show none."""
-    values = np.unique(np.concatenate(list(parts)))
-    apart = np.diff(values)
-    apart = apart[apart > 1e-9 * float(np.max(np.abs(values), initial=0.0))]
+    """Returns the step of a converter or a counter, SI: nearly all values are whole numbers of it apart; 0: none shows.
+
+    A counter of a fast wheel skips most of its values, so the step may be a part of the smallest distance. A step far
+    below the noise is that of the text, if hardly a value occurs twice.
+
+    Args:
+        parts: the known samples of each run, which may count from another zero.
+    """
+    different = [np.unique(part) for part in parts]
+    apart = np.sort(np.concatenate([np.diff(values) for values in different]))
+    apart = apart[apart > 1e-9 * max((float(np.abs(values).max()) for values in different if len(values)), default=0.0)]
     if len(apart) < 3:
-        return float(apart.min()) if len(apart) else 0.0
-    smallest = float(apart.min())
-    if len(values) > 0.5 * sum(len(part) for part in parts):  # hardly a value occurs twice: the step is below the noise
-        return 0.0
-    steps = apart / smallest
-    return smallest if np.mean(np.abs(steps - np.round(steps)) < _MULTIPLE) > _ALL else 0.0
+        return float(apart[0]) if len(apart) else 0.0
+    step = _common_divisor(apart[:_DISTANCES_TRIED])
+    seldom = len(np.unique(np.concatenate(different))) > 0.5 * sum(len(part) for part in parts)
+    noise = float(np.median([_third_difference(part, 1) for part in parts])) / 20**0.5
+    return 0.0 if seldom and noise > _TEXT * step else step
+
+
+def _common_divisor(apart: Array) -> float:
+    """Returns the largest number of which nearly all of `apart`, sorted, are whole multiples; 0: there is none."""
+    for divisor in range(1, _SKIPPED + 1):
+        step = float(apart[0]) / divisor
+        reach = 2.0 * divisor
+        while True:  # the farther apart two values are, the better they tell the step
+            multiples = np.maximum(np.round(apart / step), 1.0)
+            near = multiples <= reach
+            step = float(multiples[near] @ apart[near] / (multiples[near] @ multiples[near]))
+            if near.all():
+                break
+            reach *= 2
+        if np.mean(np.abs(apart / step - np.round(apart / step)) < _MULTIPLE) > _ALL:
+            return step
+    return 0.0
 
 
 def _coloured(parts: Sequence[Array], white: float) -> Noise:
