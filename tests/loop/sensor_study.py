@@ -9,7 +9,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from brickpilot.report.plot import BLUE, GREEN, ORANGE, figure, to_svg
+from brickpilot.gen.svg_figure import BLUE, GREEN, ORANGE, figure, to_svg
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 
@@ -59,9 +59,7 @@ def main() -> None:
     axes[0].legend(loc="upper left", ncols=3)
     axes[-1].set_xlabel("time (s)")
     svg = to_svg(drawn, "error of the position estimate over time, median of the seeds")
-    Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(
-        svg.replace("currentColor", "#808080") + "\n"
-    )
+    Path(__file__).resolve().parents[2].joinpath("firmware", "sensors.svg").write_text(svg + "\n")
 
 
 if __name__ == "__main__":

@@ -165,6 +165,7 @@ class Page(HTMLParser):
         self.sections: dict[str, str] = {}
         self.rows: list[list[str]] = []
         self.text = ""
+        self.scripts: list[str] = []
         self.feed(html)
         self.close()
         assert self.open == []
@@ -188,6 +189,9 @@ class Page(HTMLParser):
         self.within.pop()
 
     def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "script":
+            self.scripts.append(data)
+            return
         text = data.replace("\N{NO-BREAK SPACE}", " ")
         self.text += text
         for section in filter(None, self.within):

@@ -15,6 +15,7 @@ from brickpilot.fit.replay import Replay
 from brickpilot.fit.robust import correlation_time, noise_sd
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.vehicle import model
+from pages import assert_self_contained, figures
 from synthetic import motor, robot, write
 
 WHEELS = {"wheel_speed_left": 0.1, "wheel_speed_right": 0.1, "yaw_rate": 0.02}
@@ -205,8 +206,27 @@ def test_nothing_free_is_said_and_no_error(tmp_path):
 def test_the_page_stands_alone_and_names_every_parameter(tmp_path):
     page = calibrate_page(fitted(tmp_path / "set", robot()))
     assert all(name in page for name in THREE)
-    assert "<script" not in page
-    assert "http" not in page.replace("http://www.w3.org", "")
+    assert_self_contained(page)
+
+
+def test_the_page_draws_stated_against_fitted_and_the_correlations(tmp_path):
+    stated = KNOWN + "mass = { value = 0.8, sd = 0.05 }\n"
+    found = fitted(tmp_path / "set", robot(), stated)
+    page = calibrate_page(found)
+    (name,) = [one for one in figures(page) if one.startswith("Fitted against stated")]
+    (place,) = figures(page)[name]["x"]["values"]
+    mass = found.parameters["mass"]
+    assert place == pytest.approx((mass.value - 0.8) / 0.05, abs=1e-3)
+    ((row, low, high),) = figures(page)[name]["panels"][0]["spans"]
+    assert (row, low, high) == pytest.approx((0, *((end - 0.8) / 0.05 for end in mass.ci95)), abs=1e-3)
+    matrix = np.array(found.correlation)
+    assert matrix.shape == (len(found.parameters),) * 2
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-9)
+    np.testing.assert_allclose(np.diag(matrix), 1.0)
+    assert np.abs(matrix).max() <= 1 + 1e-9
+    assert page.count('<td class="cell') == matrix.size
+    drawn = [one for title, one in figures(page).items() if "before and after the fit" in title]
+    assert len(drawn) == len(found.traces) == len(found.gaps)
 
 
 def test_noise_is_told_from_a_smooth_signal():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from brickpilot.cli import main
 from brickpilot.errors import SimulationError
 from brickpilot.report import run_folder
 from command import brickpilot
+from pages import assert_self_contained, figures
 from test_dataset import measured
 
 RUN_KEYS = {
@@ -42,10 +42,29 @@ def test_the_page_of_a_run_is_self_contained(tmp_path: Path) -> None:
     brickpilot("run", "--out", "out", cwd=tmp_path)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "8 of 8 waypoints reached in order" in page
-    assert page.count("<svg") == 4
-    assert not re.search(r"(?:src|href)=\"(?!#)", page)
-    assert "<script" not in page
-    assert not re.search(r"url\((?!#)", page)
+    assert len(figures(page)) == 4
+    assert_self_contained(page)
+
+
+def test_the_track_of_a_page_ends_when_the_robot_has_come_to_rest(tmp_path: Path) -> None:
+    brickpilot("run", "--sensors", "imu+encoders", "--out", "out", cwd=tmp_path)
+    track, motion, *_ = figures((tmp_path / "out" / "report.html").read_text()).values()
+    assert 36.3 < track["time"][-1] < 39.0 < 60.0  # the last waypoint, and the end of the scenario
+    assert [one["name"] for one in track["lines"]] == ["true track", "estimated track", "legs"]
+    assert len(track["time"]) == len(track["heading"]) == len(track["lines"][0]["x"]) == len(track["lines"][1]["y"])
+    assert [one["reached"] for one in track["circles"]] == [True] * 8
+    end = [track["lines"][0][axis][-1] for axis in "yx"]
+    assert np.hypot(*(np.array(end) - [track["circles"][7][axis] for axis in "yx"])) < 0.1
+    assert motion["x"]["values"][-1] == track["time"][-1]
+    assert motion["link"] == track["link"] == "run"
+
+
+def test_the_same_run_gives_the_same_page(tmp_path: Path) -> None:
+    pages = []
+    for out in ("one", "two"):
+        brickpilot("run", "fig5", "--sensors", "imu", "--out", out, cwd=tmp_path)
+        pages.append((tmp_path / out / "report.html").read_bytes())
+    assert pages[0] == pages[1]
 
 
 def test_the_same_command_gives_the_same_bytes_and_replaces_its_own_folder(tmp_path: Path) -> None:

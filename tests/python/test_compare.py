@@ -18,6 +18,7 @@ from brickpilot.fit.replay import Replay
 from brickpilot.report.compare_page import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State
+from pages import assert_self_contained, curves, figures
 from synthetic import motor, robot, write
 
 SIGNALS = {"wheel_speed_left": 0.0, "wheel_travel_right": 0.0, "yaw_rate": 0.0}
@@ -176,9 +177,27 @@ def test_the_zero_phase_rate_has_no_delay():
 def test_the_page_stands_alone_with_fit_and_held_out_apart(tmp_path):
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", roles=["fit", "fit", "held_out", "fit"]))
     page = compare_page(compare(data, robot()))
-    assert page.count("<svg") == 4 * len(SIGNALS)
+    assert len(figures(page)) == 4 * len(SIGNALS)
     assert "held-out runs" in page
-    assert "<script" not in page
+    assert_self_contained(page)
+
+
+def test_a_figure_holds_measured_and_simulated_and_their_difference(tmp_path):
+    found = compare(dataset.read(write(tmp_path / "set", robot(), {"yaw_rate": 0.05}, "")), robot())
+    run = found.runs[0]
+    trace = run.traces["yaw_rate"]
+    ((name, figure), *others) = figures(compare_page(found)).items()
+    assert name == f"{run.name}: yaw rate, measured and simulated, and the residual below"
+    assert figure["link"] == run.name
+    assert {other["link"] for _, other in others} == {one.name for one in found.runs[1:]}
+    drawn = curves(figure)
+    assert drawn.keys() == {
+        "yaw rate (rad/s): measured", "yaw rate (rad/s): simulated", "residual of yaw rate (rad/s): residual"
+    }  # fmt: skip
+    at = np.abs(trace.time[:, np.newaxis] - figure["x"]["values"]).argmin(axis=0)
+    for key, expected in (("measured", trace.measured), ("residual", trace.measured - trace.simulated)):
+        values = next(one for label, one in drawn.items() if label.endswith(f": {key}"))
+        np.testing.assert_allclose(values, expected[at], atol=1e-4 * np.ptp(expected))
 
 
 def torque_drive(folder, signals, nominal="torque_per_volt = { value = 0.02, sd = 0.001 }", **options):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import brickpilot
 from brickpilot.data import holdout
-from brickpilot.data.dataset import Dataset
+from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.ils import signal_error
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError, SimulationError
@@ -58,6 +58,18 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class FitTrace:
+    """One signal of one run, for a plot: (n,) each. `before` is None where the plant diverges with the first values."""
+
+    run: str
+    signal: str
+    time: Array
+    measured: Array
+    before: Array | None
+    after: Array
+
+
+@dataclass(frozen=True)
 class Calibration:
     """The result of `calibrate`.
 
@@ -68,6 +80,9 @@ class Calibration:
         combinations: those combinations that have a physical meaning.
         scales: how each signal was weighed.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
+        traces: what the gaps are of.
+        stated: what the data set states of the fitted parameters.
+        correlation: of the fitted parameters in their order, (parameters, parameters); empty where nothing was fitted.
     """
 
     dataset: str
@@ -80,6 +95,9 @@ class Calibration:
     scales: Mapping[str, Scale]
     roles: Mapping[str, str]
     notes: tuple[str, ...]
+    traces: tuple[FitTrace, ...]
+    stated: Mapping[str, Nominal]
+    correlation: tuple[tuple[float, ...], ...]
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what fixes it.
@@ -112,6 +130,7 @@ class Calibration:
             "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
             "combinations": [dataclasses.asdict(one) | {"ci95": list(one.ci95)} for one in self.combinations],
             "gap": [dataclasses.asdict(gap) for gap in self.gaps],
+            "correlation": [list(row) for row in self.correlation],
             "signals": {
                 name: {"scale": s.size, "noise_sd": s.noise, "correlation_samples": s.tau}
                 for name, s in self.scales.items()
@@ -186,7 +205,14 @@ def calibrate(
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
     result = _result(replay, chosen.model, model, known.estimates, problem.scales, roles, notes)
-    return dataclasses.replace(result, cannot_tell_apart=known.groups, combinations=known.combinations, starts=starts)
+    return dataclasses.replace(
+        result,
+        cannot_tell_apart=known.groups,
+        combinations=known.combinations,
+        starts=starts,
+        stated={one.name: one.known for one in chosen.free if one.known is not None},
+        correlation=tuple(tuple(row) for row in known.correlation.tolist()),
+    )
 
 
 def _coarse_fit(
@@ -249,7 +275,7 @@ def _result(
         first, last = replay.simulate([before, after])
     except SimulationError:  # raised again below unless it comes from the start
         last = replay.simulate([after])[0]
-    gaps = []
+    gaps, traces = [], []
     for run in replay.dataset.runs:
         for signal, measured in run.outputs.items():
             if is_compared(signal, last[run.name], after):
@@ -260,6 +286,20 @@ def _result(
                     for one in (first, last)
                 ]
                 gaps.append(Gap(run.name, roles.by_run[run.name], signal, shares[0], shares[1]))
+                unfitted = first[run.name][signal] if first else None
+                traces.append(FitTrace(run.name, signal, run.time, measured, unfitted, last[run.name][signal]))
     return Calibration(
-        replay.dataset.name, after, estimates, (), (), tuple(gaps), (), scales, dict(roles.by_run), tuple(notes)
+        dataset=replay.dataset.name,
+        model=after,
+        parameters=estimates,
+        cannot_tell_apart=(),
+        combinations=(),
+        gaps=tuple(gaps),
+        starts=(),
+        scales=scales,
+        roles=dict(roles.by_run),
+        notes=tuple(notes),
+        traces=tuple(traces),
+        stated={},
+        correlation=(),
     )

@@ -74,12 +74,14 @@ class Uncertainty:
     Attributes:
         groups: parameters of which only combinations are identifiable.
         traceless: parameters with no effect on the data at all.
+        correlation: of the estimates, in the order of `estimates`, (parameters, parameters).
     """
 
     estimates: Mapping[str, Estimate]
     groups: tuple[tuple[str, ...], ...]
     traceless: tuple[str, ...]
     combinations: tuple[Combination, ...]
+    correlation: Array
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,8 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
     groups, traceless = _groups(information, [one.name for one in free])
     vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
     combinations = _combinations(model, free, linear.sizes, covariance, quantile) if vague else ()
-    return Uncertainty(estimates, groups, traceless, combinations)
+    spread = np.where(sd > 0, sd, 1.0)
+    return Uncertainty(estimates, groups, traceless, combinations, covariance / np.outer(spread, spread))
 
 
 def _above_slope_errors(information: Array) -> Array:

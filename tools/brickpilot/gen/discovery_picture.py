@@ -14,7 +14,8 @@ import numpy as np
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
-from brickpilot.report.plot import BLUE, GREY, ORANGE, figure, thin, to_svg
+from brickpilot.gen.svg_figure import BLUE, GREY, ORANGE, figure, to_svg
+from brickpilot.report.plot import thin
 
 SUITE, SET, SEED_OFFSET = "single", "coulomb_friction-x2-enc", 1_000_000
 SIGNAL = "wheel_speed_left"
@@ -39,7 +40,8 @@ def draw(found: Finding, hidden: dict[str, dict[str, float]]) -> str:
         (bottom, ((before - measured, "nominal model", ORANGE), (after - measured, "with the effect", BLUE))),
     ):
         for values, label, colour in lines:
-            axis.plot(*thin(run.time, values, 500), color=colour, label=label, linewidth=2.2 if colour == GREY else 1.1)
+            kept = thin(values[np.newaxis], 500)
+            axis.plot(run.time[kept], values[kept], color=colour, label=label, linewidth=2.2 if colour == GREY else 1.1)
     effect = found.effects[0]
     name, parameter = next(iter(effect.parameters.items()))
     truth = hidden[effect.name][name]
@@ -61,7 +63,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         made, hidden = _made(Path(folder))
         found = pipeline.discover(dataset.read(made), seed=0)
-    Path("tools/discovery.svg").write_text(draw(found, hidden).replace("currentColor", GREY), encoding="utf-8")
+    Path("tools/discovery.svg").write_text(draw(found, hidden), encoding="utf-8")
 
 
 if __name__ == "__main__":

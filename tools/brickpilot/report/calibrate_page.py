@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from markupsafe import Markup
+
 from brickpilot import catalogue
-from brickpilot.fit.calibrate import Calibration
-from brickpilot.report.quantities import DASH, ROLES, error_percent, number
+from brickpilot.fit.calibrate import Calibration, FitTrace
+from brickpilot.report import discover_plots
+from brickpilot.report.discover_plots import measured
+from brickpilot.report.plot import Curve, points_for, row_chart
+from brickpilot.report.quantities import DASH, ROLES, error_percent, number, signed
 from brickpilot.report.template import render
+
+_DRAWN = 24  # runs with plots, at most
 
 
 def calibrate_page(calibration: Calibration) -> str:
@@ -18,6 +25,9 @@ def calibrate_page(calibration: Calibration) -> str:
         combinations=_combinations(calibration),
         gaps=_gaps(calibration),
         scales=_scales(calibration),
+        stated=_stated(calibration),
+        correlation=_correlation(calibration),
+        comparisons=_comparisons(calibration),
         starts=[(start.name, f"{start.cost:.6g}") for start in calibration.starts],
     )
 
@@ -74,3 +84,74 @@ def _scales(calibration: Calibration) -> list[dict[str, str]]:
         }
         for name, scale in calibration.scales.items()
     ]
+
+
+def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]]:
+    """Returns (run, role, figures) of the runs that are drawn: all, or of many those with the largest error."""
+    worst: dict[str, float] = {}
+    for gap in calibration.gaps:
+        worst[gap.run] = max(worst.get(gap.run, 0.0), gap.after or 0.0)
+    chosen = set(sorted(worst, key=lambda run: -worst[run])[:_DRAWN])
+    drawn = [one for one in calibration.traces if one.run in chosen]
+    figures: dict[str, list[Markup]] = {}
+    for one in drawn:
+        figures.setdefault(one.run, []).append(_superimposed(one, points_for(len(drawn))))
+    return [(run, ROLES[calibration.roles[run]], found) for run, found in figures.items()]
+
+
+def _superimposed(one: FitTrace, points: int) -> Markup:
+    """Draws a measured signal and its simulations before and after the fit, and the residuals below."""
+    above, below = [measured(one.measured)], []
+    if one.before is not None:
+        above.append(Curve("before", one.before, "orange"))
+        below.append(Curve("before", one.measured - one.before, "orange"))
+    above.append(Curve("after", one.after))
+    below.append(Curve("after", one.measured - one.after))
+    said = one.signal.replace("_", " ")
+    return discover_plots.superimposed(
+        one.time,
+        said,
+        catalogue.outputs().get(one.signal, ""),
+        above,
+        below,
+        0.0,
+        run=one.run,
+        title=f"{one.run}: {said}, measured, and simulated before and after the fit, and the residuals below",
+        points=points,
+    )
+
+
+def _stated(calibration: Calibration) -> Markup | None:
+    """Draws how far each fitted value lies from the stated one, in stated sd, with its interval; None: none stated."""
+    labels, places, spans = [], [], []
+    for name, one in calibration.parameters.items():
+        stated = calibration.stated.get(name)
+        if stated is not None and stated.sd:
+            away = [(end - stated.value) / stated.sd for end in (one.value, *(one.ci95 or ()))]
+            labels.append(name.replace("_", " "))
+            places.append(away[0])
+            spans.append((away[1], away[2]) if one.ci95 else None)
+    if not labels:
+        return None
+    text = "; ".join(f"{label} {place:+.1f}" for label, place in zip(labels, places, strict=True))
+    return row_chart(
+        labels,
+        {"fitted": ("blue", places)},
+        spans,
+        "fitted less stated value",
+        "sd of the stated value",
+        title=f"Fitted against stated values, in standard deviations of the stated value: {text}",
+        lines=(0.0,),
+        stretch=(-2.0, 2.0),
+    )
+
+
+def _correlation(calibration: Calibration) -> list[tuple[str, list[dict[str, str | bool]]]]:
+    """Returns a row for each fitted parameter: its correlation with each. `shade` is 1 at +1 and at -1."""
+    rows = []
+    for name, row in zip(calibration.parameters, calibration.correlation, strict=False):
+        cells: list[dict[str, str | bool]] = [
+            {"text": signed(one, 2), "shade": f"{abs(one):.2f}", "below": one < 0} for one in row
+        ]
+        rows.append((name.replace("_", " "), cells))
+    return rows

@@ -4,32 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from markupsafe import Markup
+
 from brickpilot import catalogue
 from brickpilot.fit.compare import Comparison, RunComparison, Trace
-from brickpilot.report.plot import BLUE, GREY, ORANGE, figure, thin, to_svg
+from brickpilot.report import discover_plots
+from brickpilot.report.discover_plots import measured
+from brickpilot.report.plot import Curve, points_for
 from brickpilot.report.quantities import ROLES, error_percent, number
 from brickpilot.report.template import render
 
-_POINTS = 500
 _DRAWN = 24  # runs with plots, at most: a page of hundreds is neither read nor quickly made
 
 
-def superimposed(run: str, signal: str, trace: Trace) -> str:
-    """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and simulated minus measured below."""
+def superimposed(run: str, signal: str, trace: Trace, points: int) -> Markup:
+    """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and measured minus simulated below."""
     unit = catalogue.outputs().get(signal.split(" ")[0], "")
-    drawn, (above, below) = figure(2, row_height=1.35)
-    time = trace.time - trace.time[0]
-    above.plot(*thin(time, trace.measured, _POINTS), color=GREY, linewidth=2.4, alpha=0.75, label="measured")
-    above.plot(*thin(time, trace.simulated, _POINTS), color=BLUE, label="simulated")
-    above.set_title(signal.replace("_", " "), loc="left", fontsize=9)
-    above.set_ylabel(f"({unit})", fontsize=8)
-    above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.95), ncols=2, frameon=False, fontsize=8)
-    below.plot(*thin(time, trace.simulated - trace.measured, _POINTS), color=ORANGE)
-    below.axhline(0.0, color=GREY, linewidth=0.6)
-    below.set_ylabel(f"error ({unit})", fontsize=8)
-    below.set_xlabel("time (s)")
-    drawn.align_ylabels([above, below])
-    return to_svg(drawn, f"{run}: {signal}, measured and simulated")
+    said = signal.replace("_", " ")
+    above = [measured(trace.measured), Curve("simulated", trace.simulated)]
+    below = [Curve("residual", trace.measured - trace.simulated)]
+    title = f"{run}: {said}, measured and simulated, and the residual below"
+    return discover_plots.superimposed(trace.time, said, unit, above, below, 0.0, run=run, title=title, points=points)
 
 
 def compare_page(comparison: Comparison) -> str:
@@ -38,6 +33,7 @@ def compare_page(comparison: Comparison) -> str:
     Where there are many runs, those with the largest errors are drawn; the table has all.
     """
     drawn = drawn_runs(comparison.runs)
+    points = points_for(sum(len(run.traces) for run in comparison.runs if run.name in drawn))
     return render(
         "compare",
         title=f"{comparison.dataset}: measured and simulated",
@@ -49,7 +45,7 @@ def compare_page(comparison: Comparison) -> str:
                 "name": run.name,
                 "role": ROLES[run.role],
                 "rows": _rows(run),
-                "figures": [superimposed(run.name, name, trace) for name, trace in run.traces.items()]
+                "figures": [superimposed(run.name, name, trace, points) for name, trace in run.traces.items()]
                 if run.name in drawn
                 else [],
             }

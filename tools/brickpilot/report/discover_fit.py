@@ -184,7 +184,8 @@ def _chart(finding: Finding) -> Any:
         if fit is not None and fit.before is not None:
             rows.append((_say(signal), fit.before, fit.after, fit.attainable))
     text = "; ".join(f"{name} {_number(a)} to {_number(b)}, attainable {_number(c)}" for name, a, b, c in rows)
-    return discover_plots.fits(rows, title=f"Fit in percent in free runs of {one.runs}: {text}")
+    title = f"Fit in percent in free runs of {one.runs}: {text}"
+    return discover_plots.fits(rows, single=finding.verdict == "none", title=title)
 
 
 def _say(signal: str) -> str:

@@ -97,7 +97,9 @@ def _gap_chart(finding: Finding) -> Markup:
     rows = [(label, gap.before, gap.after) for name, label in _ROLE_ROWS if (gap := finding.gap.get(name)) is not None]
     rows += [(say(name), gap.before, gap.after) for name, gap in finding.by_signal.items()]
     text = "; ".join(f"{label} {gap_text(before)} to {gap_text(after)}" for label, before, after in rows)
-    return discover_plots.gaps(rows, title=f"Gap before and after, over noise: {text}")
+    return discover_plots.gaps(
+        rows, single=finding.verdict == "none", title=f"Gap before and after, over noise: {text}"
+    )
 
 
 def _warnings(finding: Finding) -> list[str]:

@@ -16,14 +16,14 @@ from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding, Place
 from brickpilot.discover.locate import residual
 from brickpilot.fit.rates import measured_rates
-from brickpilot.report.discover_plots import Curve, superimposed
+from brickpilot.report.discover_plots import measured, superimposed
 from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
+from brickpilot.report.plot import Curve, points_for
 from brickpilot.report.quantities import ROLES, gap_text
 
 Array = NDArray[np.float64]
 
 _SHOWN = 4  # figures that are open; the others are folded
-_POINTS, _POINTS_FOLDED = 700, 300  # points that are drawn of a curve
 
 
 @dataclass(frozen=True)
@@ -96,12 +96,13 @@ def figures(
     held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
     if held_out and not any(key in held_out for key in chosen):
         chosen.append(held_out[0])  # at least one open figure shows the validation
-    shown = [_figure(finding, compared[key], places.get(key), _POINTS) for key in chosen]
+    points = points_for(len(compared))
+    shown = [_figure(finding, compared[key], places.get(key), points) for key in chosen]
     folded = []
     for run in finding.dataset.runs:
         keys = [key for key in compared if key[0] == run.name and key not in chosen]
         if keys:
-            drawn = [_figure(finding, compared[key], places.get(key), _POINTS_FOLDED) for key in keys]
+            drawn = [_figure(finding, compared[key], places.get(key), points) for key in keys]
             folded.append((run.name, ROLES[finding.roles[run.name]], drawn))
     return shown, folded
 
@@ -118,29 +119,33 @@ def _varied(order: Sequence[Key]) -> list[Key]:
 
 def _figure(finding: Finding, one: Compared, place: Place | None, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
-    above, below = [Curve("measured", one.run.time, one.measured)], []
+    above, below = [measured(one.measured)], []
     if finding.verdict != "none":
-        above.append(Curve("nominal", one.run.time, one.nominal))
-        below.append(Curve("nominal", one.run.time, one.before))
-    above.append(Curve("augmented", one.run.time, one.augmented))
-    below.append(Curve("augmented", one.run.time, one.after))
+        above.append(Curve("before", one.nominal, "orange"))
+        below.append(Curve("before", one.before, "orange"))
+    after = "simulated" if finding.verdict == "none" else "after"
+    above.append(Curve(after, one.augmented))
+    below.append(Curve(after, one.after))
     role = ROLES[finding.roles[one.run.name]]
-    before, after = one.gaps
+    gaps = [gap_text(gap) for gap in one.gaps]
     chart = superimposed(
+        one.run.time,
+        say(one.signal),
         catalogue.outputs()[one.signal],
         above,
         below,
         one.noise_sd,
         None if place is None else (place.from_s, place.to_s),
+        run=one.run.name,
         title=f"{one.run.name}, {role}: {say(one.signal)} measured and simulated, and the residual below: "
-        f"the gap is {gap_text(before)} times the noise before and {gap_text(after)} after",
+        f"the gap is {gaps[0]} times the noise before and {gaps[1]} after",
         points=points,
     )
     return {
         "run": one.run.name,
         "role": role,
         "signal": say(one.signal),
-        "change": f"the gap {gap_change(None if finding.verdict == 'none' else before, after)}",
+        "change": f"the gap {gap_change(None if finding.verdict == 'none' else one.gaps[0], one.gaps[1])}",
         "chart": chart,
     }
 

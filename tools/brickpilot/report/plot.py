@@ -1,75 +1,294 @@
-"""Figures as SVG elements of a page: small, sharp in print, readable in light and dark."""
+"""Figures of a page: each is a description in JSON, which `figures.js` draws by uPlot when the page is read.
+
+The same figure gives the same bytes. Colours come from the style sheet: light, dark or printed.
+"""
 
 from __future__ import annotations
 
-import io
-import re
-from typing import Any
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Literal
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from jinja2.utils import htmlsafe_json_dumps
+from markupsafe import Markup
 from numpy.typing import NDArray
 
+from brickpilot.report.quantities import scaled
+
 Array = NDArray[np.float64]
+Colour = Literal["blue", "orange", "green", "purple", "grey"]
+Shape = Literal["line", "step", "marks", "bars"]
 
-# These differ in lightness as well as in hue (Okabe & Ito 2008), and show on white and on near-black.
-BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#808080"
-
-_STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text, which can be selected and searched
-    "svg.hashsalt": "brickpilot",  # the same figure gives the same bytes
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.1,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-}
+_MOST_POINTS, _LEAST_POINTS = 2000, 300  # that are drawn of a run in one figure
+_ROW = 26  # height of a row, pixels
+_PAGE_POINTS = 40_000  # of all figures of a page: about 1.5 MB
+_ACROSS, _UP = 1e6, 2e4  # steps in which a time and a value of a figure are written
 
 
-def figure(
-    rows: int = 1, *, width: float = 8.0, row_height: float = 1.8, sharex: bool = True
-) -> tuple[Figure, list[Axes]]:
-    """Returns a figure with `rows` panels, one above the other, each `width` by `row_height` inches."""
-    with matplotlib.rc_context(_STYLE):
-        drawn = Figure(figsize=(width, rows * row_height + 0.4), layout="constrained")
-        axes = drawn.subplots(rows, 1, sharex=sharex, squeeze=False)
-    return drawn, [axes[row, 0] for row in range(rows)]
+@dataclass(frozen=True)
+class Curve:
+    """One signal of a panel. `values` has the shape (n,) of the figure's `x`; NaN is a dropout."""
+
+    name: str
+    values: Array
+    colour: Colour = "blue"
+    width: float = 1.3
+    dashed: bool = False
+    shape: Shape = "line"
 
 
-def to_svg(drawn: Figure, title: str) -> str:
-    """Returns the figure as an `<svg>` element with the accessible name `title`. Black becomes the text colour."""
-    buffer = io.StringIO()
-    for legend in filter(None, (axis.get_legend() for axis in drawn.axes)):
-        legend.set_frame_on(False)  # its box would be white in dark mode
-    with matplotlib.rc_context(_STYLE):
-        drawn.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    svg = buffer.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"(?<=[:\s\"])#000000", "currentColor", svg)
-    svg = re.sub(r"<text style=\"", '<text fill="currentColor" style="', svg)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1)
+@dataclass(frozen=True)
+class Panel:
+    """Curves over one axis.
 
-
-def thin(time: Array, value: Array, points: int = 1200) -> tuple[Array, Array]:
-    """Returns about `points` samples that keep the smallest and the largest value of each stretch, so all peaks stay.
-
-    `time` and `value` have the shape (n,). NaN stays as a dropout.
+    Attributes:
+        label, unit: of the axis; values are shown in a handy multiple of the unit.
+        height: pixels.
+        band: (low, high) that is shaded, such as that of the noise; None: none.
+        rows: names of the values 0, 1, ... where they are no numbers.
+        spans: (row, low, high) of lines across, such as intervals.
+        log: the axis is logarithmic, for counts.
     """
-    if len(time) <= points:
-        return time, value
-    width = -(-len(time) // (points // 2))
-    padded = np.full(points // 2 * width, np.nan)
-    padded[: len(value)] = value
-    stretches = padded.reshape(-1, width)
-    dropouts, starts = np.isnan(stretches), width * np.arange(points // 2)
-    least = starts + np.where(dropouts, np.inf, stretches).argmin(axis=1)
-    most = starts + np.where(dropouts, -np.inf, stretches).argmax(axis=1)
-    kept = np.unique(np.concatenate([[0, len(time) - 1], least, most]))
-    kept = kept[kept < len(time)]
-    return time[kept], value[kept]
+
+    label: str
+    unit: str
+    curves: Sequence[Curve]
+    height: int = 150
+    band: tuple[float, float] | None = None
+    rows: Sequence[str] = ()
+    spans: Sequence[tuple[int, float, float]] = ()
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels, one above the other, over one axis `x` of shape (n,), which does not decrease.
+
+    Attributes:
+        title: accessible name.
+        x_label, x_unit: of the axis.
+        link: figures of the same link, such as a run, share cursor and zoom; empty: of its own.
+        stretch: (from, to) of the place that is shaded.
+        lines: places of lines through all panels.
+        reach: places that the axis shows too.
+        log: `x` is logarithmic.
+    """
+
+    title: str
+    x: Array
+    panels: Sequence[Panel]
+    x_label: str = "time"
+    x_unit: str = "s"
+    link: str = ""
+    stretch: tuple[float, float] | None = None
+    lines: Sequence[float] = ()
+    reach: Sequence[float] = ()
+    log: bool = False
+
+
+def points_for(figures: int) -> int:
+    """Returns how many points each of so many figures of a page may draw, so that the page stays at a few MB."""
+    return min(_MOST_POINTS, max(_LEAST_POINTS, _PAGE_POINTS // max(figures, 1)))
+
+
+def thin(columns: Array, points: int) -> NDArray[np.intp]:
+    """Returns the indices of about `points` samples: the smallest and the largest of each column in each stretch.
+
+    `columns` has the shape (columns, n). So all peaks stay, and so do the first and the last sample.
+    """
+    count, samples = columns.shape
+    if samples <= points:
+        return np.arange(samples)
+    kept = _extremes(columns, max(points // (2 * count), 1))
+    more = points // (2 * count) * points // len(kept)  # many extremes are those of several columns
+    return kept if len(kept) > 0.8 * points or more < 1 else _extremes(columns, min(more, points // 2))
+
+
+def _extremes(columns: Array, stretches: int) -> NDArray[np.intp]:
+    count, samples = columns.shape
+    width = -(-samples // stretches)
+    padded = np.full((count, stretches * width), np.nan)
+    padded[:, :samples] = columns
+    parts = padded.reshape(count, stretches, width)
+    dropouts, starts = np.isnan(parts), width * np.arange(stretches)
+    least = starts + np.where(dropouts, np.inf, parts).argmin(axis=2)
+    most = starts + np.where(dropouts, -np.inf, parts).argmax(axis=2)
+    kept = np.unique(np.concatenate([[0, samples - 1], least.ravel(), most.ravel()]))
+    return np.asarray(kept[kept < samples])
+
+
+def to_html(figure: Figure, points: int = _MOST_POINTS) -> Markup:
+    """Returns the figure as an element of a page. About `points` samples of it are drawn, and it says so."""
+    kept = thin(np.array([one.values for panel in figure.panels for one in panel.curves]), points)
+    origin, x_label = _clock(figure)
+    spec = {
+        "link": figure.link,
+        "x": {
+            "name": figure.x_label,
+            "label": x_label,
+            "values": _compact(figure.x[kept] - origin, _ACROSS),
+            "log": figure.log,
+            "reach": list(figure.reach),
+        },
+        "stretch": None if figure.stretch is None else [one - origin for one in figure.stretch],
+        "lines": list(figure.lines),
+        "panels": [_panel(one, figure, kept) for one in figure.panels],
+    }
+    thinned = f"{len(kept)} of {len(figure.x)} samples are drawn." if len(kept) < len(figure.x) else ""
+    height = sum(one.height + 56 for one in figure.panels) + 36
+    return element(spec, figure.title, height, thinned)
+
+
+def row_chart(
+    labels: Sequence[str], curves: Mapping[str, tuple[Colour, Sequence[float | None]]],
+    spans: Sequence[tuple[float, float] | None], label: str, unit: str, *, title: str,
+    lines: Sequence[float] = (), stretch: tuple[float, float] | None = None, log: bool = False,
+) -> Markup:  # fmt: skip
+    """Draws a row for each label, the first one uppermost.
+
+    Args:
+        curves: name -> (colour, the place of its mark in each row; None: it has none).
+        spans: of each row, (low, high) of the line under its marks; None: none.
+        label, unit: of the axis along the rows.
+        lines, stretch, log: as in `Figure`.
+    """
+    last = len(labels) - 1
+    marks = sorted(
+        (value, name, last - row)
+        for name, (_, values) in curves.items()
+        for row, value in enumerate(values)
+        if value is not None
+    )
+    drawn = [
+        Curve(name, np.array([float(row) if one == name else np.nan for _, one, row in marks]), colour, shape="marks")
+        for name, (colour, _) in curves.items()
+    ]
+    panel = Panel(
+        "",
+        "",
+        drawn,
+        _ROW * len(labels) + 10,
+        rows=list(reversed(labels)),
+        spans=[(last - row, *span) for row, span in enumerate(spans) if span is not None],
+    )
+    reach = [*lines, *(stretch or ()), *(end for span in spans if span is not None for end in span)]
+    x = np.array([value for value, *_ in marks])
+    return to_html(Figure(title, x, [panel], label, unit, "", stretch, lines, reach, log))
+
+
+def element(spec: dict[str, Any], title: str, height: int, note: str = "") -> Markup:
+    """Returns the element that `figures.js` fills; nothing in `spec` can become markup.
+
+    `height`, in pixels, is kept free for it. `note` stands below it.
+    """
+    text = htmlsafe_json_dumps(spec, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    below = f'<p class="thinned">{escape(note)}</p>' if note else ""
+    return Markup(
+        f'<div class="plot" role="group" aria-label="{escape(title, quote=True)}" '
+        f'style="min-height: {height}px">'
+        f'<script type="application/json">{text}</script>{below}</div>'
+    )
+
+
+def _panel(panel: Panel, figure: Figure, kept: NDArray[np.intp]) -> dict[str, Any]:
+    known = np.concatenate([[0.0], *(one.values[np.isfinite(one.values)] for one in panel.curves)])
+    factor, unit = scaled(float(np.abs(known).max()), panel.unit) if panel.unit else (1.0, "")
+    return {
+        "label": f"{panel.label} ({unit})" if unit else panel.label,
+        "height": panel.height,
+        "band": None if panel.band is None else [one / factor for one in panel.band],
+        "rows": list(panel.rows),
+        "spans": [list(one) for one in panel.spans],
+        "log": panel.log,
+        "curves": [_curve(one, figure.x, kept, factor) for one in panel.curves],
+    }
+
+
+def _curve(one: Curve, x: Array, kept: NDArray[np.intp], factor: float) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "colour": one.colour,
+        "width": one.width,
+        "dash": [6, 4] if one.dashed else None,
+        "shape": one.shape,
+        "gap": _longest_step(one, x, kept),
+        "values": _compact(one.values[kept] / factor, _UP),
+    }
+
+
+def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
+    """Returns from which distance on two known samples are not joined: a sensor may be slower than the log."""
+    known = x[np.isfinite(one.values)]
+    if len(known) < 2:
+        return 0.0
+    drawn = float(np.diff(x[kept]).max()) if len(kept) < len(x) else 0.0
+    return float(f"{1.5 * float(np.median(np.diff(known))) + 2.0 * drawn:.3g}")
+
+
+def _clock(figure: Figure) -> tuple[float, str]:
+    """Returns the origin of the figure's axis and its label; times since 1970 are too long for a tick."""
+    label = f"{figure.x_label} ({figure.x_unit})" if figure.x_unit else figure.x_label
+    origin = float(figure.x[0]) if len(figure.x) else 0.0
+    if not len(figure.x) or abs(origin) <= 10.0 * float(figure.x[-1] - origin) or len(figure.x) == 1:
+        return 0.0, label
+    return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
+
+
+def _compact(values: Array, steps: float) -> list[float | None]:
+    """Returns the values as JSON has them, rounded to their span over `steps`; a dropout is None."""
+    known = values[np.isfinite(values)]
+    size = float(np.abs(known).max(initial=0.0)) if len(known) < 2 or np.ptp(known) == 0 else float(np.ptp(known))
+    decimals = math.ceil(math.log10(steps / size)) if size > 0 else 0
+    rounded = np.round(values, decimals) + 0.0  # no minus zero
+    whole = decimals <= 0
+    return [None if not math.isfinite(one) else int(one) if whole else one for one in rounded.tolist()]
+
+
+def track_to_html(
+    time: Array,
+    heading: Array,
+    lines: Sequence[Curve],
+    circles: Sequence[tuple[float, float, float, bool]],
+    *,
+    link: str,
+) -> Markup:
+    """Returns a track, seen from above, as an element of a page that can be played.
+
+    Args:
+        time, heading: of the run, (n,): s, and rad clockwise from straight up.
+        lines: (2, n) each: to the right, then up, m. The first one is played, and has the samples of `time`.
+        circles: the waypoints: place to the right and up, radius, m, and whether it was reached.
+        link: see `Figure`.
+    """
+    kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), _MOST_POINTS)
+    spec = {
+        "track": True,
+        "link": link,
+        "label": "seen from above: x, forward at the start (m)",
+        "across": "y, to the right (m)",
+        "time": _compact(time[kept], _ACROSS),
+        "heading": _compact(heading[kept], _UP),
+        "lines": [_way(one, kept, len(time)) for one in lines],
+        "circles": [
+            {"name": str(number), "x": x, "y": y, "radius": radius, "reached": reached}
+            for number, (x, y, radius, reached) in enumerate(circles, 1)
+        ],
+    }
+    return element(spec, "track over the waypoints, seen from above", 400)
+
+
+def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
+    played = one.values.shape[1] == samples
+    across, up = one.values[:, kept] if played else one.values
+    return {
+        "name": one.name,
+        "colour": one.colour,
+        "width": one.width,
+        "dash": [6, 4] if one.dashed else None,
+        "played": played,
+        "x": _compact(across, _UP),
+        "y": _compact(up, _UP),
+    }

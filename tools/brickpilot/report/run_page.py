@@ -1,122 +1,120 @@
-"""The page of a flight: its track, its signals, and the signals inside the controller."""
+"""The page of a flight: its track, which can be played, its signals, and the signals inside the controller."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Circle
+from markupsafe import Markup
+from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEPTANCE_M
-from brickpilot.report.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, figure, thin, to_svg
+from brickpilot.report.plot import Colour, Curve, Figure, Panel, to_html, track_to_html
 from brickpilot.report.template import render
 from brickpilot.vehicle.flight import Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
+LINK = "run"
+"""The link of all figures of a flight."""
+
+_DEGREES = 180.0 / np.pi
+_AT_REST_S = 1.0  # of rest at the end that a figure shows
+_MOVES_M = 1e-3  # a smaller change of place is rest
+Array = NDArray[np.float64]
+Line = tuple[str, str, Colour]
 
 
-def _lines(axis: Axes, flight: Flight, lines: list[tuple[str, str, str]], label: str, scale: float = 1.0) -> None:
-    """Draws columns of the log, given as (column, legend, colour) and multiplied by `scale`, against time."""
-    time = flight.log["time_s"]
-    for column, legend, colour in lines:
-        axis.plot(*thin(time, flight.log[column] * scale), color=colour, label=legend)
-    axis.set_ylabel(label)
-    axis.legend(loc="upper right", ncols=len(lines))
-
-
-def track(flight: Flight, figures: dict[str, Any]) -> str:
-    """Draws the track from above, x up and y to the right, over the waypoints and their acceptance circles."""
-    log, scenario = flight.log, flight.plan.scenario
-    drawn, (axis,) = figure(width=7.0, row_height=6.2)
-    if scenario.waypoints:
-        corners = np.array([scenario.start[:2], *scenario.waypoints])
-        axis.plot(corners[:, 1], corners[:, 0], color=GREY, linewidth=0.8, linestyle=":", label="legs")
-        for number, ((x, y), moment) in enumerate(zip(scenario.waypoints, figures["reached_at_s"], strict=True), 1):
-            colour = GREEN if moment is not None else ORANGE
-            axis.add_patch(Circle((y, x), ACCEPTANCE_M, fill=False, edgecolor=colour))
-            axis.annotate(str(number), (y, x), ha="center", va="center", fontsize=9)
-    axis.plot(log["true_y_m"], log["true_x_m"], color=BLUE, linewidth=1.6, label="true track")
-    if scenario.waypoints and flight.plan.sensors != "ideal":
-        axis.plot(
-            log["estimate_y_m"],
-            log["estimate_x_m"],
-            color=ORANGE,
-            linestyle="--",
-            linewidth=0.9,
-            label="estimated track",
-        )
-    axis.plot(log["true_y_m"][0], log["true_x_m"][0], marker="o", color=BLUE, markersize=5)
-    axis.set_xlabel("y, to the right (m)")
-    axis.set_ylabel("x, forward at the start (m)")
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.legend(loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=3)
-    return to_svg(drawn, "track over the waypoints, seen from above")
-
-
-def motion(flight: Flight) -> str:
-    """Draws the true motion and its measurement."""
-    drawn, axes = figure(4)
-    mission = flight.plan.scenario.kind == "mission"
-    speed = [("true_speed_m_s", "true", BLUE)]
-    _lines(axes[0], flight, [("estimate_speed_m_s", "estimate", ORANGE), *speed] if mission else speed, "surge (m/s)")
-    gyro = [("measured_yaw_rate_rad_s", "measured", GREY)] if flight.plan.sensors != "ideal" else []
-    _lines(axes[1], flight, [*gyro, ("true_yaw_rate_rad_s", "true", BLUE)], "yaw rate (rad/s)")
-    accel = [("measured_accel_surge_m_s2", "measured", GREY)] if flight.plan.sensors != "ideal" else []
-    _lines(axes[2], flight, [*accel, ("true_accel_surge_m_s2", "true", BLUE)], "surge accel. (m/s²)")
-    _lines(
-        axes[3],
-        flight,
-        [("left_wheel_rad_s", "left wheel", BLUE), ("right_wheel_rad_s", "right wheel", ORANGE)],
-        "rad/s",
-    )
-    axes[-1].set_xlabel("time (s)")
-    return to_svg(drawn, "speeds and accelerations over time")
-
-
-def electrical(flight: Flight) -> str:
-    """Draws the voltages and currents of the motors."""
-    drawn, axes = figure(2)
-    _lines(axes[0], flight, [("left_voltage_v", "left", BLUE), ("right_voltage_v", "right", ORANGE)], "voltage (V)")
-    _lines(
-        axes[1],
-        flight,
-        [("left_current_a", "left", BLUE), ("right_current_a", "right", ORANGE)],
-        "current (mA)",
-        1000.0,
-    )
-    axes[-1].set_xlabel("time (s)")
-    return to_svg(drawn, "motor voltages and currents over time")
-
-
-def inside(flight: Flight) -> str:
-    """Draws the phase, demand and estimate, the parts of the PIDs, the cross-track error and the estimate's error."""
-    drawn, axes = figure(6)
-    degrees = 180.0 / np.pi
-    axes[0].plot(flight.log["time_s"], flight.log["phase"], color=PURPLE, drawstyle="steps-post")
-    axes[0].set_yticks(range(5), PHASES)
-    axes[0].set_ylabel("phase")
-    _lines(
-        axes[1],
-        flight,
-        [("demand_speed_m_s", "demand", GREEN), ("estimate_speed_m_s", "estimate", ORANGE)],
-        "speed (m/s)",
-    )
-    _lines(axes[2], flight, [("heading_error_rad", "line of sight minus heading", PURPLE)], "heading (deg)", degrees)
-    parts = [
-        ("speed_p_v", "speed P", BLUE),
-        ("speed_i_v", "speed I", ORANGE),
-        ("yaw_p_v", "yaw P", GREEN),
-        ("yaw_d_v", "yaw D", PURPLE),
-    ]
-    _lines(axes[3], flight, parts, "efforts (V)")
-    _lines(axes[4], flight, [("cross_track_m", "right of the leg", BLUE)], "cross-track (m)")
+def samples(flight: Flight) -> int:
+    """Returns how many samples of the flight are drawn: until a second after the robot has come to rest for good."""
     log = flight.log
-    error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
-    axes[5].plot(*thin(log["time_s"], error * 1000.0), color=ORANGE)
-    axes[5].set_ylabel("estimate's\nerror (mm)")
-    axes[5].set_xlabel("time (s)")
-    return to_svg(drawn, "signals inside the controller over time")
+    away = np.hypot(log["true_x_m"] - log["true_x_m"][-1], log["true_y_m"] - log["true_y_m"][-1])
+    turned = np.abs(log["true_heading_rad"] - log["true_heading_rad"][-1])
+    moves = np.flatnonzero((away > _MOVES_M) | (turned > _MOVES_M))
+    last = log["time_s"][moves[-1] if len(moves) else 0] + _AT_REST_S
+    return int(np.searchsorted(log["time_s"], last, side="right"))
+
+
+def _panel(flight: Flight, label: str, unit: str, lines: list[Line], scale: float = 1.0) -> Panel:
+    """Returns a panel of columns of the log, given as (column, legend, colour) and multiplied by `scale`."""
+    count = samples(flight)
+    return Panel(
+        label, unit, [Curve(name, scale * flight.log[column][:count], colour) for column, name, colour in lines]
+    )
+
+
+def _figure(flight: Flight, title: str, panels: list[Panel]) -> Markup:
+    return to_html(Figure(title, flight.log["time_s"][: samples(flight)], panels, link=LINK))
+
+
+def track(flight: Flight, figures: dict[str, Any]) -> Markup:
+    """Draws the track from above, x up and y to the right, over the waypoints and their acceptance circles."""
+    scenario, count = flight.plan.scenario, samples(flight)
+    log = {name: column[:count] for name, column in flight.log.items()}
+    lines = [Curve("true track", np.array([log["true_y_m"], log["true_x_m"]]), "blue", 4.0)]
+    if scenario.waypoints and flight.plan.sensors != "ideal":
+        estimate = np.array([log["estimate_y_m"], log["estimate_x_m"]])
+        lines.append(Curve("estimated track", estimate, "orange", 1.5))
+    if scenario.waypoints:
+        legs = np.array([scenario.start[:2], *scenario.waypoints]).T
+        lines.append(Curve("legs", legs[::-1], "grey", 1.0, dashed=True))
+    reached = [moment is not None for moment in figures.get("reached_at_s", [])]
+    circles = [(y, x, ACCEPTANCE_M, done) for (x, y), done in zip(scenario.waypoints, reached, strict=True)]
+    return track_to_html(log["time_s"], log["true_heading_rad"], lines, circles, link=LINK)
+
+
+def motion(flight: Flight) -> Markup:
+    """Draws the true motion and its measurement."""
+    mission, measured = flight.plan.scenario.kind == "mission", flight.plan.sensors != "ideal"
+
+    def beside(column: str, name: str, colour: Colour, true: str, *, wanted: bool) -> list[Line]:
+        return [*([(column, name, colour)] if wanted else []), (true, "true", "blue")]
+
+    speed = beside("estimate_speed_m_s", "estimate", "orange", "true_speed_m_s", wanted=mission)
+    gyro = beside("measured_yaw_rate_rad_s", "measured", "grey", "true_yaw_rate_rad_s", wanted=measured)
+    surge = beside("measured_accel_surge_m_s2", "measured", "grey", "true_accel_surge_m_s2", wanted=measured)
+    wheels: list[Line] = [("left_wheel_rad_s", "left", "blue"), ("right_wheel_rad_s", "right", "orange")]
+    panels = [
+        _panel(flight, "surge speed", "m/s", speed),
+        _panel(flight, "yaw rate", "rad/s", gyro),
+        _panel(flight, "surge acceleration", "m/s^2", surge),
+        _panel(flight, "wheel speed", "rad/s", wheels),
+    ]
+    return _figure(flight, "speeds and accelerations over time", panels)
+
+
+def electrical(flight: Flight) -> Markup:
+    """Draws the voltages and currents of the motors."""
+    panels = [
+        _panel(
+            flight, "motor voltage", "V", [("left_voltage_v", "left", "blue"), ("right_voltage_v", "right", "orange")]
+        ),
+        _panel(
+            flight, "motor current", "A", [("left_current_a", "left", "blue"), ("right_current_a", "right", "orange")]
+        ),
+    ]
+    return _figure(flight, "motor voltages and currents over time", panels)
+
+
+def inside(flight: Flight) -> Markup:
+    """Draws the phase, demand and estimate, the parts of the PIDs, the cross-track error and the estimate's error."""
+    count, log = samples(flight), flight.log
+    error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])[:count]
+    demand: list[Line] = [("demand_speed_m_s", "demand", "green"), ("estimate_speed_m_s", "estimate", "orange")]
+    efforts: list[Line] = [
+        ("speed_p_v", "speed P", "blue"),
+        ("speed_i_v", "speed I", "orange"),
+        ("yaw_p_v", "yaw P", "green"),
+        ("yaw_d_v", "yaw D", "purple"),
+    ]
+    panels = [
+        Panel("phase of guidance", "", [Curve("phase", log["phase"][:count], "purple", shape="step")], rows=PHASES),
+        _panel(flight, "speed", "m/s", demand),
+        _panel(flight, "line of sight minus heading", "°", [("heading_error_rad", "heading", "purple")], _DEGREES),
+        _panel(flight, "efforts of the PIDs", "V", efforts),
+        _panel(flight, "distance to the right of the leg", "m", [("cross_track_m", "cross-track", "blue")]),
+        Panel("error of the position estimate", "m", [Curve("error", error, "orange")]),
+    ]
+    return _figure(flight, "signals inside the controller over time", panels)
 
 
 def verdict(flight: Flight, figures: dict[str, Any]) -> str:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
+
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
 
 from brickpilot import __version__
+
+_HERE = Path(__file__).parent
+_SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
 
 
 def render(name: str, **content: object) -> str:
@@ -14,7 +21,21 @@ def render(name: str, **content: object) -> str:
         autoescape=select_autoescape(["html", "j2"]),
         undefined=StrictUndefined,
     )
-    return environment.get_template(f"{name}.html.j2").render(version=__version__, **content)
+    return environment.get_template(f"{name}.html.j2").render(version=__version__, page=_inlined(), **content)
+
+
+@cache
+def _inlined() -> dict[str, Markup]:
+    """Returns what every page holds, so that it needs no other file: the plot library, its licence and the scripts."""
+    library = _HERE / "uplot"
+    texts = {
+        "library": library / "uPlot.iife.min.js",
+        "library_style": library / "uPlot.min.css",
+        "licence": library / "LICENSE",
+        "style": _HERE / "templates" / "page.css",
+    }
+    found = {name: Markup(file.read_text(encoding="utf-8").strip()) for name, file in texts.items()}
+    return found | {"scripts": Markup("\n").join(Markup((_HERE / one).read_text(encoding="utf-8")) for one in _SCRIPTS)}
 
 
 def render_plain(template: str, **content: object) -> str:

@@ -1,0 +1,196 @@
+"""The pages that the commands write, in headless Chromium."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from brickpilot.data import dataset
+from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.compare import compare
+from brickpilot.report import run_page
+from brickpilot.report.calibrate_page import calibrate_page
+from brickpilot.report.compare_page import compare_page
+from brickpilot.report.discover_page import page
+from brickpilot.vehicle import flight, flight_figures, scenario
+from brickpilot.vehicle.model import rcx
+from findings import COMMAND, VERDICTS, all_verdicts
+from matplotlib.image import imread
+from pages import HOSTILE
+from synthetic import robot, write
+
+STATED = "".join(
+    f"{name} = {robot().parameters[name]}\n"
+    for name in ("rolling_friction", "half_track", "wheel_radius", "wheel_inertia", "resistance", "viscous_friction")
+)
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PROBE = """<script>
+document.querySelectorAll("details").forEach(one => { one.open = true; });
+holders.forEach(draw);
+const stops = [...document.querySelectorAll("a, summary, button, input, select, [tabindex]")];
+const reached = stops.filter(one => {
+  one.focus();
+  return document.activeElement === one && getComputedStyle(one).outlineStyle !== "none";
+});
+const found = {
+  inner: innerWidth, scrolled: root.scrollWidth, focused: document.hasFocus(),
+  stops: stops.length, reached: reached.length,
+  figures: holders.length, empty: [...holders].filter(one => !one.querySelector("canvas")).length,
+  loaded: performance.getEntriesByType("resource").length,
+};
+document.title = JSON.stringify(found);
+parent.postMessage(JSON.stringify(found), "*");
+</script>"""
+USE = """<script>
+holders.forEach(draw);
+setTimeout(() => {
+  const plots = drawn.filter(one => one.chart.mode === 1).map(one => one.chart);
+  const ranges = () => plots.map(u => [u.scales.x.min, u.scales.x.max].map(one => +one.toFixed(2)));
+  const found = { before: ranges() };
+  const over = plots[0].over, box = over.getBoundingClientRect();
+  const mouse = (kind, share) => over.dispatchEvent(new MouseEvent(kind, {
+    clientX: box.left + share * box.width, clientY: box.top + 40, movementX: 1, bubbles: true, button: 0,
+  }));
+  mouse("mouseenter", 0.25); mouse("mousemove", 0.25); mouse("mousedown", 0.25); mouse("mousemove", 0.5);
+  document.dispatchEvent(new MouseEvent("mouseup", { clientX: box.left + 0.5 * box.width, clientY: box.top + 40 }));
+  setTimeout(() => {
+    found.zoomed = ranges();
+    const name = plots[1].root.querySelector(".u-series:has(.u-marker[style]) th");
+    name.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
+    found.shown = plots[1].series.slice(1).map(one => one.show);
+    const slider = document.querySelector(".player input");
+    slider.value = found.zoomed[0][0] + 1.5;
+    slider.dispatchEvent(new Event("input"));
+    found.cursors = plots.map(u => +u.data[0][u.cursor.idx].toFixed(2));
+    found.clock = document.querySelector(".player output").textContent;
+    let moment = 0; // without a screen no frame comes by itself
+    window.requestAnimationFrame = paint => setTimeout(() => paint(moment += 20), 20);
+    document.querySelector(".player button").click();
+    setTimeout(() => {
+      found.later = document.querySelector(".player output").textContent;
+      found.button = document.querySelector(".player button").textContent;
+      dispatchEvent(new Event("beforeprint"));
+      found.paper = [root.className, palette.page, ...drawn.map(one => one.chart.width)];
+      dispatchEvent(new Event("afterprint"));
+      document.title = JSON.stringify(found);
+    }, 300);
+  }, 100);
+}, 100);
+</script>"""
+NARROW = """<!doctype html><title>nothing</title><script>onmessage = event => { document.title = event.data; };</script>
+<iframe src="inner.html" style="border: 0; width: 400px; height: 900px"></iframe>"""
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Returns name -> page, for each kind of page; a data set and its runs have a script's tag as their name."""
+    folder = tmp_path_factory.mktemp("pages")
+    found = {kind: page(one, COMMAND) for kind, one in all_verdicts(folder / "set").items()}
+    manoeuvres = {HOSTILE: (6.0, 6.0), "spin": (5.0, -5.0), "curve": (6.0, 2.0)}
+    data = dataset.read(write(folder / "hostile", robot(), {"yaw_rate": 0.02}, STATED, manoeuvres=manoeuvres))
+    data = dataclasses.replace(data, name=f"</script>{HOSTILE}")
+    found["compare"] = compare_page(compare(data, robot()))
+    found["calibrate"] = calibrate_page(calibrate(data))
+    mission = scenario.load(scenario.packaged()["mission"])
+    flown = flight.fly(flight.plan(dataclasses.replace(mission, title=HOSTILE), rcx(), sensors="imu+encoders"))
+    found["run"] = run_page.page(flown, flight_figures.summary(flown), COMMAND)
+    return found
+
+
+def browse(folder: Path, html: str, *flags: str, scheme: str = "") -> tuple[str, str]:
+    """Opens the page in headless Chromium without network; returns its standard output and error."""
+    if BROWSER is None:
+        pytest.skip("no chromium or google-chrome is installed: the page was not tested in a browser")
+    (folder / "page.html").write_text(html, encoding="utf-8")
+    command = [
+        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+        "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={folder / 'profile'}", "--hide-scrollbars",
+        "--enable-logging=stderr", *([f"--blink-settings=preferredColorScheme={scheme}"] if scheme else []), *flags,
+        (folder / "page.html").as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=True)
+    return done.stdout, done.stderr
+
+
+def probed(dom: str) -> dict[str, Any]:
+    return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
+
+
+KINDS = (*VERDICTS, "compare", "calibrate", "run")
+
+
+@pytest.mark.parametrize("kind", ["named", "run"])
+def test_the_keyboard_reaches_everything(pages, tmp_path, kind):
+    html = pages[kind].replace("</body>", f"{PROBE}</body>")
+    for _ in range(8):  # on a busy machine the window may get its focus too late
+        dom, _ = browse(tmp_path, html, "--window-size=1000,900", "--dump-dom")
+        found = probed(dom)
+        if found["focused"]:
+            break
+    assert found["scrolled"] <= found["inner"] == 1000
+    assert found["reached"] == found["stops"] > 20
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_page_fits_a_narrow_screen_draws_all_figures_and_loads_nothing(pages, tmp_path, kind):
+    html = pages[kind].replace("</body>", f"{PROBE}</body>")
+    (tmp_path / "inner.html").write_text(html, encoding="utf-8")
+    dom, log = browse(tmp_path, NARROW, "--virtual-time-budget=10000", "--dump-dom")
+    found = probed(dom)
+    assert found["scrolled"] <= found["inner"] == 400
+    assert found["figures"] > 2
+    assert (found["empty"], found["loaded"]) == (0, 0)
+    assert "CONSOLE" not in log
+
+
+def test_figures_of_a_run_zoom_together_and_the_track_is_played(pages, tmp_path):
+    html = pages["run"].replace("</body>", f"{USE}</body>")
+    dom, log = browse(tmp_path, html, "--virtual-time-budget=20000", "--dump-dom", scheme="0")
+    found = probed(dom)
+    assert len(found["before"]) == 12
+    end = found["before"][0][1]
+    assert found["before"] == [[0.0, end]] * 12
+    low, high = found["zoomed"][0]
+    assert (low, high) == pytest.approx((0.25 * end, 0.5 * end), rel=0.02)
+    assert found["zoomed"] == [[low, high]] * 12
+    assert found["shown"].count(False) == 1
+    assert found["cursors"] == pytest.approx([low + 1.5] * 12, abs=0.1)
+    assert float(found["clock"].removesuffix(" s")) == pytest.approx(low + 1.5, abs=0.02)
+    assert float(found["later"].removesuffix(" s")) > low + 1.6
+    assert found["button"] == "Pause"
+    assert found["paper"] == ["paper", "#ffffff", *[690] * 13]
+    assert "CONSOLE" not in log
+
+
+def test_light_and_dark_mode_are_both_drawn(pages, tmp_path):
+    shots = {}
+    for name, scheme in (("dark", "0"), ("light", "1")):
+        shot = tmp_path / f"{name}.png"
+        html = pages["ambiguous"]
+        browse(tmp_path, html, "--window-size=1000,1600", f"--screenshot={shot}", scheme=scheme)
+        shots[name] = imread(shot)[..., :3]
+    assert shots["light"].shape == shots["dark"].shape == (1600, 1000, 3)
+    assert np.median(shots["light"]) > 0.9
+    assert np.median(shots["dark"]) < 0.2
+    for shot in shots.values():
+        chart = shot[500:, 100:900]
+        assert np.ptp(chart, axis=(0, 1)).min() > 0.3  # curves, not a blank
+
+
+@pytest.mark.parametrize(("kind", "least", "most"), [("named", 3, 15), ("run", 3, 8)])
+def test_the_page_prints(pages, tmp_path, kind, least, most):
+    _, log = browse(
+        tmp_path, pages[kind], f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer", scheme="0"
+    )
+    pdf = (tmp_path / "page.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF")
+    assert "CONSOLE" not in log
+    assert least <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= most
