@@ -4,7 +4,7 @@
  *   X(name, unit of the coefficient, lowest coefficient as a multiple of the range: 0 or -1, odd, expression)
  *
  * A list stands for a place and a way to act there, which determines the factor of the expression: see ROW_ in
- * composed_term.c. The symbols, in SI units:
+ * composed_rows.h. The symbols, in SI units:
  *   V      voltage at this wheel's motor (0 where it floats); other: voltage at the other motor
  *   i, w, theta   current, speed and angle of this wheel
  *   u, r, psi     surge, yaw rate, heading;   x, y: position;   t: time
@@ -126,6 +126,13 @@
     X(cos_x, "N m", -1, 1, cos(2 * PI * x / wavelength)) \
     X(spring, "N m/rad", 0, 0, -psi) \
     X(sprung, "kg m^2", 0, 0, sprung)
+
+#define COMPOSED_ENCODER_GAIN(X) \
+    X(one, "1", -1, 0, 1) \
+    X(abs_w, "s/rad", -1, 0, fabs(w)) \
+    X(t, "1/s", -1, 0, t) \
+    X(sin_angle, "1", -1, 0, sin(order * theta)) \
+    X(cos_angle, "1", -1, 0, cos(order * theta))
 
 #define COMPOSED_GYRO_ADD(X) \
     X(signed_r2, "s/rad", -1, 0, r * fabs(r)) \

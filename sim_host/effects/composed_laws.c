@@ -113,6 +113,14 @@ double composed_yaw_push(const double *c, const composed_t *given, const compose
     return sum;
 }
 
+double composed_encoder_gain(const double *c, const composed_t *given, const composed_point_t *at)
+{
+    const double w = at->w, theta = at->theta, t = at->t, order = given->order;
+    double sum = 0;
+    COMPOSED_ENCODER_GAIN(ADD)
+    return sum;
+}
+
 double composed_gyro_add(const double *c, const composed_t *given, const composed_point_t *at)
 {
     const double u = at->u, r = at->r, a = at->a, b = at->b, i_left = at->i_left, i_right = at->i_right, t = at->t;

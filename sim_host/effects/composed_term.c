@@ -4,10 +4,11 @@
 #include <stddef.h>
 
 #include "effects/composed_laws.h"
+#include "effects/composed_rows.h"
 
 static const double PI = 3.14159265358979323846;
 
-enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_SENSOR, PLACE_COUNT };
+enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_ENCODER, PLACE_IMU, PLACE_COUNT };
 
 typedef struct {
     double position, speed, push; /* m, m/s, m/s^2; rad for yaw */
@@ -21,7 +22,8 @@ typedef struct {
     double step;     /* s: length of the last body step */
     double dry_surge, dry_yaw;
     sprung_t surge, yaw;
-    double gyro_error, gyro_angle;
+    double wheel_error[2], wheel_angle[2]; /* rad/s, rad: how much more the rotation sensors read */
+    double gyro_error, gyro_angle;         /* rad/s, rad */
 } memory_t;
 
 /* A law at the left wheel (k = 0) or the right one (k = 1). The terms of a difference act on a robot alone. */
@@ -59,8 +61,9 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
     kept->acts[PLACE_DRIVE] = any(value, offsetof(composed_t, drive_gain), offsetof(composed_t, wheel_loss));
     kept->acts[PLACE_LOSS] = any(value, offsetof(composed_t, wheel_loss), offsetof(composed_t, wheel_dry));
     kept->acts[PLACE_WHEEL] = any(value, offsetof(composed_t, wheel_dry), offsetof(composed_t, surge_dry));
-    kept->acts[PLACE_BODY] = any(value, offsetof(composed_t, surge_dry), offsetof(composed_t, gyro_add));
-    kept->acts[PLACE_SENSOR] = any(value, offsetof(composed_t, gyro_add), offsetof(composed_t, frequency));
+    kept->acts[PLACE_BODY] = any(value, offsetof(composed_t, surge_dry), offsetof(composed_t, encoder_gain));
+    kept->acts[PLACE_ENCODER] = any(value, offsetof(composed_t, encoder_gain), offsetof(composed_t, gyro_add));
+    kept->acts[PLACE_IMU] = any(value, offsetof(composed_t, gyro_add), offsetof(composed_t, frequency));
     kept->start_age = vehicle->state.age;
     kept->speed[0] = vehicle->state.wheel_speed[0];
     kept->speed[1] = vehicle->state.wheel_speed[1];
@@ -212,12 +215,29 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
     vehicle->moment_yaw += composed_yaw_push(given->yaw_push, given, &at);
 }
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+/* An error in a speed sums up in the angle from the run's start on. */
+static void misread_wheels(const composed_t *given, memory_t *kept, vehicle_t *vehicle)
 {
-    const composed_t *given = (const composed_t *)value;
-    memory_t *kept = (memory_t *)memory;
-    if (kept->acts[PLACE_SENSOR] == 0 || vehicle->vehicle == BP_MOTOR)
-        return;
+    const bp_state *state = &vehicle->state;
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    for (int k = 0; k < 2; k++) {
+        const composed_point_t at = {.w = state->wheel_speed[k],
+                                     .theta = state->wheel_angle[k],
+                                     .t = clock_time(given, kept, state->age - kept->start_age)};
+        const double gain =
+            sided(composed_encoder_gain, given->encoder_gain, given->encoder_gain_diff, given, &at, vehicle, k);
+        const double error = gain * state->wheel_speed[k];
+        kept->wheel_angle[k] += 0.5 * vehicle->step * (kept->wheel_error[k] + error);
+        kept->wheel_error[k] = error;
+        vehicle->output[OUTPUT_WHEEL_SPEED_LEFT + k] += error;
+        vehicle->output[OUTPUT_WHEEL_ANGLE_LEFT + k] += kept->wheel_angle[k];
+        vehicle->output[OUTPUT_WHEEL_TRAVEL_LEFT + k] += radius * kept->wheel_angle[k];
+        vehicle->output[OUTPUT_WHEEL_VELOCITY_LEFT + k] += radius * error;
+    }
+}
+
+static void misread_motion(const composed_t *given, memory_t *kept, vehicle_t *vehicle)
+{
     const bp_state *state = &vehicle->state;
     double *output = vehicle->output;
     const composed_point_t at = {.u = state->surge,
@@ -236,58 +256,18 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
     output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
 }
 
-/* The rows of the coefficients. A meaning reads TARGET += FACTORS [expression] FACTORS: the tools that compose terms
- * parse it. */
-#define ROW(row_name, row_unit, law, lowest, highest, is_odd)                                                          \
-    {.name = row_name,                                                                                                 \
-     .role = BP_ROLE_SIZE,                                                                                             \
-     .unit = row_unit,                                                                                                 \
-     .meaning = law,                                                                                                   \
-     .minimum = lowest,                                                                                                \
-     .maximum = highest,                                                                                               \
-     .odd = is_odd},
-#define ROW_DRIVE_GAIN(name, unit, low, odd, expression)                                                               \
-    ROW("drive_gain_" #name, unit, "V += c * [" #expression "] * V", low * 100.0, 100, odd)
-#define ROW_DRIVE_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
-    ROW("drive_gain_diff_" #name, unit, "V += side * c * [" #expression "] * V", low * 100.0, 100, 1)
-#define ROW_DRIVE_ADD(name, unit, low, odd, expression)                                                                \
-    ROW("drive_add_" #name, unit, "V += c * [" #expression "]", low * 100.0, 100, odd)
-#define ROW_DRIVE_ADD_DIFF(name, unit, low, odd, expression)                                                           \
-    ROW("drive_add_diff_" #name, unit, "V += side * c * [" #expression "]", low * 100.0, 100, 1)
-#define ROW_WHEEL_LOSS(name, unit, low, odd, expression)                                                               \
-    ROW("wheel_loss_" #name, unit, "T += -c * [" #expression "] * w", low * 1000.0, 1000, odd)
-#define ROW_WHEEL_LOSS_DIFF(name, unit, low, odd, expression)                                                          \
-    ROW("wheel_loss_diff_" #name, unit, "T += -side * c * [" #expression "] * w", low * 1000.0, 1000, 1)
-#define ROW_WHEEL_DRY(name, unit, low, odd, expression)                                                                \
-    ROW("wheel_dry_" #name, unit, "T += -c * [" #expression "] * sign(w)", low * 1000.0, 1000, odd)
-#define ROW_WHEEL_DRY_DIFF(name, unit, low, odd, expression)                                                           \
-    ROW("wheel_dry_diff_" #name, unit, "T += -side * c * [" #expression "] * sign(w)", low * 1000.0, 1000, 1)
-#define ROW_WHEEL_GAIN(name, unit, low, odd, expression)                                                               \
-    ROW("wheel_gain_" #name, unit, "T += c * [" #expression "] * K_t * i", low * 100.0, 100, odd)
-#define ROW_WHEEL_GAIN_DIFF(name, unit, low, odd, expression)                                                          \
-    ROW("wheel_gain_diff_" #name, unit, "T += side * c * [" #expression "] * K_t * i", low * 100.0, 100, 1)
-#define ROW_WHEEL_PUSH(name, unit, low, odd, expression)                                                               \
-    ROW("wheel_push_" #name, unit, "T += c * [" #expression "]", low * 1000.0, 1000, odd)
-#define ROW_WHEEL_PUSH_DIFF(name, unit, low, odd, expression)                                                          \
-    ROW("wheel_push_diff_" #name, unit, "T += side * c * [" #expression "]", -1000, 1000, 1)
-#define ROW_SURGE_DRY(name, unit, low, odd, expression)                                                                \
-    ROW("surge_dry_" #name, unit, "X += -c * [" #expression "] * sign(u)", low * 1e5, 1e5, odd)
-#define ROW_SURGE_LOSS(name, unit, low, odd, expression)                                                               \
-    ROW("surge_loss_" #name, unit, "X += -c * [" #expression "] * u", low * 1e5, 1e5, odd)
-#define ROW_SURGE_PUSH(name, unit, low, odd, expression)                                                               \
-    ROW("surge_push_" #name, unit, "X += c * [" #expression "]", low * 1e5, 1e5, odd)
-#define ROW_YAW_DRY(name, unit, low, odd, expression)                                                                  \
-    ROW("yaw_dry_" #name, unit, "N += -c * [" #expression "] * sign(r)", low * 1e4, 1e4, odd)
-#define ROW_YAW_LOSS(name, unit, low, odd, expression)                                                                 \
-    ROW("yaw_loss_" #name, unit, "N += -c * [" #expression "] * r", low * 1e4, 1e4, odd)
-#define ROW_YAW_PUSH(name, unit, low, odd, expression)                                                                 \
-    ROW("yaw_push_" #name, unit, "N += c * [" #expression "]", low * 1e4, 1e4, odd)
-#define ROW_GYRO_ADD(name, unit, low, odd, expression)                                                                 \
-    ROW("gyro_add_" #name, unit, "yaw_rate += c * [" #expression "]", low * 100.0, 100, odd)
-#define ROW_ACCEL_SURGE_ADD(name, unit, low, odd, expression)                                                          \
-    ROW("accel_surge_add_" #name, unit, "accel_surge += c * [" #expression "]", low * 1000.0, 1000, odd)
-#define ROW_ACCEL_SWAY_ADD(name, unit, low, odd, expression)                                                           \
-    ROW("accel_sway_add_" #name, unit, "accel_sway += c * [" #expression "]", low * 1000.0, 1000, odd)
+/* The terms of sensors act on a robot alone. */
+static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    if (kept->acts[PLACE_ENCODER] != 0)
+        misread_wheels(given, kept, vehicle);
+    if (kept->acts[PLACE_IMU] != 0)
+        misread_motion(given, kept, vehicle);
+}
 
 /* clang-format off */
 static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
@@ -299,6 +279,7 @@ static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
     COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH) COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH_DIFF)
     COMPOSED_SURGE_DRY(ROW_SURGE_DRY) COMPOSED_SURGE_LOSS(ROW_SURGE_LOSS) COMPOSED_SURGE_PUSH(ROW_SURGE_PUSH)
     COMPOSED_YAW_DRY(ROW_YAW_DRY) COMPOSED_YAW_LOSS(ROW_YAW_LOSS) COMPOSED_YAW_PUSH(ROW_YAW_PUSH)
+    COMPOSED_ENCODER_GAIN(ROW_ENCODER_GAIN) COMPOSED_ENCODER_GAIN(ROW_ENCODER_GAIN_DIFF)
     COMPOSED_GYRO_ADD(ROW_GYRO_ADD)
     COMPOSED_ACCEL_SURGE_ADD(ROW_ACCEL_SURGE_ADD) COMPOSED_ACCEL_SWAY_ADD(ROW_ACCEL_SWAY_ADD)
     {.name = "frequency", .role = BP_ROLE_SHAPE, .unit = "Hz", .minimum = 1e-3, .maximum = 1000, .preset = 1,
@@ -328,7 +309,8 @@ const effect_t effect_composed_term = {
                          "motor, the torque T of each wheel, the force X ahead, the moment N, or a sensor's reading; "
                          "side is 1 left and -1 right. A factor of V, or of K_t i, is at most 1 in size. A term "
                          "against sign(w), sign(u) or sign(r) is dry friction, which holds at rest and never pushes. "
-                         "A factor of w, u or r takes away at most the linear losses",
+                         "A loss, a factor of w, u or r in T, X or N, takes away at most the linear losses. On a motor "
+                         "act only the terms of V, T and X without a side",
              .source = "sparse regression of dynamics: Brunton, Proctor & Kutz 2016, PNAS 113(15); of a discrepancy: "
                        "Kaheman, Kaiser, Strom, Kutz & Brunton 2019",
              .parameter_count = COMPOSED_COUNT,

@@ -11,7 +11,7 @@
 enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1 }; /* vehicle */
 enum { BP_COUPLED = 0, BP_PAPER = 1 };    /* profile */
 enum { BP_E_NAME = -1, BP_E_RANGE = -2, BP_E_MEMORY = -3, BP_E_TIME = -4, BP_E_DIVERGED = -5 };
-enum { BP_MAX_PARAMETERS = 160 }; /* of one effect */
+enum { BP_MAX_PARAMETERS = 192 }; /* of one effect */
 
 typedef struct bp_model bp_model;
 

@@ -247,7 +247,9 @@ def test_cubes_of_voltage_and_wheel_speed_are_terms(name: str, power: str) -> No
 def test_the_basis_is_the_plants_table() -> None:
     coefficients = {info.name for info in parameters() if "[" in info.meaning}
     assert set(BASIS) == coefficients
-    assert {one.place for one in basis()} == {*("drive", "wheel", "surge", "yaw", "gyro", "accel_surge", "accel_sway")}
+    assert {one.place for one in basis()} == {
+        *("drive", "wheel", "surge", "yaw", "encoder", "gyro", "accel_surge", "accel_sway")
+    }
     assert all(one.sided == ("_diff_" in one.name) for one in basis())
     assert BASIS["surge_push_sprung"].tuned == ("frequency", "damping")
     assert BASIS["wheel_dry_diff_sin_angle"].tuned == ("order",)
@@ -349,8 +351,13 @@ COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
             "accel_surge_add_b": 0.05,
             "accel_sway_add_a": -0.1,
             "accel_sway_add_sin_time": 0.1,
+            "encoder_gain_one": 0.01,
+            "encoder_gain_t": 0.002,
+            "encoder_gain_sin_angle": 0.02,
+            "encoder_gain_diff_abs_w": 0.001,
+            "encoder_gain_diff_cos_angle": 0.03,
         },
-        {"frequency": 1.1, "clock": 1.0},
+        {"frequency": 1.1, "order": 3.0, "clock": 1.0},
     ),
     "of_a_motor": (
         "motor",
@@ -379,6 +386,7 @@ def source(name: str) -> str:
         ({"surge_loss_u2": 1.0}, "No Name", "diff_drive"),
         ({"yaw_push_u2": 1.0}, "turning", "motor"),
         ({"wheel_dry_diff_v": 1.0}, "sided", "motor"),
+        ({"encoder_gain_one": 1.0}, "sensor", "motor"),
         ({"surge_push_patch": 1.0}, "strip", "diff_drive"),
     ],
 )

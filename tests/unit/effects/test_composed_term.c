@@ -93,6 +93,10 @@ static void test_every_term_has_its_mirror_image(void)
             TEST_ASSERT_DOUBLE_WITHIN_MESSAGE(1e-9, row[0][EVEN[i]], row[1][EVEN[i]], parameter->name);
         for (size_t i = 0; i < sizeof ODD / sizeof ODD[0] && is_coefficient(parameter); i++)
             TEST_ASSERT_DOUBLE_WITHIN_MESSAGE(1e-9, row[0][ODD[i]], -row[1][ODD[i]], parameter->name);
+        for (int i = OUTPUT_WHEEL_SPEED_LEFT; i <= OUTPUT_WHEEL_VELOCITY_RIGHT && is_coefficient(parameter); i += 2) {
+            TEST_ASSERT_DOUBLE_WITHIN_MESSAGE(1e-9, row[0][i], row[1][i + 1], parameter->name);
+            TEST_ASSERT_DOUBLE_WITHIN_MESSAGE(1e-9, row[0][i + 1], row[1][i], parameter->name);
+        }
     }
 }
 
@@ -345,6 +349,7 @@ static void test_a_motor_feels_its_drive_its_wheel_and_its_load(void)
     term("wheel_dry_diff_constant", 10);
     term("yaw_push_constant", 10);
     term("gyro_add_u", 10);
+    term("encoder_gain_one", 10);
     start(NULL);
     go(2, 0, 0.9);
     TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.9, state()->wheel_speed[0]);

@@ -34,7 +34,14 @@ Settings = tuple[tuple[str, float], ...]
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # tried for a sprung mass, beside the peaks of the spectrum
 _NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
 _STRIP = ("patch_x", "patch_half_width")
-_SENSOR_SIGNALS = {"gyro": {"yaw_rate", "yaw_angle"}, "accel_surge": {"accel_surge"}, "accel_sway": {"accel_sway"}}
+_SENSOR_SIGNALS = {
+    "encoder": {
+        f"wheel_{kind}_{side}" for kind in ("speed", "angle", "travel", "velocity") for side in ("left", "right")
+    },
+    "gyro": {"yaw_rate", "yaw_angle"},
+    "accel_surge": {"accel_surge"},
+    "accel_sway": {"accel_sway"},
+}
 
 
 @dataclass(frozen=True)

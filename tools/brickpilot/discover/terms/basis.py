@@ -23,6 +23,7 @@ PLACES = {
     "wheel": "wheel torque",
     "surge": "surge force",
     "yaw": "yaw moment",
+    "encoder": "rotation sensors' output",
     "gyro": "gyro output",
     "accel_surge": "surge accelerometer output",
     "accel_sway": "sway accelerometer output",

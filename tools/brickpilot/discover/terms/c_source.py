@@ -50,6 +50,8 @@ _SENSOR = {
     "b": "vehicle->output[OUTPUT_ACCEL_SWAY]",
     "i_left": "vehicle->state.current[0]",
     "i_right": "vehicle->state.current[1]",
+    "w": _SPEED,
+    "theta": "vehicle->state.wheel_angle[k]",
     "t": _AGE + _NOW,
 }
 _HOOKS = {
@@ -57,8 +59,9 @@ _HOOKS = {
     "motor": (("wheel_loss",), _LOSS),
     "wheel": (("wheel_dry", "wheel_gain", "wheel_push"), _WHEEL),
     "body": (("surge_dry", "surge_loss", "surge_push", "yaw_dry", "yaw_loss", "yaw_push"), _BODY),
-    "sensor": (("gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
+    "sensor": (("encoder_gain", "gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
 }
+_KEEPING = frozenset({"wheel_loss", "surge_dry", "yaw_dry", "encoder_gain", "gyro_add"})
 _ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body"}
 _OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
 
@@ -76,6 +79,15 @@ class _Hook:
     locals: Mapping[str, str]
     sums: Mapping[str, str]
     keeps: bool
+
+    @property
+    def common(self) -> dict[str, str]:
+        """The locals that are not those of one wheel, numbered k."""
+        return {symbol: code for symbol, code in self.locals.items() if "[k]" not in code}
+
+    @property
+    def of_a_wheel(self) -> dict[str, str]:
+        return {symbol: code for symbol, code in self.locals.items() if "[k]" in code}
 
 
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
@@ -144,10 +156,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
     while more := _words(sources[word] for word in needed if word in sources) - needed:
         needed |= more
     found = {symbol: code for symbol, code in sources.items() if symbol in needed}
-    keeps = (
-        "kept" in needed or "wheel_loss" in sums or "gyro_add" in sums or bool({"surge_dry", "yaw_dry"} & sums.keys())
-    )
-    return _Hook(found, sums, keeps)
+    return _Hook(found, sums, "kept" in needed or bool(_KEEPING & sums.keys()))
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
@@ -189,6 +198,8 @@ def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
         "yaw[2]": ("sprung_yaw" in used, "rad, rad/s: of the sprung mass"),
         "dry_surge": ("surge_dry" in body, "N"),
         "dry_yaw": ("yaw_dry" in body, "N m"),
+        "wheel_error[2]": ("encoder_gain" in hooks["sensor"].sums, "rad/s, of the rotation sensors"),
+        "wheel_angle[2]": ("encoder_gain" in hooks["sensor"].sums, "rad, of the rotation sensors"),
         "error": ("gyro_add" in hooks["sensor"].sums, "rad/s"),
         "angle": ("gyro_add" in hooks["sensor"].sums, "rad"),
     }
