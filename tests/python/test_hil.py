@@ -126,7 +126,9 @@ def test_hil_writes_the_folder_and_the_keys_of_run(tmp_path: Path) -> None:
     assert figures.keys() >= wanted.keys() | {"link", "late_ticks", "lost_frames", "safe_stops"}
     assert figures["motor_stream_sha256"] == wanted["motor_stream_sha256"]
     assert figures["link"] == "serial:pty"
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["log.csv", "report.html", "summary.json"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "log.csv", "report.html", "summary.json", "ticks.csv"
+    ]  # fmt: skip
     logs = [(tmp_path / folder / "log.csv").read_bytes() for folder in ("out", "runs/s-coupled-ideal")]
     assert logs[0] == logs[1]
 

@@ -101,8 +101,8 @@ def hil(
 
     Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
     `brickpilot run`, bit for bit, to the end of the scenario. A flight in real time ends a second after the mission.
-    The run folder holds log.csv, summary.json and report.html. A mission that was not flown, a fault, a safe stop and
-    a lost link give one line and exit status 1.
+    The run folder holds log.csv, ticks.csv, summary.json and report.html. A mission that was not flown, a fault, a
+    safe stop and a lost link give one line and exit status 1.
     """
     spec = _link_of(spec, target, lockstep)
     if replay_file is not None:
@@ -158,7 +158,7 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     """Flies the mission, writes its run folder, prints its figures, and fails if the mission was not flown."""
     from brickpilot.hil import ends
     from brickpilot.hil.h8_simulator import check_sensors
-    from brickpilot.report import junit, run_folder, run_page
+    from brickpilot.report import junit, link_figures, run_folder, run_page
     from brickpilot.vehicle import flight_checks
 
     settings = settings_of(session.written)
@@ -174,7 +174,9 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
         raise
     figures = _figures(flown, session) | {"realtime_priority": priority}
     failure = figures["failure"] = flight_checks.failure(figures)
-    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command), folder)
+    ticks = flown.ticks.columns()
+    page = run_page.page(flown.flight, figures, command, link_figures.shown(ticks, realtime=not session.lockstep))
+    run_folder.write(flown.flight, figures, page, folder, ticks)
     _write_junit(session, junit.text(plan.scenario.name, flight_checks.checks(figures), command))
     if session.as_json:
         click.echo(json.dumps(figures))

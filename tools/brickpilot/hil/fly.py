@@ -17,6 +17,7 @@ from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.hil.plant_end import PlantEnd, open_plant
+from brickpilot.hil.ticks import Ticks
 from brickpilot.link.links import LinkGoneError
 from brickpilot.link.session import REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
@@ -46,6 +47,7 @@ class HilFlight:
         lost_frames: missing replies, and frames that were damaged or incomplete, at both ends.
         safe_stops: times that either end stopped the motors because the other was silent.
         broke_off: the reason why the flight ended early, or None.
+        ticks: what was recorded of each tick.
     """
 
     flight: flight.Flight
@@ -53,6 +55,7 @@ class HilFlight:
     lost_frames: int
     safe_stops: int
     broke_off: str | None
+    ticks: Ticks
 
 
 def prepare(
@@ -100,13 +103,13 @@ def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
                 _coast(run, end, lost_since + GIVE_UP_STEPS)
                 return
         end.act(*run.motors)
-        run.show()
-        run.step += 1
+        run.end_step()
     _drain(run)
 
 
 def _coast(run: LinkedFlight, end: PlantEnd, until: int) -> None:
     """Simulates the robot with its motors off. The sensors of the present step were read already."""
+    run.count()
     while run.step < min(until, run.plan.steps):
         end.act(0, 0)
         run.step += 1
@@ -122,6 +125,7 @@ def _drain(run: LinkedFlight) -> None:
         while run.telemetry.newest_step < last and (left := until - time.monotonic()) > 0:
             for message in run.link.receive(left):
                 run.take(*message)
+    run.count()
     run.step = last + 1
 
 
@@ -140,6 +144,7 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
         messages = end.messages(run.sent_sequence)
         if run.step >= run.plan.start_step and not run.started and (run.step - run.plan.start_step) % 20 == 0:
             messages.insert(0, run.session.command_message("start"))
+        run.recorder.sent(run.step, run.sent_sequence)
         run.link.send(messages)
         silent = run.step - run.commanded_at > LOST_STEPS
         run.safe_stops += silent and not stopped
@@ -147,10 +152,9 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
         end.act(*((0, 0) if silent else run.motors))
         if run.step - run.commanded_at > GIVE_UP_STEPS:
             run.broke_off = f"no reply, {run.commanded_at * STEP_MS / 1e3:.3f} s into the flight"
-            run.step += 1
+            run.end_step()
             return
-        run.show()
-        run.step += 1
+        run.end_step()
 
 
 def fly(
@@ -220,4 +224,5 @@ def _flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16
         lost_frames=run.lost_frames() + run.session.repeated,
         safe_stops=run.safe_stops + run.heartbeat.get("aborted", 0),
         broke_off=run.broke_off,
+        ticks=run.recorder.ticks(done),
     )

@@ -8,6 +8,7 @@ from brickpilot.hil.ends import Ends
 from brickpilot.hil.faults import FaultyLink, controller_restarts
 from brickpilot.hil.plant_end import PlantEnd
 from brickpilot.hil.telemetry import Telemetry
+from brickpilot.hil.ticks import TickRecorder
 from brickpilot.link.links import Link
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, Session
@@ -50,6 +51,7 @@ class LinkedFlight:
         self.started = False
         self._over_since = 0
         self.broke_off: str | None = None
+        self.recorder = TickRecorder(plan.steps)
         by = book().by_name
         self._motors, self._reply = by["MOTORS"], by["MODE_REPLY"]
         self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults"}
@@ -60,6 +62,7 @@ class LinkedFlight:
             return
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
             left, right, sequence, _, _ = self._motors.unpack(data)
+            self.recorder.replied(sequence)
             if (self.sent_sequence - sequence) & 255 < 128:  # neither from the future nor more than 127 sets old
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
@@ -70,6 +73,7 @@ class LinkedFlight:
 
     def begin_step(self) -> None:
         """Applies the faults that restart the brick, at the beginning of a step."""
+        self.recorder.begin(self.step)
         self.faulty.step = self.step
         if self.plan.scenario.faults and controller_restarts(self.plan.scenario.faults, self.step):
             assert self.restart is not None
@@ -87,9 +91,11 @@ class LinkedFlight:
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
             self.expected = bytes((self.sent_sequence, end.tick_ms))
+            self.recorder.sent(self.step, self.sent_sequence)
             self.link.send(end.messages(self.sent_sequence))
             data = self.session.wait(self._motors.id, self._is_reply, timeout)
             if data is not None:
+                self.recorder.replied(self.sent_sequence)
                 left, right, *_ = self._motors.unpack(data)
                 self.motors = (left, right)
                 return True
@@ -99,7 +105,21 @@ class LinkedFlight:
     def _is_reply(self, data: bytes) -> bool:
         return self._motors.sealed(data) and data[SEQUENCE_AT : SEQUENCE_AT + 2] == self.expected
 
-    def show(self) -> None:
+    def end_step(self) -> None:
+        """Ends a step of the flight and goes on to the next."""
+        self.count()
+        self._show()
+        self.step += 1
+
+    def count(self) -> None:
+        """Records what went wrong until the end of the present step, as far as it is known."""
+        faults = self.faults
+        refused = self.link.damaged + faults.get("bad", 0) + faults.get("stale", 0)
+        lost = self.without_reply + faults.get("incomplete", 0) + faults.get("lost", 0)
+        stops = self.safe_stops + self.heartbeat.get("aborted", 0)
+        self.recorder.count(self.step, self.late + self.heartbeat.get("late_ticks", 0), lost, refused, stops)
+
+    def _show(self) -> None:
         if self.step % 100 == 0:
             mode = ("idle", "run", "arrived", "fault")[self.telemetry.mode]
             text = f"{mode}, waypoint {self.telemetry.waypoint + 1}"

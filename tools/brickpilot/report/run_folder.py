@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brickpilot.errors import InputError
 from brickpilot.vehicle.flight import Flight
+
+Array = NDArray[np.float64]
 
 
 @contextmanager
@@ -49,17 +52,23 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         raise
 
 
-def write_log(flight: Flight, path: Path) -> None:
-    """Writes the log as CSV: a header, then a row for each control step, with nine digits."""
-    columns = flight.log
+def write_log(columns: Mapping[str, Array], path: Path) -> None:
+    """Writes columns as CSV: a header, then a row for each control step, with nine digits."""
     np.savetxt(
         path, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments=""
     )
 
 
-def write(flight: Flight, figures: dict[str, Any], page: str, out: Path) -> None:
-    """Writes `log.csv`, `summary.json` and `report.html` into `out`. Raises InputError as `fresh_folder` does."""
-    with fresh_folder(out, {"log.csv", "summary.json", "report.html"}) as folder:
-        write_log(flight, folder / "log.csv")
+def write(
+    flight: Flight, figures: dict[str, Any], page: str, out: Path, ticks: Mapping[str, Array] | None = None
+) -> None:
+    """Writes `log.csv`, `summary.json` and `report.html` into `out`. Raises InputError as `fresh_folder` does.
+
+    `ticks`: the columns of `ticks.csv`, of a flight over a link.
+    """
+    with fresh_folder(out, {"log.csv", "ticks.csv", "summary.json", "report.html"}) as folder:
+        write_log(flight.log, folder / "log.csv")
+        if ticks is not None:
+            write_log(ticks, folder / "ticks.csv")
         (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n")
         (folder / "report.html").write_text(page, encoding="utf-8")

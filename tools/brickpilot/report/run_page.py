@@ -138,8 +138,14 @@ def rim_speed(flight: Flight) -> float:
     return flight.plan.model.parameters["wheel_radius"] * float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))
 
 
-def page(flight: Flight, figures: dict[str, Any], command: str) -> str:
-    """Returns the page as one self-contained HTML text; `command` is the command line that repeats the flight."""
+def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, Any] | None = None) -> str:
+    """Returns the page as one self-contained HTML text.
+
+    Args:
+        figures: of `summary.json`.
+        command: the command line that repeats the flight.
+        link: of a flight over a link, what `link_figures.shown` returns.
+    """
     mission = flight.plan.scenario.kind == "mission"
     return render(
         "run",
@@ -156,4 +162,5 @@ def page(flight: Flight, figures: dict[str, Any], command: str) -> str:
         effects=flight.plan.model.effects,
         packaged=flight.plan.scenario.packaged,
         command=command,
+        link=link,
     )

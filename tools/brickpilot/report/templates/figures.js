@@ -65,8 +65,13 @@ function axesOf(spec, panel, last, width) {
     up.splits = () => panel.rows.map((_, row) => row);
     up.values = () => panel.rows.map((one) => shortened(one, up.size));
   }
-  if (spec.x.log) across.filter = (u, all) => all.map((one) => (/^[125]/.test(one.toExponential()) ? one : null));
+  if (spec.x.log) across.filter = (u, all) => rounded(all, u.scales.x.max / u.scales.x.min > 12 ? /^[125]/ : /^[12357]/);
+  if (panel.log) up.splits = (u, i, low, high) => [...Array(9).keys()].map((power) => 10 ** power).filter((one) => one <= high);
   return [across, up];
+}
+
+function rounded(all, digit) { // of the ticks of a logarithmic axis those that begin with such a digit
+  return all.map((one) => (digit.test(one.toExponential()) ? one : null));
 }
 
 function shortened(text, pixels) {
@@ -95,7 +100,7 @@ function markOver(u, spec, panel) { // lines through the panel, and intervals
 function horizontalRange(u, low, high, spec) {
   [low, high] = [Math.min(low, ...spec.x.reach), Math.max(high, ...spec.x.reach)];
   const marks = spec.panels[0].curves[0].shape;
-  if (marks === "line" || marks === "step") return low === high ? [low - 0.5, high + 0.5] : [low, high];
+  if (marks === "line" || marks === "step" || spec.link) return low === high ? [low - 0.5, high + 0.5] : [low, high];
   return spec.x.log ? [low / 1.2, high * 1.2] : [low - 0.03 * (high - low || 1), high + 0.03 * (high - low || 1)];
 }
 
