@@ -93,7 +93,24 @@ def test_a_run_starts_from_the_state_its_first_sample_measured(tmp_path):
     start = State(surge=0.3, yaw_rate=0.8, heading=0.4)
     signals = {"wheel_velocity_left": 0.0, "wheel_velocity_right": 0.0, "wheel_travel_left": 0.0, "yaw_angle": 0.0}
     found = compare(dataset.read(write(tmp_path / "set", robot(), signals, "", start=start)), robot())
-    assert all(error.share < 1e-6 for run in found.runs for error in run.signals.values())
+    # A line through the first samples takes the noise out of the start; the speed's curve costs less than 1 % of it.
+    assert all(0 < error.share < 0.005 for run in found.runs for error in run.signals.values())
+
+
+def test_one_wrong_sample_at_the_start_is_no_state(tmp_path):
+    """A robot that starts in motion: a first sample of twice the speed does not move the whole run."""
+
+    def jump(name, table):
+        table["wheel_speed_left"][0] *= 2
+        table["wheel_speed_right"][0] *= 2
+
+    start = State(surge=0.3, wheel_speed=(7.35, 7.35))
+    signals = {"wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
+    known = dict(manoeuvres={"straight": (4.0, 4.0)}, roles=["fit"], start=start, spoil=jump)
+    found = compare(dataset.read(write(tmp_path / "set", robot(), signals, "", **known)), robot())
+    (run,) = found.runs
+    assert abs(run.traces["wheel_speed_left"].simulated[1] - 7.35) < 2.5
+    assert found.headline.of("wheel_speed_left", "fit").fit_percent > 90
 
 
 def test_a_stated_start_is_taken_before_the_measured_one(tmp_path):
@@ -149,7 +166,7 @@ def test_windows_of_a_motor_start_from_its_measured_state(tmp_path):
     found = compare(data)
     assert found.window_s == 1.0
     windowed = found.runs[0].windows["velocity"]
-    assert windowed.seconds == pytest.approx(5.0, abs=0.01)
+    assert windowed.seconds == pytest.approx(6.0, abs=0.01)
     assert 0.02 < windowed.share < 0.3
     right = dataclasses.replace(
         found.model, parameters={**found.model.parameters, "mass": 100.0, "viscous_friction": 250.0}
@@ -229,7 +246,8 @@ def test_a_motor_on_a_wheel_starts_at_its_measured_travel(tmp_path):
     start = State(wheel_speed=(8.0, 0.0), wheel_angle=(50.0, 0.0))
     data = dataset.read(write(tmp_path / "set", truth, {"position": 0.0, "velocity": 0.0}, "", start=start))
     found = compare(data, truth)
-    assert all(run.signals["position"].rms_error < 1e-6 for run in found.runs)
+    assert all(run.signals["position"].rms_error < 5e-4 for run in found.runs)
+    assert all(abs(run.traces["position"].simulated[0] - 1.0) < 1e-12 for run in found.runs)
 
 
 def with_values(data, signal, change):
@@ -289,7 +307,7 @@ def test_windows_that_would_start_at_a_blank_are_left_out(tmp_path):
 
     given = motor(force_per_volt=30.0, mass=100.0, viscous_friction=250.0, wheel_inertia=0.0)
     found = compare(with_values(write_axis(tmp_path / "axis"), "position", blank), given, window_s=1.0)
-    assert found.runs[0].windows["velocity"].seconds == pytest.approx(4 - 0.2, abs=0.01)
+    assert found.runs[0].windows["velocity"].seconds == pytest.approx(5 - 0.2, abs=0.01)
     assert found.runs[0].windows["velocity"].share < 0.02
 
 

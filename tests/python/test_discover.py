@@ -16,11 +16,11 @@ from brickpilot.discover.default_sd import with_default_sds
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.gates import gains_enough, required_gain
 from brickpilot.discover.manoeuvres import manoeuvres
-from brickpilot.discover.start_state import with_averaged_starts, with_rates
 from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.discover.windows import cut_into_windows
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.start_state import with_averaged_starts, with_rates
 from synthetic import motor, robot, write
 from verdict_schema import check
 

@@ -9,7 +9,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.replay import Replay
+from brickpilot.fit.replay import Mark, Replay
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.plant import State
@@ -118,7 +118,9 @@ def test_a_stated_start_is_true_whatever_the_sensors_say(tmp_path):
 
 
 def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
-    (tmp_path / "r.csv").write_text("t,v,w\n" + "".join(f"{k / 100},3,6\n" for k in range(200)), encoding="utf-8")
+    starts = (50, 100, 150)  # the sample after each follows at once
+    times = [(k - 1) / 100 + 1e-6 if k - 1 in starts else k / 100 for k in range(200)]
+    (tmp_path / "r.csv").write_text("t,v,w\n" + "".join(f"{t:.9f},3,6\n" for t in times), encoding="utf-8")
     (tmp_path / "dataset.toml").write_text(
         'name = "m"\nvehicle = "motor"\n[signals]\ntime = { column = "t", unit = "s" }\n'
         'voltage = { column = "v", unit = "V" }\nspeed = { column = "w", unit = "rad/s" }\n'
@@ -128,10 +130,11 @@ def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
     model = dataclasses.replace(
         rcx(), vehicle="motor", parameters=catalogue.presets("motor"), effects={"encoder_scale": {"error": 0.2}}
     )
-    windows = Replay(dataset.read(tmp_path)).windows(model, 0.5)["r"]
-    assert len(windows) >= 3
-    for window in windows:
-        assert window.outputs["speed"][0] == pytest.approx(6.0, rel=1e-9)
+    marks = {"r": [Mark(k, {"speed": 6.0}) for k in starts]}
+    (simulated,) = Replay(dataset.read(tmp_path)).simulate([model], marks=marks)
+    for k in starts:
+        assert simulated["r"]["speed"][k] != pytest.approx(6.0, rel=1e-2)
+        assert simulated["r"]["speed"][k + 1] == pytest.approx(6.0, rel=1e-3)
 
 
 def test_imu_effects_leave_a_motor_alone_and_encoder_and_delay_do_not():

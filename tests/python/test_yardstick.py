@@ -11,7 +11,7 @@ from brickpilot.data import dataset
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.prepare import prepare
 from brickpilot.discover.yardstick import measure, reference
-from brickpilot.discover.yardstick.horizons import simulate, track
+from brickpilot.fit.horizons import simulate, track
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from synthetic import motor, robot, write
@@ -59,7 +59,10 @@ def test_a_free_run_is_scored_by_its_rms_error_over_the_rms_of_the_signal(fricti
         simulated = np.concatenate([one.outputs["yaw_rate"] for one in free])
         rms = float(np.sqrt(np.mean((measured - simulated) ** 2)))
         # Each run starts from its first readings, so that it differs a little from one that starts at rest.
-        assert scored.before == pytest.approx(100 * (1 - rms / float(np.std(measured))), abs=0.3)
+        size, spread = float(np.sqrt(np.mean(measured**2))), float(np.std(measured))
+        assert scored.before == pytest.approx(100 * (1 - rms / size), abs=0.3)
+        assert scored.numbers_before.r2 == pytest.approx(1 - (rms / spread) ** 2, abs=0.002)
+        assert scored.numbers_before.rms_error == pytest.approx(rms, rel=0.03)
 
 
 def test_the_model_that_holds_the_missing_effect_reaches_the_noise(lacking):
@@ -130,11 +133,14 @@ def test_held_out_runs_teach_nothing(friction, lacking):
         ]
         return dataclasses.replace(data, runs=tuple(runs))
 
-    ready = dataclasses.replace(friction, dataset=doubled(friction.dataset), measured=doubled(friction.measured))
+    given = {"dataset": doubled(friction.dataset), "measured": doubled(friction.measured)}
+    plain = dataclasses.replace(friction.plain, measured=given["measured"], started=given["dataset"])
+    ready = dataclasses.replace(friction, **given, plain=plain)
     other = reference(ready, NOMINAL)
     for signal, one in measure(other, NOMINAL).signals.items():
         before = measure(lacking, NOMINAL).signals[signal]["free_run"]
-        assert dataclasses.astuple(one["free_run"].fit) == pytest.approx(dataclasses.astuple(before.fit), abs=0.02)
+        for name in ("before", "after", "attainable"):
+            assert getattr(one["free_run"].fit, name) == pytest.approx(getattr(before.fit, name), abs=0.02)
         assert one["free_run"].held_out != before.held_out
 
 
@@ -151,7 +157,7 @@ def test_a_window_keeps_the_commands_that_are_on_their_way(tmp_path):
 def test_a_window_starts_from_what_was_measured(tmp_path):
     noiseless = dict.fromkeys(NOISE, 0.0) | {"yaw_angle": 0.0}
     ready = prepared(tmp_path / "set", FRICTION, noiseless)
-    compared = track(ready, NOMINAL)
+    compared = track(ready.measured, ready.dataset, NOMINAL)
     simulated = simulate(compared, [NOMINAL], jobs=1)
     for course in compared.courses[1:]:
         for signal in ("wheel_speed_left", "yaw_angle"):
@@ -213,7 +219,7 @@ def test_two_repeats_tell_what_no_model_can_know(tmp_path):
     record = measure(reference(ready, calibrate(ready).model), truth)
     speeds = np.concatenate([run.outputs["speed"] for run in ready.measured.runs])
     high = ready.measured.runs[1].outputs["speed"]
-    expected = 100 * (1 - 0.04 * float(np.sqrt(np.nanmean(high**2) / 2)) / float(np.nanstd(speeds)))
+    expected = 100 * (1 - 0.04 * float(np.sqrt(np.nanmean(high**2) / 2)) / float(np.sqrt(np.nanmean(speeds**2))))
     assert record.signals["speed"]["free_run"].repeatability == pytest.approx(expected, abs=0.3)
 
 

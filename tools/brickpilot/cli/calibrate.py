@@ -37,7 +37,7 @@ def calibrate(
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import calibrate as calibrate_module
-    from brickpilot.report import calibrate_page, run_folder
+    from brickpilot.report import calibrate_page, headline_text, run_folder
     from brickpilot.vehicle import model
 
     data = dataset_module.read(Path(dataset))
@@ -59,4 +59,6 @@ def calibrate(
         click.echo(f"{name:32}{estimate.value:12.5g} {estimate.unit:12} {span}")
     for group in found.cannot_tell_apart:
         click.echo(f"identifiable only in combination: {', '.join(group)}")
+    for line in headline_text.lines(found.after, found.units):
+        click.echo(line)
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

@@ -28,14 +28,14 @@ from brickpilot.cli.terminal import as_json, progress_shown, seed_option
 def compare(
     dataset: str, model_file: str | None, window_s: float | None, seed: int, out: str | None, as_json: bool
 ) -> None:
-    """Simulates every run of the measured DATASET from its own inputs and shows the error.
+    """Simulates every run of the measured DATASET from its own inputs and shows how much of it the model explains.
 
     Parameters that neither the data set nor MODEL.toml gives are fitted to the fit runs first, and are listed.
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.fit import compare as compare_module
-    from brickpilot.report import compare_page, run_folder
-    from brickpilot.report.quantities import error_percent
+    from brickpilot.report import compare_page, headline_text, run_folder
+    from brickpilot.report.quantities import fit_number
     from brickpilot.vehicle import model
 
     data = dataset_module.read(Path(dataset))
@@ -52,10 +52,14 @@ def compare(
         return
     for note in found.notes:
         click.echo(f"note: {note}")
-    click.echo(f"{'run':24}{'role':10}{'signal':34}{'rms error':>12}{'of signal':>12}")
+    for line in headline_text.lines(found.headline, found.units):
+        click.echo(line)
+    click.echo(f"{'run':25}{'role':10}{'signal':34}{'rms error':>18}{'fit %':>12}")
     for run in found.runs:
-        windows = {f"{name}, {found.window_s:g} s windows": error for name, error in run.windows.items()}
-        for name, error in {**run.signals, **windows}.items():
-            size = "-" if error.rms_error is None else f"{error.rms_error:.4g}"
-            click.echo(f"{run.name:24}{run.role:10}{name:34}{size:>12}{error_percent(error.share):>12}")
+        spans = {name: ("free_run", name) for name in found.headline.signals}
+        spans |= {f"{name}, {found.window_s:g} s windows": (found.horizon, name) for name in run.windows}
+        for label, (horizon, name) in spans.items():
+            one = found.headline.of_run(run.name, name, horizon)
+            cells = (headline_text.plain(headline_text.error_text(one, found.units[name])), fit_number(one.fit_percent))
+            click.echo(f"{run.name:24} {run.role:10}{label:34}{cells[0]:>18}{headline_text.plain(cells[1]):>12}")
     click.echo(f"report: {folder / 'report.html'}")

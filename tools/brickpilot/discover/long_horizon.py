@@ -24,12 +24,12 @@ from brickpilot.discover.effect_source import EffectSource
 from brickpilot.discover.fitting import FittedModel, rated, refine, unfitted
 from brickpilot.discover.prepare import Prepared, part
 from brickpilot.discover.search_round import try_candidates
-from brickpilot.discover.start_state import with_averaged_starts
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.written import Written, confirmed_again, read_back
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.start_state import with_averaged_starts
 from brickpilot.fit.uncertainty import assess
 from brickpilot.vehicle.model import Model
 

@@ -12,19 +12,17 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
-from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Nominal, motor_inputs
 from brickpilot.discover import gates, harmonics
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.default_sd import with_default_sds
 from brickpilot.discover.excitation import Excitation
-from brickpilot.discover.start_state import with_averaged_starts, with_rates
 from brickpilot.discover.windows import cut_into_windows, run_of, wheel_angles
 from brickpilot.errors import InputError
 from brickpilot.fit import parameters
+from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import Replay
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -41,6 +39,8 @@ class Prepared:
     Attributes:
         measured: the data set as read, without channels that contradict the model.
         dataset: `measured` with an sd on every nominal value and with averaged start states.
+        plain: the same runs as `compare` and `calibrate` take them, without what was estimated of them or given by a
+            model: the headline numbers are of these.
         compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
         roles: which runs are fitted and which are held out.
         plan: the nominal parameters that are fitted.
@@ -54,6 +54,7 @@ class Prepared:
 
     measured: Dataset
     dataset: Dataset
+    plain: Comparable
     compared: Dataset
     roles: holdout.Roles
     plan: Plan
@@ -98,14 +99,14 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, dead
             vehicle.
     """
     stated = dataset if model is None else _starting_from(dataset, model)
-    wrong = _contradictions(stated)
+    wrong = contradictions(stated)
     measured = against_model.leave_out(dataset, wrong)
     stated = with_default_sds(against_model.leave_out(stated, wrong))
     inputs = {run.name: motor_inputs(run, stated) for run in stated.runs}
     roles = holdout.assign(stated, inputs, stretches=True)
     if not roles.fit():
         raise InputError("every run is held out: there is none to fit", file=measured.path, field="runs.role")
-    ready = with_averaged_starts(with_rates(stated) if stated.vehicle == "motor" else stated, inputs)
+    ready = started(stated, inputs)
     plan = parameters.plan(ready)
     windows = cut_into_windows(ready, inputs, _MOTOR_WINDOW_S) if ready.vehicle == "motor" else None
     compared = ready if windows is None else windows
@@ -113,6 +114,7 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, dead
     return Prepared(
         measured=measured,
         dataset=ready,
+        plain=_plain(measured, ready, roles, given=model is not None),
         compared=compared,
         roles=roles,
         plan=plan,
@@ -123,6 +125,13 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, dead
         jobs=jobs,
         deadline=deadline,
     )
+
+
+def _plain(measured: Dataset, ready: Dataset, roles: holdout.Roles, *, given: bool) -> Comparable:
+    """Returns the runs for the headline numbers; those of `ready` unless it starts from a given model."""
+    if given:
+        ready = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
+    return Comparable(measured, ready, roles)
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
@@ -166,13 +175,6 @@ def part(compared: Dataset, roles: holdout.Roles, role: str) -> Dataset:
         return compared
     runs = tuple(roles.samples(run, role, run_of(run.name)) for run in compared.runs)
     return dataclasses.replace(compared, runs=runs)
-
-
-def _contradictions(dataset: Dataset) -> tuple[Fault, ...]:
-    """Returns channels that no machine with the stated values can have measured: data faults, not effects."""
-    stated = parameters.plan(dataset)
-    simulated = Replay(dataset).simulate([stated.at(stated.start())])[0]
-    return against_model.contradictions(dataset, simulated)
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.discover.start_state import MOVING_SAMPLES, with_averaged_starts
+from brickpilot.fit.start_state import MOVING_SAMPLES, with_averaged_starts
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import brickpilot
-from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset, Nominal
-from brickpilot.data.ils import signal_error
-from brickpilot.data.signals import SUMMED
+from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.compared import compared_signals, is_compared
+from brickpilot.fit.comparable import Comparable, comparable
+from brickpilot.fit.compared import compared_signals
 from brickpilot.fit.descent import (
     FINE,
     FOLLOWED,
@@ -29,9 +28,11 @@ from brickpilot.fit.descent import (
     search,
     search_sizes,
 )
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
+from brickpilot.fit.horizons import track
 from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan, plan, value_of
-from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.replay import Replay
 from brickpilot.fit.uncertainty import Combination, Estimate, assess
 from brickpilot.vehicle.model import Model
 
@@ -45,9 +46,10 @@ _ROUNDS = 3  # of weighing the signals by their residuals and fitting again
 
 @dataclass(frozen=True)
 class Gap:
-    """rms error over rms signal of one signal of one run, before and after the fit.
+    """The norm of the error over that of the signal, of one signal of one run, before and after the fit.
 
-    None where the signal has no energy. `before` is also None where the plant diverges with the values of the start.
+    It is 1 - `fit_percent` / 100 (see `data.agreement`). None where that has no value; `before` is also None where the
+    plant diverges with the values of the start.
     """
 
     run: str
@@ -79,6 +81,9 @@ class Calibration:
         cannot_tell_apart: groups of parameters of which only combinations are identifiable.
         combinations: those combinations that have a physical meaning.
         scales: how each signal was weighed.
+        before, after: how much of each signal the model explains, with the values of the start and with the fitted
+            ones; `before` is empty where the plant diverges.
+        units: signal -> how the data set states it.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
         traces: what the gaps are of.
         stated: what the data set states of the fitted parameters.
@@ -95,6 +100,9 @@ class Calibration:
     scales: Mapping[str, Scale]
     roles: Mapping[str, str]
     notes: tuple[str, ...]
+    before: Headline
+    after: Headline
+    units: Mapping[str, OwnUnit]
     traces: tuple[FitTrace, ...]
     stated: Mapping[str, Nominal]
     correlation: tuple[tuple[float, ...], ...]
@@ -129,6 +137,7 @@ class Calibration:
             "parameters": parameters,
             "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
             "combinations": [dataclasses.asdict(one) | {"ci95": list(one.ci95)} for one in self.combinations],
+            "headline": {"before": self.before.to_json(), "after": self.after.to_json()},
             "gap": [dataclasses.asdict(gap) for gap in self.gaps],
             "correlation": [list(row) for row in self.correlation],
             "signals": {
@@ -183,19 +192,20 @@ def calibrate(
     >>> fitted.model.parameters["resistance"]               # stated as a plain value, so it stays
     20.0
     """
-    replay = Replay(dataset)
-    roles = holdout.assign(dataset, replay.inputs)
     nominal, chosen = plan(dataset, free=free), plan(dataset, effects=effects, free=free)
-    notes = [roles.note, *chosen.notes, *dataset.notes, *compared_signals(dataset, chosen.model).notes]
+    compared_signals(dataset, chosen.model)  # refuses what is no measurement before anything is made of it
+    ready = comparable(dataset)
+    notes = [ready.roles.note, *chosen.notes, *ready.measured.notes]
+    notes += compared_signals(ready.measured, chosen.model).notes
     if not chosen.free:
         notes.append("Nothing to fit: the data set states every parameter as a plain value.")
-        return _result(replay, chosen.model, chosen.model, {}, {}, roles, notes)
-    if not roles.fit():
+        return _result(ready, chosen.model, chosen.model, {}, {}, notes)
+    if not ready.roles.fit():
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
-    problem = OutputError(replay, chosen, roles.fit(), threads=threads)
+    problem = _problem(ready, chosen, threads)
     notes.extend(problem.notes)
     count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
-    best, starts = _coarse_fit(dataset, (nominal, chosen), roles.fit(), np.random.default_rng(seed), threads, count)
+    best, starts = _coarse_fit(ready, (nominal, chosen), np.random.default_rng(seed), threads, count)
     count("refining")
     problem.rescale(best)
     best = descend(problem, best, FINE)
@@ -204,7 +214,7 @@ def calibrate(
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
-    result = _result(replay, chosen.model, model, known.estimates, problem.scales, roles, notes)
+    result = _result(ready, chosen.model, model, known.estimates, problem.scales, notes)
     return dataclasses.replace(
         result,
         cannot_tell_apart=known.groups,
@@ -215,10 +225,15 @@ def calibrate(
     )
 
 
+def _problem(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> OutputError:
+    """Returns the residual of what is fitted: runs from their estimated starts against the samples as measured."""
+    replay = Replay(ready.started, motor_step=motor_step)
+    return OutputError(replay, fitted, ready.roles.fit(), threads=threads, measured=ready.part("fit"))
+
+
 def _coarse_fit(
-    dataset: Dataset,
+    ready: Comparable,
     plans: tuple[Plan, Plan],
-    runs: Sequence[str],
     random: np.random.Generator,
     threads: int,
     count: Counter,
@@ -228,12 +243,11 @@ def _coarse_fit(
     Returns the best point and the starts that were followed.
     """
     nominal, chosen = plans
-    coarse = Replay(dataset, motor_step=_COARSE_STEP)
-    rough = OutputError(coarse, nominal, runs, threads=threads)
+    rough = _problem(ready, nominal, threads, _COARSE_STEP)
     rough.holds_priors = False
     best, starts = search(rough, random, count)
     if len(chosen.free) > len(nominal.free):
-        rough = OutputError(coarse, chosen, runs, threads=threads)
+        rough = _problem(ready, chosen, threads, _COARSE_STEP)
         rough.holds_priors = False
         best, starts = search_sizes(rough, best, count)
     for number in range(_ROUNDS):
@@ -262,34 +276,31 @@ def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str
 
 
 def _result(
-    replay: Replay,
+    ready: Comparable,
     before: Model,
     after: Model,
     estimates: Mapping[str, Estimate],
     scales: Mapping[str, Scale],
-    roles: holdout.Roles,
     notes: list[str],
 ) -> Calibration:
-    first: Mapping[str, Outputs] = {}
+    compared = track(ready.measured, ready.started, after, AHEAD)
+    fitted = simulated_at(compared, after)
     try:
-        first, last = replay.simulate([before, after])
-    except SimulationError:  # raised again below unless it comes from the start
-        last = replay.simulate([after])[0]
+        unfitted = fitted if before is after else simulated_at(compared, before)
+    except SimulationError:
+        unfitted = {}
+    first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
+    roles = ready.roles.by_run
     gaps, traces = [], []
-    for run in replay.dataset.runs:
-        for signal, measured in run.outputs.items():
-            if is_compared(signal, last[run.name], after):
-                shares = [
-                    signal_error(run.time, one[run.name][signal], measured, relative=signal in SUMMED).share
-                    if one
-                    else None
-                    for one in (first, last)
-                ]
-                gaps.append(Gap(run.name, roles.by_run[run.name], signal, shares[0], shares[1]))
-                unfitted = first[run.name][signal] if first else None
-                traces.append(FitTrace(run.name, signal, run.time, measured, unfitted, last[run.name][signal]))
+    for run in ready.measured.runs:
+        begun, ended = unfitted.get(FREE_RUN, {}).get(run.name), fitted[FREE_RUN][run.name]
+        for signal, measured in compared.measured[run.name].items():
+            shares = (_share(one, run.name, signal) for one in (first, last))
+            gaps.append(Gap(run.name, roles[run.name], signal, *shares))
+            begins = None if begun is None else begun[signal]
+            traces.append(FitTrace(run.name, signal, run.time, measured, begins, ended[signal]))
     return Calibration(
-        dataset=replay.dataset.name,
+        dataset=ready.measured.name,
         model=after,
         parameters=estimates,
         cannot_tell_apart=(),
@@ -297,9 +308,17 @@ def _result(
         gaps=tuple(gaps),
         starts=(),
         scales=scales,
-        roles=dict(roles.by_run),
+        roles=dict(roles),
         notes=tuple(notes),
+        before=first,
+        after=last,
+        units=own_units(ready.measured, compared.signals),
         traces=tuple(traces),
         stated={},
         correlation=(),
     )
+
+
+def _share(numbers: Headline, run: str, signal: str) -> float | None:
+    found = numbers.of_run(run, signal).fit_percent
+    return None if found is None else round(1 - found / 100, 8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,15 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import brickpilot
-from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.data.ils import SignalError, pooled, signal_error
+from brickpilot.data.ils import SignalError, signal_error
+from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import Calibration, calibrate
+from brickpilot.fit.comparable import Comparable, comparable
 from brickpilot.fit.compared import compared_signals, is_compared
-from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
-from brickpilot.fit.replay import Array, Outputs, Replay, Window
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
+from brickpilot.fit.horizons import Course, track
+from brickpilot.fit.rates import MOTOR_RATE_OF
+from brickpilot.fit.replay import Array, Outputs
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -43,7 +47,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The errors of one run.
+    """The errors of one run as integrals over time (eq. 20); the headline numbers stand in `Comparison.headline`.
 
     Attributes:
         signals: by measured signal, over the whole run.
@@ -63,7 +67,9 @@ class Comparison:
     """The result of `compare`.
 
     Attributes:
-        window_s: length of the open-loop windows, s; 0 where none were made.
+        headline: how much of each signal the model explains.
+        units: signal -> how the data set states it.
+        window_s: length of a motor's open-loop windows, s; 0 where none were made.
         notes: sentences on what the program chose (roles, fitted parameters, signals left out) and on faults in the
             data set.
     """
@@ -71,36 +77,40 @@ class Comparison:
     dataset: str
     model: Model
     runs: tuple[RunComparison, ...]
+    headline: Headline
+    units: Mapping[str, OwnUnit]
     window_s: float
     notes: tuple[str, ...]
 
+    @property
+    def horizon(self) -> str:
+        """The name of the horizon of a motor's open-loop windows in `headline`."""
+        return horizon_name(self.window_s)
+
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
-        """Returns rms error over rms signal of all runs of `role` ("fit" or "held_out"); None where there is none."""
-        found = [(run.windows if windows else run.signals) for run in self.runs if run.role == role]
-        return pooled(errors[signal] for errors in found if signal in errors).share
+        """Returns the norm of the error over that of the signal, over all runs of `role` ("fit" or "held_out").
+
+        It is 1 - `fit_percent` / 100; None where that has no value. See `data.agreement`.
+        """
+        found = self.headline.of(signal, role, self.horizon if windows else FREE_RUN).fit_percent
+        return None if found is None else round(1 - found / 100, 8)
 
     def to_frame(self) -> pandas.DataFrame:
-        """Returns a row for each signal of each run: rms of error and signal in SI, and the one over the other.
+        """Returns a row for each signal of each run at each horizon: what the model explains, and its error in SI.
 
-        `window_s` is the length of the open-loop windows, 0 for the whole run.
+        `horizon` is "free_run" for the whole run, or "1_s". `fit_percent` and `r2` are NaN for a signal that is zero.
         """
         import pandas
 
         rows = [
-            {
-                "run": run.name,
-                "role": run.role,
-                "signal": name,
-                "window_s": window_s,
-                "rms_error": error.rms_error,
-                "rms_signal": error.rms_signal,
-                "share": error.share,
-            }
+            {"run": run.name, "role": run.role, "signal": signal, "horizon": horizon, **found.to_json()}
             for run in self.runs
-            for window_s, errors in ((0.0, run.signals), (self.window_s, run.windows))
-            for name, error in errors.items()
+            for horizon in self.headline.horizons
+            for signal in self.headline.signals
+            if (found := self.headline.of_run(run.name, signal, horizon)).samples
         ]
-        return pandas.DataFrame(rows)
+        columns = ["run", "role", "signal", "horizon", "fit_percent", "r2", "rms_error", "rms_signal"]
+        return pandas.DataFrame(rows, columns=columns)
 
     def _repr_html_(self) -> str:
         """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
@@ -111,11 +121,24 @@ class Comparison:
         for run in self.runs:
             entry: dict[str, Any] = {"name": run.name, "role": run.role}
             entry["signals"] = {name: error.to_json() for name, error in run.signals.items()}
+            entry["fit_percent"] = {
+                horizon: {
+                    signal: found.fit_percent
+                    for signal in self.headline.signals
+                    if (found := self.headline.of_run(run.name, signal, horizon)).samples
+                }
+                for horizon in self.headline.horizons
+            }
             if run.windows:
                 errors = {name: error.to_json() for name, error in run.windows.items()}
                 entry["windows"] = {"window_s": self.window_s, "signals": errors}
             runs.append(entry)
-        return {"dataset": self.dataset, "runs": runs, "notes": list(self.notes)}
+        return {
+            "dataset": self.dataset,
+            "headline": self.headline.to_json(),
+            "runs": runs,
+            "notes": list(self.notes),
+        }
 
 
 def compare(
@@ -148,26 +171,46 @@ def compare(
         )
     if window_s:
         _check_window(dataset, window_s)
-    replay = Replay(dataset)
-    roles = holdout.assign(dataset, replay.inputs)
-    notes = [roles.note, *dataset.notes]
-    if model is None:
-        fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress)
-        model = fitted.model
-        notes += _fit_notes(fitted)
-    compared = compared_signals(dataset, model)
+    fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress) if model is None else None
+    model = fitted.model if fitted is not None else model
+    assert model is not None
+    compared_signals(dataset, model)  # refuses what is no measurement before anything is made of it
+    ready = comparable(dataset)
+    notes = [ready.roles.note, *ready.measured.notes, *(_fit_notes(fitted) if fitted is not None else [])]
+    compared = compared_signals(ready.measured, model)
     notes.extend(compared.notes)
     if progress:
         progress(0, 1, "simulating")
-    outputs = replay.simulate([model], threads=threads)[0]
-    length = _window_s(dataset, compared.names, window_s)
-    windows = replay.windows(model, length, threads=threads) if length else {}
-    runs = [
-        _run(run, model, roles.by_run[run.name], outputs[run.name], windows.get(run.name, [])) for run in dataset.runs
-    ]
+    length = _window_s(ready.measured, compared.names, window_s)
+    found = _compared(ready, model, length, threads)
     if progress:
         progress(1, 1, "simulated")
-    return Comparison(dataset.name, model, tuple(runs), length, tuple(dict.fromkeys(notes)))
+    return dataclasses.replace(found, notes=tuple(dict.fromkeys([*notes, *found.notes])))
+
+
+def horizon_name(length_s: float) -> str:
+    """Returns the name of a horizon of so many s, as the headline numbers have it."""
+    return f"{length_s:g}_s"
+
+
+def _compared(ready: Comparable, model: Model, window_s: float, threads: int) -> Comparison:
+    """Simulates the runs at each horizon, and returns the comparison with its notes on horizons."""
+    lengths = {**AHEAD, **({horizon_name(window_s): window_s} if window_s else {})}
+    compared = track(ready.measured, ready.started, model, lengths)
+    simulated = simulated_at(compared, model, threads=threads)
+    windows = [one for one in compared.courses if window_s and one.horizon == horizon_name(window_s)]
+    runs = []
+    for number, run in enumerate(ready.measured.runs):
+        made = _run(run, model, ready.roles.by_run[run.name], simulated[FREE_RUN][run.name])
+        for course in windows if windows and windows[0].horizon in simulated else ():
+            rates = {name: compared.measured[run.name].get(name) for name in MOTOR_RATE_OF.values()}
+            measured = {name: values for name, values in rates.items() if values is not None}
+            made = _with_windows(made, run.time, course, number, measured, simulated[course.horizon][run.name])
+        runs.append(made)
+    numbers = headline_of(compared, simulated, ready.roles)
+    shown = dict.fromkeys([*compared.signals, *(name for run in ready.measured.runs for name in run.outputs)])
+    units = own_units(ready.measured, shown)
+    return Comparison(ready.measured.name, model, tuple(runs), numbers, units, window_s, compared.notes)
 
 
 def _fit_notes(fitted: Calibration) -> list[str]:
@@ -204,24 +247,23 @@ def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> fl
     return WINDOW_S if moves and shortest >= 3 * WINDOW_S >= 3 * _least_window_s(dataset) else 0.0
 
 
-def _run(run: Run, model: Model, role: str, outputs: Outputs, windows: list[Window]) -> RunComparison:
+def _run(run: Run, model: Model, role: str, outputs: Outputs) -> RunComparison:
     errors, traces = {}, {}
     for name, measured in run.outputs.items():
         if is_compared(name, outputs, model):
             errors[name] = signal_error(run.time, outputs[name], measured, relative=name in SUMMED)
             traces[name] = Trace(run.time, outputs[name], measured)
-    in_windows = {}
-    for rate, measured in (measured_rates(run) if windows else {}).items():
-        if rate not in outputs:
-            continue
-        spans = [(w.samples, w.outputs[rate]) for w in windows]
-        in_windows[rate] = pooled(signal_error(run.time[s], simulated, measured[s]) for s, simulated in spans)
-        traces[f"{rate} in windows"] = _joined(run.time, measured, spans)
-    return RunComparison(run.name, role, errors, in_windows, traces)
+    return RunComparison(run.name, role, errors, {}, traces)
 
 
-def _joined(time: Array, measured: Array, spans: list[tuple[slice, Array]]) -> Trace:
-    simulated = np.full_like(time, np.nan)
-    for samples, values in spans:
-        simulated[samples] = values
-    return Trace(time, simulated, measured)
+def _with_windows(
+    found: RunComparison, time: Array, course: Course, number: int, rates: Mapping[str, Array], outputs: Outputs
+) -> RunComparison:
+    """Returns the comparison of the run of this number with the errors of its rates in open-loop windows."""
+    within = course.stretches[number].within
+    errors, traces = {}, {}
+    for rate, measured in rates.items():
+        simulated = np.where(within, outputs[rate], np.nan)
+        errors[rate] = signal_error(time, simulated, measured)
+        traces[f"{rate} in windows"] = Trace(time, simulated, measured)
+    return dataclasses.replace(found, windows=errors, traces={**found.traces, **traces})

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +16,13 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.fit import initial_state
-from brickpilot.fit.rates import measured_rates
 from brickpilot.vehicle import plant
-from brickpilot.vehicle.model import Model, output_names
+from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
 Restarts = Mapping[str, Sequence[tuple[int, State]]]
-
-
-@dataclass(frozen=True)
-class Window:
-    """An open-loop window of a run: its samples, and the simulated signals at them."""
-
-    samples: slice
-    outputs: Outputs
 
 
 @dataclass(frozen=True)
@@ -195,37 +185,6 @@ class Replay:
             inputs=self.inputs,
         )
 
-    def windows(self, model: Model, window_s: float, *, threads: int = 2) -> dict[str, list[Window]]:
-        """Simulates a motor in open-loop windows of `window_s` s, and returns run name -> windows.
-
-        Each window starts from the measured state; its velocity is the derivative of the position where it was not
-        measured. A window that would start at a blank is left out, and so is what remains at the end of a run. Age is
-        the time since the first run began; charge and heat are zero.
-        """
-        given, step = output_names(model), self._motor_step(model)
-        stretches: list[tuple[str, slice]] = []
-        batch: list[tuple[Model, OpenLoopRun]] = []
-        age = 0.0
-        for run in self.dataset.runs:
-            age += run.gap_s
-            rates = {name: values for name, values in measured_rates(run).items() if name in given}
-            for stretch in _stretches(run.time, window_s):
-                here = {name: float(values[stretch.start]) for name, values in run.outputs.items()}
-                here |= {name: float(values[stretch.start]) for name, values in rates.items()}
-                if not all(np.isfinite(here[name]) for name in rates):
-                    continue
-                now = age + float(run.time[stretch.start] - run.time[0])
-                (start,) = initial_state.solve([initial_state.reading(here, model, age=now)])
-                stretches.append((run.name, stretch))
-                batch.append((model, self._open_loop(run, stretch, start, step)))
-            age += float(run.time[-1] - run.time[0])
-        found: dict[str, list[Window]] = {run.name: [] for run in self.dataset.runs}
-        for (name, stretch), one in zip(
-            stretches, plant.simulate(batch, threads=threads) if batch else [], strict=True
-        ):
-            found[name].append(Window(stretch, one.outputs))
-        return found
-
     def _motor_step(self, model: Model) -> float:
         """Returns the upper limit of the motor step, s: that of the replay, or of an effect that is faster."""
         needed = [one.motor_step for one in catalogue.effects_of(model.effects) if one.motor_step > 0]
@@ -243,10 +202,3 @@ class Replay:
 
 def _duration(run: Run) -> float:
     return float(run.time[-1] - run.time[0])
-
-
-def _stretches(time: Array, window_s: float) -> list[slice]:
-    """Cuts a run into windows of `window_s` s. Neighbours share a sample, so that each interval is in one window."""
-    number = np.floor((time - time[0]) / window_s + 1e-9)
-    edges = [0, *(np.flatnonzero(np.diff(number)) + 1)]
-    return [slice(int(a), int(b) + 1) for a, b in pairwise(edges)]

@@ -6,10 +6,10 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.fit.calibrate import Calibration, FitTrace
-from brickpilot.report import discover_plots
+from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
 from brickpilot.report.plot import Curve, points_for, row_chart
-from brickpilot.report.quantities import DASH, ROLES, error_percent, number, signed
+from brickpilot.report.quantities import DASH, ROLES, fit_number, number, signed
 from brickpilot.report.template import render
 
 _DRAWN = 24  # runs with plots, at most
@@ -23,6 +23,10 @@ def calibrate_page(calibration: Calibration) -> str:
         calibration=calibration,
         parameters=_parameters(calibration),
         combinations=_combinations(calibration),
+        sentence=headline_text.sentence(calibration.after),
+        definition=headline_text.DEFINITION,
+        horizons=[headline_text.horizon_text(name) for name in calibration.after.horizons],
+        summary=headline_text.tables(calibration.after, calibration.units),
         gaps=_gaps(calibration),
         scales=_scales(calibration),
         stated=_stated(calibration),
@@ -66,8 +70,8 @@ def _gaps(calibration: Calibration) -> list[dict[str, str]]:
             "run": gap.run,
             "role": ROLES[gap.role],
             "signal": gap.signal,
-            "before": error_percent(gap.before),
-            "after": error_percent(gap.after),
+            "before": fit_number(calibration.before.of_run(gap.run, gap.signal).fit_percent),
+            "after": fit_number(calibration.after.of_run(gap.run, gap.signal).fit_percent),
         }
         for gap in calibration.gaps
     ]

@@ -8,10 +8,10 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.fit.compare import Comparison, RunComparison, Trace
-from brickpilot.report import discover_plots
+from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
 from brickpilot.report.plot import Curve, points_for
-from brickpilot.report.quantities import ROLES, error_percent, number
+from brickpilot.report.quantities import ROLES, fit_number, number
 from brickpilot.report.template import render
 
 _DRAWN = 24  # runs with plots, at most: a page of hundreds is neither read nor quickly made
@@ -38,13 +38,16 @@ def compare_page(comparison: Comparison) -> str:
         "compare",
         title=f"{comparison.dataset}: measured and simulated",
         comparison=comparison,
-        summary=_summary(comparison),
+        sentence=headline_text.sentence(comparison.headline),
+        definition=headline_text.DEFINITION,
+        horizons=[headline_text.horizon_text(name) for name in comparison.headline.horizons],
+        summary=headline_text.tables(comparison.headline, comparison.units),
         undrawn=len(comparison.runs) - len(drawn),
         runs=[
             {
                 "name": run.name,
                 "role": ROLES[run.role],
-                "rows": _rows(run),
+                "rows": _rows(comparison, run),
                 "figures": [superimposed(run.name, name, trace, points) for name, trace in run.traces.items()]
                 if run.name in drawn
                 else [],
@@ -60,30 +63,21 @@ def drawn_runs(runs: Sequence[RunComparison]) -> set[str]:
     return {run.name for run in worst[:_DRAWN]}
 
 
-def _summary(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Returns a row for each signal, whole and in windows: its label, then the error of the runs of each role."""
-    signals = list(dict.fromkeys(name for run in comparison.runs for name in run.signals))
-    windowed = list(dict.fromkeys(name for run in comparison.runs for name in run.windows))
-    labelled = [(name, name, False) for name in signals]
-    labelled += [(f"{name} in {comparison.window_s:g} s windows", name, True) for name in windowed]
-    return [
-        (label, *(error_percent(comparison.share(role, name, windows=windows)) for role in ROLES))
-        for label, name, windows in labelled
-    ]
-
-
-def _rows(run: RunComparison) -> list[dict[str, str]]:
+def _rows(comparison: Comparison, run: RunComparison) -> list[dict[str, str]]:
     """Returns a row for each signal of `run`, then one for each signal in windows."""
-    errors = list(run.signals.items()) + [(f"{name} in windows", error) for name, error in run.windows.items()]
-    return [
-        {
-            "signal": name,
-            "unit": catalogue.outputs().get(name.split(" ")[0], ""),
-            "share": error_percent(error.share),
-            "rms_error": number(error.rms_error),
-            "rms_signal": number(error.rms_signal),
-            "ils": number(error.ils),
-            "ils_normalised": number(error.ils_normalised),
-        }
-        for name, error in errors
-    ]
+    errors = [(name, name, "free_run", error) for name, error in run.signals.items()]
+    errors += [(f"{name} in windows", name, comparison.horizon, error) for name, error in run.windows.items()]
+    rows = []
+    for label, name, horizon, error in errors:
+        found = comparison.headline.of_run(run.name, name, horizon)
+        rows.append(
+            {
+                "signal": label,
+                "unit": catalogue.outputs().get(name, ""),
+                "fit": fit_number(found.fit_percent),
+                "rms_error": headline_text.error_text(found, comparison.units[name]),
+                "ils": number(error.ils),
+                "ils_normalised": number(error.ils_normalised),
+            }
+        )
+    return rows

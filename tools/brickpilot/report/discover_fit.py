@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from brickpilot.data.agreement import mean_fit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit
 from brickpilot.report import discover_plots
-from brickpilot.report.quantities import DASH, percent
-
-HORIZONS = {"free_run": "free run", "1_s": "1 s", "0.2_s": "0.2 s"}
-"""A horizon as pages show it."""
+from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS
+from brickpilot.report.quantities import DASH, fit_number, fit_text, percent
 
 _HEADLINE = "free_run"
 _SPACE = "\N{NO-BREAK SPACE}"
@@ -33,24 +32,25 @@ class Headline:
 
     @property
     def runs(self) -> str:
-        return {"held_out": "the held-out runs", "fit": "the fit runs"}[self.role]
+        return RUNS[self.role]
 
 
 def headline(finding: Finding, role: str | None = None) -> Headline | None:
     """Returns the mean fit of the held-out runs, or of the fit runs if none is held out; None if there is none."""
     for one in ("held_out", "fit") if role is None else (role,):
-        fits = [_of(signals[_HEADLINE], one) for signals in finding.yardstick.signals.values() if _HEADLINE in signals]
-        columns = [[f.before for f in fits], [f.after for f in fits], [f.attainable for f in fits]]
-        means = [_mean(column) for column in columns]
+        fits = {
+            name: _of(signals[_HEADLINE], one)
+            for name, signals in finding.yardstick.signals.items()
+            if _HEADLINE in signals
+        }
+        means = [
+            mean_fit({name: getattr(fit, which) for name, fit in fits.items()})
+            for which in ("before", "after", "attainable")
+        ]
         if None not in means:
             before, after, attainable = (float(mean or 0.0) for mean in means)
             return Headline(one, before, after, attainable)
     return None
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [one for one in values if one is not None]
-    return sum(known) / len(known) if known else None
 
 
 def change(one: Headline) -> str:
@@ -62,25 +62,13 @@ def change(one: Headline) -> str:
     return f"the fit on {one.runs} {verb} from {fit_text(one.before)} to {fit_text(one.after)}, and {least}"
 
 
-def fit_text(value: float | None) -> str:
-    """Returns a fit as text: "93.1 %", "99.62 %" near 100, "< -999 %"; a dash if there is none."""
-    return DASH if value is None else f"{_number(value)}{_SPACE}%"
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return DASH
-    if value < -999:
-        return f"< {_MINUS}999"
-    return f"{value:.2f}" if value >= 99 else f"{value:.1f}".replace("-", _MINUS)
-
-
 def shown(finding: Finding) -> dict[str, Any]:
     """Returns what the page shows of the yardstick."""
     roles = [(one, role) for role in ("held_out", "fit") if (one := headline(finding, role)) is not None]
     return {
+        "fit_definition": DEFINITION,
         "fit_cards": [
-            (one.runs.removeprefix("the "), _number(one.before), _number(one.after), _number(one.attainable))
+            (one.runs.removeprefix("the "), fit_number(one.before), fit_number(one.after), fit_number(one.attainable))
             for one, _ in roles
         ],
         "fit_horizons": [text for name, text in HORIZONS.items() if name in finding.yardstick.predictable],
@@ -132,7 +120,7 @@ def lines(finding: Finding) -> list[str]:
 
 
 def _ascii(value: float | None) -> str:
-    return _number(value).replace(_MINUS, "-").replace(DASH, "-").replace(" ", "")
+    return fit_number(value).replace(_MINUS, "-").replace(DASH, "-").replace(" ", "")
 
 
 def _of(fit: SignalFit, role: str) -> Fit:
@@ -159,7 +147,7 @@ def _table(finding: Finding, role: str) -> list[tuple[str, list[dict[str, str] |
 def _cell(fit: Fit) -> dict[str, str] | None:
     if fit.before is None:
         return None
-    return {"before": _number(fit.before), "after": _number(fit.after), "attainable": _number(fit.attainable)}
+    return {"before": fit_number(fit.before), "after": fit_number(fit.after), "attainable": fit_number(fit.attainable)}
 
 
 def _repeats(finding: Finding) -> str:
@@ -183,7 +171,7 @@ def _chart(finding: Finding) -> Any:
         fit = _of(fits[_HEADLINE], one.role) if _HEADLINE in fits else None
         if fit is not None and fit.before is not None:
             rows.append((_say(signal), fit.before, fit.after, fit.attainable))
-    text = "; ".join(f"{name} {_number(a)} to {_number(b)}, attainable {_number(c)}" for name, a, b, c in rows)
+    text = "; ".join(f"{name} {fit_number(a)} to {fit_number(b)}, attainable {fit_number(c)}" for name, a, b, c in rows)
     title = f"Fit in percent in free runs of {one.runs}: {text}"
     return discover_plots.fits(rows, single=finding.verdict == "none", title=title)
 

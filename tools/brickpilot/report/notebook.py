@@ -10,8 +10,8 @@ from brickpilot.discover.check import Check
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import Calibration
 from brickpilot.fit.compare import Comparison
-from brickpilot.report import check_text, discover_text
-from brickpilot.report.quantities import DASH, error_percent, number
+from brickpilot.report import check_text, discover_text, headline_text
+from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.vehicle.fly import Flown
 
@@ -41,12 +41,13 @@ def _words(result: Dataset | Comparison | Calibration | Check | Finding) -> tupl
     if isinstance(result, Dataset):
         return f"{result.name}: {result.vehicle}, {len(result.runs)} runs", list(result.notes)
     if isinstance(result, Comparison):
-        signals = dict.fromkeys(name for run in result.runs for name in run.signals)
-        return f"{result.dataset}: measured and simulated", [_error(result, name) for name in signals]
+        signals = [_error(result, name) for name in result.headline.signals]
+        return f"{result.dataset}: measured and simulated", [headline_text.sentence(result.headline), *signals]
     if isinstance(result, Calibration):
         groups = [f"Identifiable only in combination: {', '.join(group)}." for group in result.cannot_tell_apart]
         count = len(result.parameters)
-        return f"{result.dataset}: calibration", [f"{count} parameters are fitted, in SI.", *groups]
+        explained = headline_text.sentence(result.after)
+        return f"{result.dataset}: calibration", [f"{count} parameters are fitted, in SI.", explained, *groups]
     if isinstance(result, Check):
         title, *_ = check_text.lines(result)
         return title, [f"Discovery will take about {max(result.discover_s, 1):.0f} s.", *result.notes]
@@ -56,8 +57,10 @@ def _words(result: Dataset | Comparison | Calibration | Check | Finding) -> tupl
 
 
 def _error(comparison: Comparison, signal: str) -> str:
-    shares = {role: error_percent(comparison.share(role, signal)) for role in ("fit", "held_out")}
-    return f"Error of {signal}: {shares['fit']} of the signal on fit runs, {shares['held_out']} on held-out runs."
+    role = comparison.headline.role
+    one = comparison.headline.of(signal, role)
+    error = headline_text.error_text(one, comparison.units[signal])
+    return f"{signal}: {fit_text(one.fit_percent)} on {headline_text.RUNS[role]}, and an error of {error} rms."
 
 
 def _flown(flown: Flown) -> str:

@@ -108,15 +108,20 @@ def percent(share: float) -> str:
     return f"over 99{_SPACE}%" if 0.99 < share < 1 else f"{100 * share:.0f}{_SPACE}%"
 
 
-def error_percent(share: float | None) -> str:
-    """Returns an error as a share of its signal: "16 %", two digits below 10 %; a dash if the signal was zero."""
-    if share is None:
-        return DASH
-    if share >= 10:
-        return f"> 1000{_SPACE}%"
-    return f"{100 * share:.2g}{_SPACE}%" if share < 0.1 else f"{100 * share:.0f}{_SPACE}%"
-
-
 def number(value: float | None) -> str:
     """Returns a number with four digits; a dash if there is none."""
     return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def fit_number(value: float | None) -> str:
+    """Returns a fit in percent without its unit: "93.1", "99.62" near 100, "< -999"; a dash if there is none."""
+    if value is None:
+        return DASH
+    if value < -999:
+        return "< \N{MINUS SIGN}999"
+    return f"{value:.2f}" if value >= 99 else f"{value:.1f}".replace("-", "\N{MINUS SIGN}")
+
+
+def fit_text(value: float | None) -> str:
+    """Returns a fit as text: "93.1 %"; a dash if there is none."""
+    return DASH if value is None else f"{fit_number(value)}{_SPACE}%"

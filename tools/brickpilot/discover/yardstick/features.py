@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from brickpilot.discover.yardstick.horizons import Course, Track
 from brickpilot.discover.yardstick.rows import Rows
+from brickpilot.fit.horizons import Course, Track
 from brickpilot.fit.replay import Outputs, Replay
 
 Array = NDArray[np.float64]

@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from brickpilot.data.agreement import Agreement
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.yardstick import black_box
 from brickpilot.discover.yardstick.black_box import Error, Problem, Summed
 from brickpilot.discover.yardstick.features import features
-from brickpilot.discover.yardstick.horizons import Course, Track, deviation, simulate, track
-from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit, Source, Yardstick, percent, share
+from brickpilot.discover.yardstick.record import Fit, Numbers, Predictable, SignalFit, Source, Yardstick, percent, share
 from brickpilot.discover.yardstick.repeatability import half_difference, repeats
 from brickpilot.discover.yardstick.rows import Rows, rows
+from brickpilot.fit.headline import Headline, headline_of
+from brickpilot.fit.horizons import Course, Track, deviation, simulate, track
 from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
 
@@ -42,6 +44,7 @@ class Left:
         unseen: the same with the error added that the black box predicts without having seen the run.
         shuffled: group -> `unseen` with the group shuffled.
         spread: role -> sum of squares of the measured signal about its mean; absent where the signal hardly moves.
+        size: role -> the same about zero, of all signals.
     """
 
     count: Array
@@ -49,6 +52,7 @@ class Left:
     unseen: Array
     shuffled: Mapping[str, Array]
     spread: Mapping[str, float]
+    size: Mapping[str, float]
     repeatability: float | None
 
 
@@ -59,10 +63,14 @@ class Reference:
     Attributes:
         left: horizon -> signal -> what the nominal model leaves.
         is_fit: (rows,) whether the row is fitted; the others are held out.
+        plain: the runs that the headline numbers are of; `track` unless runs got values of their own.
+        headline: of the nominal model.
     """
 
     prepared: Prepared
     track: Track
+    plain: Track
+    headline: Headline
     rows: Rows
     is_fit: Mask
     left: Mapping[str, Mapping[str, Left]]
@@ -71,7 +79,9 @@ class Reference:
 
 def reference(prepared: Prepared, nominal: Model) -> Reference:
     """Returns how well the calibrated nominal model fits, and how much better a black box does on unseen runs."""
-    compared = track(prepared, nominal)
+    compared, plain = track(prepared.measured, prepared.dataset, nominal), prepared.plain
+    same = plain.measured is prepared.measured and plain.started is prepared.dataset
+    other = compared if same else track(plain.measured, plain.started, nominal)
     thinned = rows(compared)
     is_fit = _is_fit(prepared, compared, thinned)
     simulated = {name: one[0] for name, one in simulate(compared, [nominal], jobs=prepared.jobs).items()}
@@ -86,13 +96,24 @@ def reference(prepared: Prepared, nominal: Model) -> Reference:
     courses = [course for course in compared.courses if course.horizon in simulated]
     with ThreadPoolExecutor(prepared.jobs) as pool:
         left = dict(zip([course.horizon for course in courses], pool.map(left_of, courses), strict=True))
-    return Reference(prepared, compared, thinned, is_fit, left, (*compared.notes, *note))
+    numbers = _headline(prepared, compared, other, nominal, simulated)
+    return Reference(prepared, compared, other, numbers, thinned, is_fit, left, (*compared.notes, *note))
+
+
+def _headline(
+    prepared: Prepared, compared: Track, plain: Track, model: Model, simulated: Mapping[str, Mapping[str, Outputs]]
+) -> Headline:
+    """Returns the headline numbers of a model. `simulated`: what it gives on `compared`."""
+    if plain is not compared:
+        simulated = {name: one[0] for name, one in simulate(plain, [model], jobs=prepared.jobs).items()}
+    return headline_of(plain, simulated, prepared.roles)
 
 
 def measure(before: Reference, augmented: Model) -> Yardstick:
     """Returns the record of `augmented`, which should be the model as read back from its file."""
     compared = before.track
     simulated = {name: one[0] for name, one in simulate(compared, [augmented], jobs=before.prepared.jobs).items()}
+    numbers = _headline(before.prepared, compared, before.plain, augmented, simulated)
     signals: dict[str, dict[str, SignalFit]] = {}
     predictable = {}
     for course in compared.courses:
@@ -103,7 +124,11 @@ def measure(before: Reference, augmented: Model) -> Yardstick:
             for signal in compared.signals
         }
         for signal, left in before.left[course.horizon].items():
-            fits = [_fit(left, after[signal], role, rows) for role, rows in _roles(before)]
+            scores = {
+                role: [one.of(signal, role, course.horizon) for one in (before.headline, numbers)]
+                for role, _ in _roles(before)
+            }
+            fits = [_fit(left, role, here, *scores[role]) for role, here in _roles(before)]
             signals.setdefault(signal, {})[course.horizon] = SignalFit(fits[0], fits[1], left.repeatability)
         predictable[course.horizon] = _predictable(before, before.left[course.horizon], after)
     return Yardstick(signals, predictable, before.notes)
@@ -180,8 +205,10 @@ def _left(
             for role, here in (("fit", is_fit), ("held_out", ~is_fit))
             if (size := _spread(thinned, values, here, sd)) > 0
         }
+        squares = thinned.total(values**2)
+        whole = {role: float(squares[here].sum()) for role, here in (("fit", is_fit), ("held_out", ~is_fit))}
         repeated = _repeatability(compared, course, samples, values)
-        left[signal] = Left(count, before, unseen(found.value), shuffled, spread, repeated)
+        left[signal] = Left(count, before, unseen(found.value), shuffled, spread, whole, repeated)
     return left
 
 
@@ -218,20 +245,22 @@ def _repeatability(compared: Track, course: Course, errors: Array, values: Array
         by_run[one.run.name] = errors[base : base + len(one.run.time)]
         base += len(one.run.time)
     found = [half_difference(one, compared.dataset, by_run) for one in repeats(compared.dataset)]
-    samples, spread = sum(count for _, count in found), float(np.nanstd(values)) if np.isfinite(values).any() else 0.0
-    if samples == 0 or spread == 0:
+    samples, known = sum(count for _, count in found), values[np.isfinite(values)]
+    size = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+    if samples == 0 or size == 0:
         return None
-    return percent(100 * (1 - float(np.sqrt(sum(size for size, _ in found) / samples)) / spread))
+    return percent(100 * (1 - float(np.sqrt(sum(squares for squares, _ in found) / samples)) / size))
 
 
-def _fit(left: Left, after: Array, role: str, here: Mask) -> Fit:
-    spread = left.spread.get(role)
-    if spread is None:
+def _fit(left: Left, role: str, here: Mask, nominal: Agreement, augmented: Agreement) -> Fit:
+    """Returns the headline numbers of one signal, with what a black box reaches on the rows `here`."""
+    before, after = nominal.fit_percent, augmented.fit_percent
+    size = left.size[role]
+    reached = nominal.percent_of(nominal.signal * max(float(left.unseen[here].sum()), 0.0) / size) if size > 0 else None
+    known = [one for one in (before, after, reached) if one is not None]
+    if before is None and after is None:
         return Fit(None, None, None)
-
-    sums = [max(float(one[here].sum()), 0.0) for one in (left.before, after, left.unseen)]
-    found = [percent(100 * (1 - (one / spread) ** 0.5)) for one in sums]
-    return Fit(found[0], found[1], max((one for one in found if one is not None), default=None))
+    return Fit(before, after, max(known), Numbers.of(nominal), Numbers.of(augmented))
 
 
 def _predictable(before: Reference, left: Mapping[str, Left], after: Mapping[str, Array]) -> Predictable:

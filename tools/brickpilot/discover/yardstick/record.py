@@ -8,23 +8,52 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from brickpilot.data.agreement import Agreement
+from brickpilot.data.signals import SIGNALS
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """R2 about the mean, and rms of error and signal in SI; see `data.agreement`. None: there is no such number."""
+
+    r2: float | None
+    rms_error: float | None
+    rms_signal: float | None
+
+    @classmethod
+    def of(cls, one: Agreement) -> Numbers:
+        return cls(one.r2, one.rms_error, one.rms_signal)
+
 
 @dataclass(frozen=True)
 class Fit:
-    """How well one signal is simulated at one horizon, in percent: 100 is perfect, 0 is as good as a constant.
+    """How well one signal is simulated at one horizon, in percent of the signal: see `data.agreement`.
 
-    It is 100 (1 - rms(measured - simulated) / rms(measured - its mean)), over all samples of all runs of a role. None:
-    there is no such run, or the signal hardly moves in it.
+    It is over all samples of all runs of a role. None: there is no such run, or the signal is no more than its noise.
 
     Attributes:
         before, after: of the calibrated nominal model and of the augmented model.
         attainable: what a model could reach at least: of a black box that knows no law and predicts runs that it has
             not seen, or of `before` or `after` if that is more.
+        numbers_before, numbers_after: the other headline numbers of the two models.
     """
 
     before: float | None
     after: float | None
     attainable: float | None
+    numbers_before: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+    numbers_after: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+
+    def to_json(self) -> dict[str, Any]:
+        first, last = self.numbers_before, self.numbers_after
+        return {
+            "before": self.before,
+            "after": self.after,
+            "attainable": self.attainable,
+            "r2": {"before": first.r2, "after": last.r2},
+            "rms_error": {"before": first.rms_error, "after": last.rms_error},
+            "rms_signal": last.rms_signal,
+        }
 
 
 @dataclass(frozen=True)
@@ -41,8 +70,7 @@ class SignalFit:
     repeatability: float | None
 
     def to_json(self) -> dict[str, Any]:
-        held_out = dataclasses.asdict(self.held_out)
-        return {**dataclasses.asdict(self.fit), "repeatability": self.repeatability, "held_out": held_out}
+        return {**self.fit.to_json(), "repeatability": self.repeatability, "held_out": self.held_out.to_json()}
 
 
 @dataclass(frozen=True)
@@ -117,7 +145,8 @@ class Yardstick:
     def fit_json(self) -> dict[str, Any]:
         """Returns `fit_percent` of verdict.json."""
         return {
-            signal: {horizon: one.to_json() for horizon, one in fits.items()} for signal, fits in self.signals.items()
+            signal: {horizon: {**one.to_json(), "unit": SIGNALS[signal].unit} for horizon, one in fits.items()}
+            for signal, fits in self.signals.items()
         }
 
     def predictable_json(self) -> dict[str, Any]:

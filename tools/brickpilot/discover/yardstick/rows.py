@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.discover.yardstick.horizons import Stretch, Track
+from brickpilot.fit.horizons import Stretch, Track
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

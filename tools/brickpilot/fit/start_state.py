@@ -20,6 +20,7 @@ MOVING_SAMPLES = 12
 _LEAST_KNOWN = 4  # of these, for a line
 _HELD_S = 0.1  # within which the first sample of a held channel is looked for
 _TREND_SD = 3.0  # a slope beyond so many of its sd is motion
+_SPIKE = 3.0  # times what 90 % of the run's samples span: a sample this far off the others is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
@@ -78,7 +79,7 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
 
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
     """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
-    known = np.flatnonzero(np.isfinite(values[: max(rest, moving)]))
+    known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     for count in (rest, moving):
         chosen = known[known < count]
         if len(chosen) < _LEAST_KNOWN:
@@ -92,3 +93,12 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
         if count == moving:
             return float(at_start)
     return float(values[known[0]])
+
+
+def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns those of the first samples that lie no impossible way off the others."""
+    low, high = np.nanpercentile(values, [5, 95])
+    if len(known) < _LEAST_KNOWN or high <= low:
+        return known
+    usual = np.abs(values[known] - np.median(values[known])) <= _SPIKE * (high - low)
+    return np.asarray(known[usual])

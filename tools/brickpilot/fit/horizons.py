@@ -11,7 +11,6 @@ from scipy.signal import savgol_filter
 
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import RATE_OF, SUMMED
-from brickpilot.discover.prepare import Prepared
 from brickpilot.errors import SimulationError
 from brickpilot.fit.compared import is_compared
 from brickpilot.fit.rates import zero_phase_rate
@@ -80,10 +79,15 @@ class Track:
     notes: tuple[str, ...]
 
 
-def track(prepared: Prepared, model: Model) -> Track:
-    """Returns the signals of `prepared` that `model` gives, with the windows of each horizon."""
-    dataset, given = prepared.dataset, output_names(model)
-    as_read = {run.name: run for run in prepared.measured.runs}
+def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapping[str, float] = HORIZONS) -> Track:
+    """Returns the measured signals that `model` gives, with the windows of each horizon.
+
+    Args:
+        measured_runs, dataset: as measured, and as simulated; see `Comparable`.
+        horizons: name -> s, how far a prediction reaches.
+    """
+    given = output_names(model)
+    as_read = {run.name: run for run in measured_runs.runs}
     measured: dict[str, dict[str, Array]] = {}
     for run in dataset.runs:
         both = {**run.outputs, **as_read[run.name].outputs}
@@ -94,7 +98,7 @@ def track(prepared: Prepared, model: Model) -> Track:
     starts = {run.name: _starts(run.time, measured[run.name]) for run in dataset.runs}
     known, notes = _known_at_starts(dataset, starts)
     courses = [Course("free_run", tuple(_stretch(run, (), np.inf) for run in dataset.runs), {})]
-    for name, length in HORIZONS.items() if known else ():
+    for name, length in horizons.items() if known else ():
         if not np.isfinite(length):
             continue
         if max(float(np.median(np.diff(run.time))) for run in dataset.runs) * _LEAST_SAMPLES > length:
@@ -183,10 +187,9 @@ def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]
         return True, []
     elif "yaw_rate" in names:
         return True, [
-            "No wheel was measured: windows of 1 s and 0.2 s start from the measured yaw rate and from the simulated "
-            "speed."
+            "No wheel was measured: short windows start from the measured yaw rate and from the simulated speed."
         ]
-    return False, ["There is no horizon of 1 s or 0.2 s: no speed was measured from which a window could start."]
+    return False, ["There is no short horizon: no speed was measured from which a window could start."]
 
 
 def _windowed(name: str, length: float, dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]) -> Course:

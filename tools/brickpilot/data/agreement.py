@@ -1,0 +1,137 @@
+"""The headline number: how much of a measured signal a model explains. Nothing else defines it.
+
+    fit % = 100 (1 - norm of the error / norm of the signal)
+
+The error is measured less simulated, sample by sample, and every sample counts once. No mean is removed from the
+signal, so a model that says nothing but 0 has 0 %. Beside it stand R2, which asks how much better the model is than the
+signal's mean, and the rms of the error in the signal's own unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_OVER_NOISE = 3.0  # a signal whose rms is smaller, in sd of its noise, holds nothing to explain
+_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input, which only some models give too
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well one signal is simulated.
+
+    Attributes:
+        samples: how many are compared.
+        error: sum of squares of measured less simulated, in the square of the signal's SI unit.
+        signal: the same of the measured signal.
+        mean: of the measured signal, SI.
+        spread: sum of squares of the measured signal about that mean.
+        noise_sd: sd of the measured signal's noise, SI.
+    """
+
+    samples: int
+    error: float
+    signal: float
+    mean: float
+    spread: float
+    noise_sd: float = 0.0
+
+    @property
+    def fit_percent(self) -> float | None:
+        """The share of the signal that is explained, in percent: at most 100, which is perfect; no least value.
+
+        None: the signal is zero or no more than its noise, or the model gives no finite value.
+        """
+        return self.percent_of(self.error)
+
+    def percent_of(self, error: float) -> float | None:
+        """Returns `fit_percent` of a model that leaves another sum of squares."""
+        return None if not self._exceeds_noise(self.signal) else _percent(error / self.signal)
+
+    @property
+    def r2(self) -> float | None:
+        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: as for `fit_percent`, of the spread."""
+        if not self._exceeds_noise(self.spread):
+            return None
+        found = 1 - self.error / self.spread
+        return round(found, 5) if math.isfinite(found) else None
+
+    @property
+    def rms_error(self) -> float | None:
+        """rms of measured less simulated, in the signal's SI unit; None: nothing is compared."""
+        return _rms(self.error, self.samples)
+
+    @property
+    def rms_signal(self) -> float | None:
+        """rms of the measured signal, in its SI unit; None: nothing is compared."""
+        return _rms(self.signal, self.samples)
+
+    def to_json(self) -> dict[str, float | None]:
+        return {
+            "fit_percent": self.fit_percent,
+            "r2": self.r2,
+            "rms_error": self.rms_error,
+            "rms_signal": self.rms_signal,
+        }
+
+    def _exceeds_noise(self, squares: float) -> bool:
+        return squares > 0 and squares > self.samples * (_OVER_NOISE * self.noise_sd) ** 2
+
+
+def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreement:
+    """Returns how well a signal is simulated.
+
+    Args:
+        error, signal: (n,) measured less simulated, and measured, SI; a sample that is NaN in either is left out. A
+            signal of arbitrary origin counts from the first sample of its run or window.
+        noise_sd: of the signal, SI.
+    """
+    known = np.isfinite(error) & np.isfinite(signal)
+    values = signal[known]
+    if not len(values):
+        return Agreement(0, 0.0, 0.0, 0.0, 0.0, noise_sd)
+    mean = float(np.mean(values))
+    with np.errstate(over="ignore"):
+        sums = [float(np.sum(one**2)) for one in (error[known], values, values - mean)]
+    return Agreement(len(values), sums[0], sums[1], mean, sums[2], noise_sd)
+
+
+def together(parts: Iterable[Agreement]) -> Agreement:
+    """Returns the agreement of several runs, or parts of runs, taken as one."""
+    listed = [one for one in parts if one.samples]
+    count = sum(one.samples for one in listed)
+    if not count:
+        return Agreement(0, 0.0, 0.0, 0.0, 0.0)
+    mean = sum(one.samples * one.mean for one in listed) / count
+    spread = sum(one.spread + one.samples * (one.mean - mean) ** 2 for one in listed)
+    noise = max(one.noise_sd for one in listed)
+    return Agreement(count, sum(one.error for one in listed), sum(one.signal for one in listed), mean, spread, noise)
+
+
+def mean_fit(by_signal: Mapping[str, float | None]) -> float | None:
+    """Returns the mean fit in percent over all signals that have one; None: none has one.
+
+    Args:
+        by_signal: signal -> fit in percent. The battery's voltage does not count: it is an input of most models.
+    """
+    known: Sequence[float] = [
+        one for name, one in by_signal.items() if one is not None and name not in _NOT_IN_THE_MEAN
+    ]
+    return round(sum(known) / len(known), 3) if known else None
+
+
+def _percent(ratio: float) -> float | None:
+    """Returns 100 (1 - root of `ratio`) to a thousandth; None: it is no finite number."""
+    return round(100 * (1 - math.sqrt(max(ratio, 0.0))), 3) if math.isfinite(ratio) else None
+
+
+def _rms(squares: float, samples: int) -> float | None:
+    if not samples or not math.isfinite(squares):
+        return None
+    return float(f"{math.sqrt(squares / samples):.6g}")

@@ -1,0 +1,101 @@
+"""The headline numbers in words and tables: what share of the measured signals a model explains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from brickpilot.data.agreement import Agreement
+from brickpilot.data.own_units import OwnUnit
+from brickpilot.fit.headline import FREE_RUN, ROLES, Headline
+from brickpilot.report.quantities import DASH, fit_number, fit_text, quantity
+
+RUNS = {"held_out": "the held-out runs", "fit": "the fit runs"}
+"""A role as sentences have it."""
+
+HORIZONS = {FREE_RUN: "free run", "1_s": "1 s", "0.2_s": "0.2 s"}
+"""A horizon as tables have it."""
+
+DEFINITION = (
+    "The share of the measured signal that the model explains: 100 (1 \N{MINUS SIGN} norm of measured less simulated / "
+    "norm of measured), over all samples of all runs; no mean is removed. R² is about the mean. The error beside it is "
+    "an rms. A free run is simulated from the inputs alone; 1 s ahead, each window starts from what was measured. "
+    "Angles, positions and travel count from the start of a run or window. A dash: the signal is zero, or no more than "
+    "its noise."
+)
+
+
+def horizon_text(name: str) -> str:
+    """Returns a horizon as text: "free run", "1 s"."""
+    return HORIZONS.get(name, name.replace("_", " "))
+
+
+def sentence(numbers: Headline, role: str | None = None) -> str:
+    """Returns the headline in a sentence; empty where there is none.
+
+    Args:
+        role: the runs; None: those that judge.
+    """
+    role = numbers.role if role is None else role
+    whole, ahead = numbers.mean(role), numbers.mean(role, "1_s")
+    if whole is None:
+        return ""
+    text = f"The model explains {fit_text(whole)} of the measured signals on {RUNS[role]}, over whole runs"
+    text += "" if ahead is None else f", and {fit_text(ahead)} 1 s ahead"
+    return f"{text}." if role == "held_out" else f"{text}; no run is held out to confirm it."
+
+
+def error_text(one: Agreement, unit: OwnUnit) -> str:
+    """Returns the rms error of a signal in the data set's own unit."""
+    return DASH if one.rms_error is None else str(quantity(unit.size(one.rms_error), unit.unit))
+
+
+def r2_text(one: Agreement) -> str:
+    """Returns R2 with three decimals, with five near 1; a dash if there is none."""
+    if one.r2 is None:
+        return DASH
+    return f"{one.r2:.5f}" if one.r2 >= 0.995 else f"{one.r2:.3f}".replace("-", "\N{MINUS SIGN}")
+
+
+def cells(one: Agreement, unit: OwnUnit) -> tuple[str, str, str]:
+    """Returns fit in percent, R2 and rms error, as a table shows them."""
+    return fit_number(one.fit_percent), r2_text(one), error_text(one, unit)
+
+
+def tables(numbers: Headline, units: Mapping[str, OwnUnit]) -> list[dict[str, Any]]:
+    """Returns a table for each role that has runs: its label, its mean fits, and a row for each signal."""
+    found = []
+    for role in ROLES:
+        signals = [name for name in numbers.signals if numbers.of(name, role).samples]
+        if not signals:
+            continue
+        rows = [
+            (_say(name), [cells(numbers.of(name, role, horizon), units[name]) for horizon in numbers.horizons])
+            for name in signals
+        ]
+        means = [fit_number(numbers.mean(role, horizon)) for horizon in numbers.horizons]
+        found.append({"label": RUNS[role].removeprefix("the "), "means": means, "rows": rows})
+    return found
+
+
+def lines(numbers: Headline, units: Mapping[str, OwnUnit]) -> Iterator[str]:
+    """Yields the headline for a terminal: a sentence, then a line for each signal with three columns a horizon."""
+    role = numbers.role
+    if not (said := sentence(numbers)):
+        return
+    yield said
+    horizons = "".join(f"{f'{horizon_text(one)}: fit %, R2, rms error':>42}" for one in numbers.horizons)
+    yield f"{RUNS[role].removeprefix('the '):26}{horizons}"
+    for name in numbers.signals:
+        shown = [cells(numbers.of(name, role, horizon), units[name]) for horizon in numbers.horizons]
+        yield f"{name:26}" + "".join(f"{plain(a):>14}{plain(b):>10}{plain(c):>18}" for a, b, c in shown)
+
+
+def plain(text: str) -> str:
+    """Returns text for a terminal: with blanks, minus signs and dashes of ASCII."""
+    found = text.replace("\N{MINUS SIGN}", "-").replace(DASH, "-").replace("\N{NO-BREAK SPACE}", " ")
+    return found.replace("< -", "<-")
+
+
+def _say(signal: str) -> str:
+    return signal.replace("_", " ")
