@@ -88,7 +88,8 @@ class Check:
         visible: effect -> the smallest size that would be named.
         invisible: effects that no size within their range would show.
         advice: manoeuvres that would tell more, the best first.
-        discover_s: how long `discover` will take, at least, s.
+        discover_s: how long `discover` will take, s: the middle of the range, by ratios.
+        discover_range_s: from and to how many s, by the error that is there to be explained.
         notes: one sentence each.
     """
 
@@ -105,6 +106,7 @@ class Check:
     invisible: tuple[str, ...]
     advice: tuple[Advice, ...]
     discover_s: float
+    discover_range_s: tuple[float, float]
     notes: tuple[str, ...]
 
     def to_frame(self, table: Literal["parameters", "signals", "effects"] = "parameters") -> pandas.DataFrame:
@@ -168,8 +170,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
         known = with_known_timing(dataset, None, seed=seed, jobs=jobs)
         prepared = prepare(known, None, seed=seed, jobs=jobs)
-        seconds = estimate(prepared)
         nominal = calibrate(prepared)
+        seconds = estimate(prepared, nominal)
         prepared.fine.adopt_scales(prepared.coarse)
         visible = power.smallest(prepared.coarse, nominal, prepared.excitation)
         told: Uncertainty = assess(prepared.fine.with_plan(nominal.plan), nominal.model, nominal.plan.free)
@@ -187,7 +189,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         visible=visible,
         invisible=invisible,
         advice=advice,
-        discover_s=seconds,
+        discover_s=seconds.middle,
+        discover_range_s=(seconds.low, seconds.high),
         notes=(prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes),
     )
 

@@ -35,7 +35,7 @@ from brickpilot.discover.conclude import conclude
 from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, JUDGED, SEARCHED, Deadline
 from brickpilot.discover.effect_source import EffectSource
 from brickpilot.discover.equations import find_equations
-from brickpilot.discover.estimate import Stages, estimate
+from brickpilot.discover.estimate import Span, Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Budget, Experiment, Finding
 from brickpilot.discover.fitting import FittedModel
@@ -121,10 +121,11 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
     """Runs the stages behind `prepare`."""
     deadline = prepared.deadline
     tell("preparing the data")  # after it, so that bad input gets one line and no other
-    estimated_s = estimate(prepared)
-    tell.announce(f"estimate: about {estimated_s:.0f} s, more where something remains that no effect explains")
     tell("calibrating the nominal model")
-    explained: Explained = _explain(prepared, tell)
+    nominal: FittedModel = calibrate(prepared)
+    estimated: Span = estimate(prepared, nominal)
+    tell.announce(f"estimate: {estimated}")
+    explained: Explained = _explain(prepared, nominal, tell)
     explained = _explain_in_windows(explained, tell)
     explained, run_values = _explain_with_run_values(explained, tell)
     composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
@@ -143,7 +144,9 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
         equations = find_equations(explained.prepared, finding)
     elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
     budget = (
-        None if deadline.budget_s is None else Budget(deadline.budget_s, round(estimated_s, 1), bool(skipped), skipped)
+        None
+        if deadline.budget_s is None
+        else Budget(deadline.budget_s, round(estimated.middle, 1), bool(skipped), skipped)
     )
     return dataclasses.replace(finding, equations=equations, run_values=run_values, elapsed_s=elapsed_s, budget=budget)
 
@@ -156,9 +159,8 @@ def _attainable(explained: Explained, written: Written) -> Yardstick:
     return measure(reference(prepared, explained.verdict.nominal.model), written.model)
 
 
-def _explain(prepared: Prepared, tell: Stages) -> Explained:
-    """Calibrates the nominal model, searches for effects on the coarse grid, and judges at the measured samples."""
-    nominal: FittedModel = calibrate(prepared)
+def _explain(prepared: Prepared, nominal: FittedModel, tell: Stages) -> Explained:
+    """Searches on the coarse grid for effects beside the nominal model, and judges at the measured samples."""
     searched: Searched = search(
         prepared, EffectSource(prepared.excitation), nominal, tell, prepared.until(SEARCHED), FIRST_EFFECT
     )
@@ -180,7 +182,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     if windows is None or not windows.until(SEARCHED).allows("the search in short windows"):
         return whole
     tell("searching again in short windows")
-    again = _explain(windows, tell)
+    again = _explain(windows, calibrate(windows), tell)
     return again if again.verdict.removed > least else whole
 
 
@@ -201,7 +203,8 @@ def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explai
             values = dataclasses.replace(values, applied=False)
         if values.applied:
             tell("explaining the runs again, each with its own values")
-            again = _explain(with_run_values(prepared, values), tell)
+            own = with_run_values(prepared, values)
+            again = _explain(own, calibrate(own), tell)
             if not pays(again.prepared, best, again.verdict.best, values):
                 break
             explained = again

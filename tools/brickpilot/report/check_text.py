@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from brickpilot.discover.check import Check
+from brickpilot.discover.estimate import Span
 from brickpilot.discover.finding import Visible
 from brickpilot.fit.uncertainty import Estimate
 from brickpilot.report.discover_text import listed
@@ -31,8 +32,7 @@ def lines(found: Check) -> Iterator[str]:
     yield from _parameters(found)
     yield from _effects(found)
     yield from _advice(found)
-    seconds = max(found.discover_s, 1)
-    yield f"brickpilot discover will take about {seconds:.0f} s, more where something remains unexplained"
+    yield f"brickpilot discover will take {Span(*found.discover_range_s)}"
     for note in found.notes:
         yield f"note: {note}"
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.check import Check
+from brickpilot.discover.estimate import Span
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import Calibration
 from brickpilot.fit.compare import Comparison
@@ -50,7 +51,7 @@ def _words(result: Dataset | Comparison | Calibration | Check | Finding) -> tupl
         return f"{result.dataset}: calibration", [f"{count} parameters are fitted, in SI.", explained, *groups]
     if isinstance(result, Check):
         title, *_ = check_text.lines(result)
-        return title, [f"Discovery will take about {max(result.discover_s, 1):.0f} s.", *result.notes]
+        return title, [f"Discovery will take {Span(*result.discover_range_s)}.", *result.notes]
     if isinstance(result, Finding):
         return f"{result.dataset.name}: what the simulator lacks", [discover_text.verdict(result)]
     raise TypeError(f"{type(result).__name__} is no result of brickpilot")
