@@ -1,9 +1,9 @@
 #include <math.h>
-#include <pthread.h>
 #include <stddef.h>
 
 #include "brickpilot_sim.h"
 #include "plant/plant.h"
+#include "run/thread.h"
 
 enum { THREADS_MAX = 64 };
 
@@ -11,7 +11,7 @@ typedef struct {
     bp_run *runs;
     int count;
     int next;
-    pthread_mutex_t lock;
+    lock_t lock;
 } queue_t;
 
 static void keep_outputs(const plant_t *plant, const bp_run *run, ptrdiff_t sample)
@@ -58,30 +58,30 @@ static void simulate_run(bp_run *run)
     run->final = run->status == 0 ? plant.vehicle.state : run->initial;
 }
 
-static void *work(void *argument)
+static THREAD_RETURNS work(void *argument)
 {
     queue_t *queue = argument;
     for (;;) {
-        pthread_mutex_lock(&queue->lock);
+        lock_take(&queue->lock);
         const int mine = queue->next < queue->count ? queue->next++ : -1;
-        pthread_mutex_unlock(&queue->lock);
+        lock_give(&queue->lock);
         if (mine < 0)
-            return NULL;
+            return THREAD_DONE;
         simulate_run(&queue->runs[mine]);
     }
 }
 
 int bp_simulate(bp_run *runs, int count, int threads)
 {
-    queue_t queue = {.runs = runs, .count = count, .lock = PTHREAD_MUTEX_INITIALIZER};
-    pthread_t helper[THREADS_MAX];
+    queue_t queue = {.runs = runs, .count = count, .lock = LOCK_FREE};
+    thread_t helper[THREADS_MAX];
     int helpers = 0;
     const int wanted = threads < count ? threads : count;
-    while (helpers < wanted - 1 && helpers < THREADS_MAX && pthread_create(&helper[helpers], NULL, work, &queue) == 0)
+    while (helpers < wanted - 1 && helpers < THREADS_MAX && thread_start(&helper[helpers], work, &queue) == 0)
         helpers++;
     work(&queue); /* the caller works too, so a thread that fails to start costs time only */
     for (int i = 0; i < helpers; i++)
-        pthread_join(helper[i], NULL);
+        thread_join(helper[i]);
 
     for (int i = 0; i < count; i++)
         if (runs[i].status != 0)

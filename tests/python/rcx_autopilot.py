@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from brickpilot.hil.brick_thread import brick_interface
+from brickpilot.compiled import interface
 from brickpilot.link.lnp import BRICK, HOST
 from rcx_lnp import LnpDevice, Packet
 
@@ -25,7 +25,7 @@ class Autopilot(LnpDevice):
         self.obeyed: list[bytes] = []
         self.repeated = 0
         self._ffi: Any
-        self._ffi, self._library = brick_interface()
+        self._ffi, self._library = interface("brickpilot_brick")
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
         self._newest: int | None = None
         self._reply = b""

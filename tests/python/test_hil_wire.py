@@ -8,7 +8,7 @@ from typing import Any
 
 import cantools
 import pytest
-from brickpilot.hil.brick_thread import brick_interface
+from brickpilot.compiled import interface
 from brickpilot.link.links import decode_frame, encode_frame
 from brickpilot.link.messages import book, crc16
 from cobs import cobs
@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 ffi: Any
-ffi, LIBRARY = brick_interface()
+ffi, LIBRARY = interface("brickpilot_brick")
 IDS = st.integers(0, 0x7FF)
 DATA = st.binary(max_size=8)
 

@@ -46,6 +46,33 @@ def python(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.parametrize(("platform", "ending"), [("linux", "so"), ("win32", "dll"), ("darwin", "dylib")])
+def test_the_compiled_plant_has_the_ending_of_its_system(platform: str, ending: str, tmp_path: Path) -> None:
+    program = f"""
+import sys
+from unittest import mock
+from brickpilot import compiled
+with mock.patch.object(sys, "platform", {platform!r}), mock.patch.object(compiled.FFI, "dlopen") as opened:
+    compiled.interface()
+print(opened.call_args.args[0])
+"""
+    done = python(program, tmp_path)
+    assert Path(done.stdout.strip()).name == f"libbrickpilot_sim.{ending}", done.stderr
+
+
+def test_a_console_without_greek_letters_gets_a_question_mark(tmp_path: Path) -> None:
+    """A pipe on Windows has a code page with 256 letters, and of motors the unit of resistance is not among them."""
+    program = "import sys; sys.stdout.reconfigure(encoding='cp1252')\n" + (
+        "from brickpilot.cli import main\n"
+        "@main.cli.command()\n"
+        "def unit():\n"
+        "    main.click.echo('22 \\N{GREEK CAPITAL LETTER OMEGA}')\n"
+        "main.main(['unit'])"
+    )
+    done = python(program, tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "22 ?\n", "")
+
+
 def test_every_room_but_those_of_a_link_is_imported_without_them(tmp_path: Path) -> None:
     done = python(IMPORT_ALL, tmp_path)
     assert done.returncode == 0, done.stderr

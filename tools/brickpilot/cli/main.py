@@ -6,6 +6,7 @@ Exit status: 0 done; 1 the work failed; 2 bad usage or bad input.
 from __future__ import annotations
 
 import inspect
+import io
 import sys
 from typing import Any
 
@@ -61,6 +62,9 @@ LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "msgpack", "serial")
 
 def main(arguments: list[str] | None = None) -> Any:
     """Runs the command line and ends with its exit status; an error of the user becomes one line on stderr."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a console of Windows may lack a Greek letter
     try:
         cli.main(arguments, prog_name="brickpilot", standalone_mode=False)
     except InputError as error:

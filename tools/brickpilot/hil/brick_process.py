@@ -7,13 +7,21 @@ import signal
 import subprocess
 from pathlib import Path
 
-from brickpilot.errors import SimulationError
+from brickpilot.errors import InputError, SimulationError
 
 PROGRAM = Path(__file__).parents[1] / "brick"
 
 
 def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
-    """Starts a brick as a process, which ends with its standard input. Returns it and the link to it."""
+    """Starts a brick as a process, which ends with its standard input. Returns it and the link to it.
+
+    Raises:
+        InputError: the package was built where there is no such process, as on Windows and macOS.
+    """
+    if not PROGRAM.exists():
+        raise InputError(
+            "this system has no brick as a process; take can:virtual or a brick of your own", field="--link"
+        )
     process = subprocess.Popen(
         [PROGRAM, *options.split(), "--until-eof"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
     )

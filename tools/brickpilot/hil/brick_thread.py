@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import can
-from cffi import FFI
 
-
-@cache
-def brick_interface() -> tuple[FFI, Any]:
-    """Returns cffi's `ffi` and the library that holds a brick."""
-    folder = Path(__file__).parents[1]
-    header = (folder / "brickpilot_brick.h").read_text(encoding="utf-8")
-    ffi = FFI()
-    ffi.cdef("\n".join(line for line in header.splitlines() if not line.startswith("#")))
-    return ffi, ffi.dlopen(str(folder / "libbrickpilot_brick.so"))
+from brickpilot.compiled import interface
 
 
 class BrickThread:
@@ -38,7 +27,7 @@ class BrickThread:
 
     def _run(self) -> None:
         ffi: Any
-        ffi, library = brick_interface()
+        ffi, library = interface("brickpilot_brick")
         brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
         identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
         while not self._ended.is_set():

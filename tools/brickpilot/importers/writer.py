@@ -120,6 +120,8 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
         _fill(new, partial)
         read_back = dataset.read(partial)
         place.parent.mkdir(parents=True, exist_ok=True)
+        if place.is_dir():
+            place.rmdir()  # it is empty; Windows renames to no folder that exists
         partial.rename(place)
     except OSError as error:
         raise InputError(error.strerror or "cannot be written", file=out, field="--out") from error
