@@ -88,37 +88,54 @@ def figures(
     finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
     """Returns the figures that are open, and the folded ones as (run, role, figures)."""
-    places: dict[tuple[str, str], Place] = {}
-    for one in finding.where:  # the largest place of each signal comes first
-        places.setdefault((one.run, one.signal), one)
-    by_gap = sorted(compared, key=lambda key: -compared[key].gaps[0])
-    chosen = _varied([key for key in places if key in compared] or by_gap)
-    held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
-    if held_out and not any(key in held_out for key in chosen):
-        chosen.append(held_out[0])  # at least one open figure shows the validation
+    chosen = _chosen(finding, compared, _SHOWN)
     points = points_for(len(compared))
-    shown = [_figure(finding, compared[key], places.get(key), points) for key in chosen]
     folded = []
     for run in finding.dataset.runs:
         keys = [key for key in compared if key[0] == run.name and key not in chosen]
         if keys:
-            drawn = [_figure(finding, compared[key], places.get(key), points) for key in keys]
+            drawn = [_figure(finding, compared[key], points) for key in keys]
             folded.append((run.name, ROLES[finding.roles[run.name]], drawn))
-    return shown, folded
+    return [_figure(finding, compared[key], points) for key in chosen], folded
 
 
-def _varied(order: Sequence[Key]) -> list[Key]:
-    """Returns the first few of `order`, and prefers signals and runs that are not chosen yet."""
+def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
+    """Returns up to about `count` figures of signals and runs that show most of what is missing."""
+    compared = compared_signals(finding)
+    return [_figure(finding, compared[key], points_for(count)) for key in _chosen(finding, compared, count)]
+
+
+def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
+    """Returns run and signal of the largest places of the gap, and of a held-out run if there is one."""
+    by_gap = sorted(compared, key=lambda key: -compared[key].gaps[0])
+    chosen = _varied([key for key in _places(finding) if key in compared] or by_gap, count)
+    held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
+    if held_out and not any(key in held_out for key in chosen):
+        chosen.append(held_out[0])  # at least one open figure shows the validation
+    return chosen
+
+
+def _places(finding: Finding) -> dict[Key, Place]:
+    """Returns the largest place of each signal of each run, the largest first."""
+    found: dict[Key, Place] = {}
+    for one in finding.where:
+        found.setdefault((one.run, one.signal), one)
+    return found
+
+
+def _varied(order: Sequence[Key], count: int) -> list[Key]:
+    """Returns the first `count` of `order`, and prefers signals and runs that are not chosen yet."""
     chosen: list[Key] = []
-    while len(chosen) < min(_SHOWN, len(order)):
+    while len(chosen) < min(count, len(order)):
         runs, signals = ([key[part] for key in chosen] for part in (0, 1))
         rest = [key for key in order if key not in chosen]
         chosen.append(min(rest, key=lambda key: (signals.count(_kind(key[1])), runs.count(key[0]), order.index(key))))
     return sorted(chosen, key=order.index)
 
 
-def _figure(finding: Finding, one: Compared, place: Place | None, points: int) -> dict[str, Any]:
+def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
+    place = _places(finding).get((one.run.name, one.signal))
     above, below = [measured(one.measured)], []
     if finding.verdict != "none":
         above.append(Curve("before", one.nominal, "orange"))

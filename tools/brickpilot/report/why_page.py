@@ -9,12 +9,15 @@ from typing import Any
 
 from brickpilot.discover.finding import Finding
 from brickpilot.report import experiment_files
+from brickpilot.report.discover_runs import telling_figures
 from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
 from brickpilot.report.why_text import Answer, as_stated
 from brickpilot.vehicle.drive_constants import FeedForward, Odometry, feed_forward, odometry
 
 CONTROLLER, HEADER = "diff_drive_controller.yaml", "robot_constants.h"
+
+_FIGURES = 2  # that show what is wrong; report.html has all
 
 FILES = {
     "report.html": "all that was found, with plots",
@@ -88,6 +91,8 @@ def page(
         files=[(name, FILES.get(name, "the composed term in C")) for name in files],
         wheels=constants.odometry is not None,
         frame=finding.dataset.frame,
+        found=finding.verdict != "none",
+        figures=telling_figures(finding, _FIGURES),
         source=source,
         command=command,
         notes=notes,
