@@ -127,6 +127,11 @@
     X(spring, "N m/rad", 0, 0, -psi) \
     X(sprung, "kg m^2", 0, 0, sprung)
 
+#define COMPOSED_FLOOR_ADD(X) \
+    X(sin_x, "1", -1, 0, sin(2 * PI * x / wavelength)) \
+    X(cos_x, "1", -1, 0, cos(2 * PI * x / wavelength)) \
+    X(patch, "1", -1, 0, patch)
+
 #define COMPOSED_ENCODER_GAIN(X) \
     X(one, "1", -1, 0, 1) \
     X(abs_w, "s/rad", -1, 0, fabs(w)) \

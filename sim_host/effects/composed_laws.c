@@ -113,6 +113,14 @@ double composed_yaw_push(const double *c, const composed_t *given, const compose
     return sum;
 }
 
+double composed_floor_add(const double *c, const composed_t *given, const composed_point_t *at)
+{
+    const double x = at->x, patch = at->patch, wavelength = given->wavelength;
+    double sum = 0;
+    COMPOSED_FLOOR_ADD(ADD)
+    return sum;
+}
+
 double composed_encoder_gain(const double *c, const composed_t *given, const composed_point_t *at)
 {
     const double w = at->w, theta = at->theta, t = at->t, order = given->order;

@@ -18,6 +18,7 @@ typedef struct {
     double surge_push[COMPOSED_SURGE_PUSH(COMPOSED_ONE)];
     double yaw_dry[COMPOSED_YAW_DRY(COMPOSED_ONE)], yaw_loss[COMPOSED_YAW_LOSS(COMPOSED_ONE)],
         yaw_push[COMPOSED_YAW_PUSH(COMPOSED_ONE)];
+    double floor_add[COMPOSED_FLOOR_ADD(COMPOSED_ONE)];
     double encoder_gain[COMPOSED_ENCODER_GAIN(COMPOSED_ONE)], encoder_gain_diff[COMPOSED_ENCODER_GAIN(COMPOSED_ONE)];
     double gyro_add[COMPOSED_GYRO_ADD(COMPOSED_ONE)];
     double accel_surge_add[COMPOSED_ACCEL_SURGE_ADD(COMPOSED_ONE)],
@@ -51,6 +52,7 @@ composed_sum_t composed_surge_push;
 composed_sum_t composed_yaw_dry;
 composed_sum_t composed_yaw_loss;
 composed_sum_t composed_yaw_push;
+composed_sum_t composed_floor_add;
 composed_sum_t composed_encoder_gain;
 composed_sum_t composed_gyro_add;
 composed_sum_t composed_accel_surge_add;

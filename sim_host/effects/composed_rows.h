@@ -51,6 +51,8 @@
     ROW("yaw_loss_" #name, unit, "N += -c * [" #expression "] * r", low * 1e4, 1e4, odd)
 #define ROW_YAW_PUSH(name, unit, low, odd, expression)                                                                 \
     ROW("yaw_push_" #name, unit, "N += c * [" #expression "]", low * 1e4, 1e4, odd)
+#define ROW_FLOOR_ADD(name, unit, low, odd, expression)                                                                \
+    ROW("floor_add_" #name, unit, "slope += c * [" #expression "]", low * 0.7, 0.7, odd)
 #define ROW_ENCODER_GAIN(name, unit, low, odd, expression)                                                             \
     ROW("encoder_gain_" #name, unit, "wheel_speed += c * [" #expression "] * w", low * 100.0, 100, odd)
 #define ROW_ENCODER_GAIN_DIFF(name, unit, low, odd, expression)                                                        \

@@ -5,10 +5,11 @@
 
 #include "effects/composed_laws.h"
 #include "effects/composed_rows.h"
+#include "effects/slope.h"
 
 static const double PI = 3.14159265358979323846;
 
-enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_ENCODER, PLACE_IMU, PLACE_COUNT };
+enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_FLOOR, PLACE_ENCODER, PLACE_IMU, PLACE_COUNT };
 
 typedef struct {
     double position, speed, push; /* m, m/s, m/s^2; rad for yaw */
@@ -61,7 +62,8 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
     kept->acts[PLACE_DRIVE] = any(value, offsetof(composed_t, drive_gain), offsetof(composed_t, wheel_loss));
     kept->acts[PLACE_LOSS] = any(value, offsetof(composed_t, wheel_loss), offsetof(composed_t, wheel_dry));
     kept->acts[PLACE_WHEEL] = any(value, offsetof(composed_t, wheel_dry), offsetof(composed_t, surge_dry));
-    kept->acts[PLACE_BODY] = any(value, offsetof(composed_t, surge_dry), offsetof(composed_t, encoder_gain));
+    kept->acts[PLACE_BODY] = any(value, offsetof(composed_t, surge_dry), offsetof(composed_t, floor_add));
+    kept->acts[PLACE_FLOOR] = any(value, offsetof(composed_t, floor_add), offsetof(composed_t, encoder_gain));
     kept->acts[PLACE_ENCODER] = any(value, offsetof(composed_t, encoder_gain), offsetof(composed_t, gyro_add));
     kept->acts[PLACE_IMU] = any(value, offsetof(composed_t, gyro_add), offsetof(composed_t, frequency));
     kept->start_age = vehicle->state.age;
@@ -172,6 +174,12 @@ static double fourth_power(double value)
     return value * value * value * value;
 }
 
+static double patch_at(const composed_t *given, double x)
+{
+    const double off = (x - given->patch_x) / given->patch_half_width;
+    return 1 / (1 + fourth_power(off * off));
+}
+
 static composed_point_t body_point(const composed_t *given, memory_t *kept, const vehicle_t *vehicle)
 {
     const bp_state *state = &vehicle->state;
@@ -185,17 +193,19 @@ static composed_point_t body_point(const composed_t *given, memory_t *kept, cons
         at.x = state->x + half * (state->surge * cos(psi) - state->sway * sin(psi));
         at.y = state->y + half * (state->surge * sin(psi) + state->sway * cos(psi));
     }
-    const double off = (at.x - given->patch_x) / given->patch_half_width;
-    at.patch = 1 / (1 + fourth_power(off * off));
+    at.patch = patch_at(given, at.x);
     return at;
 }
 
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+/* Gravity's pull at x, m, where the sine by which the floor falls along x stays within +-0.7. */
+static pull_t pull_at(const composed_t *given, const vehicle_t *vehicle, double x, double heading)
 {
-    const composed_t *given = (const composed_t *)value;
-    memory_t *kept = (memory_t *)memory;
-    if (kept->acts[PLACE_BODY] == 0)
-        return;
+    const composed_point_t at = {.x = x, .patch = patch_at(given, x)};
+    return slope_pull(vehicle, within(-0.7, composed_floor_add(given->floor_add, given, &at), 0.7), 0, heading);
+}
+
+static void push_body(const composed_t *given, memory_t *kept, vehicle_t *vehicle)
+{
     composed_point_t at = body_point(given, kept, vehicle);
     swing(&kept->surge, given, vehicle->surge_rate, kept->step);
     swing(&kept->yaw, given, vehicle->yaw_accel, kept->step);
@@ -213,6 +223,19 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
     vehicle->drag_yaw =
         fmax(vehicle->drag_yaw + composed_yaw_loss(given->yaw_loss, given, &at), least * half_track * half_track);
     vehicle->moment_yaw += composed_yaw_push(given->yaw_push, given, &at);
+}
+
+/* The floor acts on a robot alone: on a motor its pull is a force on the load. */
+static void body(const double *value, double *memory, vehicle_t *vehicle)
+{
+    const composed_t *given = (const composed_t *)value;
+    memory_t *kept = (memory_t *)memory;
+    if (kept->acts[PLACE_FLOOR] != 0 && vehicle->vehicle != BP_MOTOR) {
+        const composed_point_t at = body_point(given, kept, vehicle);
+        slope_push(vehicle, pull_at(given, vehicle, at.x, at.psi));
+    }
+    if (kept->acts[PLACE_BODY] != 0)
+        push_body(given, kept, vehicle);
 }
 
 /* An error in a speed sums up in the angle from the run's start on. */
@@ -263,6 +286,8 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
     memory_t *kept = (memory_t *)memory;
     if (vehicle->vehicle == BP_MOTOR)
         return;
+    if (kept->acts[PLACE_FLOOR] != 0)
+        slope_show(vehicle, pull_at(given, vehicle, slope_position(vehicle), slope_heading(vehicle)));
     if (kept->acts[PLACE_ENCODER] != 0)
         misread_wheels(given, kept, vehicle);
     if (kept->acts[PLACE_IMU] != 0)
@@ -279,6 +304,7 @@ static const bp_parameter_info PARAMETERS[COMPOSED_COUNT] = {
     COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH) COMPOSED_WHEEL_PUSH(ROW_WHEEL_PUSH_DIFF)
     COMPOSED_SURGE_DRY(ROW_SURGE_DRY) COMPOSED_SURGE_LOSS(ROW_SURGE_LOSS) COMPOSED_SURGE_PUSH(ROW_SURGE_PUSH)
     COMPOSED_YAW_DRY(ROW_YAW_DRY) COMPOSED_YAW_LOSS(ROW_YAW_LOSS) COMPOSED_YAW_PUSH(ROW_YAW_PUSH)
+    COMPOSED_FLOOR_ADD(ROW_FLOOR_ADD)
     COMPOSED_ENCODER_GAIN(ROW_ENCODER_GAIN) COMPOSED_ENCODER_GAIN(ROW_ENCODER_GAIN_DIFF)
     COMPOSED_GYRO_ADD(ROW_GYRO_ADD)
     COMPOSED_ACCEL_SURGE_ADD(ROW_ACCEL_SURGE_ADD) COMPOSED_ACCEL_SWAY_ADD(ROW_ACCEL_SWAY_ADD)
@@ -306,10 +332,11 @@ const effect_t effect_composed_term = {
              .mechanism = "body",
              .acts_on = "body",
              .equation = "the sum of the terms below whose coefficient c is not 0. They act on the voltage V of each "
-                         "motor, the torque T of each wheel, the force X ahead, the moment N, or a sensor's reading; "
-                         "side is 1 left and -1 right. A factor of V, or of K_t i, is at most 1 in size. A term "
-                         "against sign(w), sign(u) or sign(r) is dry friction, which holds at rest and never pushes. "
-                         "A loss, a factor of w, u or r in T, X or N, takes away at most the linear losses. On a motor "
+                         "motor, the torque T of each wheel, the force X ahead, the moment N, the slope of the floor, "
+                         "which is the sine of the angle by which it falls along x, or a sensor's reading; side is 1 "
+                         "left and -1 right. A factor of V, or of K_t i, is at most 1 in size, a slope 0.7. A term "
+                         "against sign(w), sign(u) or sign(r) is dry friction, which holds at rest and never pushes. A "
+                         "loss, a factor of w, u or r in T, X or N, takes away at most the linear losses. On a motor "
                          "act only the terms of V, T and X without a side",
              .source = "sparse regression of dynamics: Brunton, Proctor & Kutz 2016, PNAS 113(15); of a discrepancy: "
                        "Kaheman, Kaiser, Strom, Kutz & Brunton 2019",

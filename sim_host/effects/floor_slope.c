@@ -1,38 +1,19 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-/* Gravity's pull along the body's axes, per mass, m/s^2. */
-typedef struct {
-    double surge, sway;
-} pull_t;
-
-static pull_t pull_at(const double *value, const vehicle_t *vehicle, double heading)
-{
-    const double gravity = vehicle->parameter[PARAMETER_GRAVITY], cosine = cos(heading), sine = sin(heading);
-    return (pull_t){gravity * (value[0] * cosine + value[1] * sine), gravity * (value[1] * cosine - value[0] * sine)};
-}
+#include "effects/slope.h"
 
 static void body(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const build_t *build = &vehicle->build;
-    const pull_t pull = pull_at(value, vehicle, vehicle->middle.heading);
     if (vehicle->vehicle == BP_MOTOR)
         return;
-    vehicle->force_surge += build->mass * pull.surge;
-    vehicle->force_sway += build->mass * pull.sway;
-    vehicle->moment_yaw += build->mass * (build->com_forward * pull.sway - build->com_right * pull.surge);
+    slope_push(vehicle, slope_pull(vehicle, value[0], value[1], vehicle->middle.heading));
 }
 
-/* Accelerations are means over the last body step, so the heading is taken in its middle. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const bp_state *state = &vehicle->state;
-    const pull_t pull = pull_at(value, vehicle, state->heading - 0.5 * vehicle->step * state->yaw_rate);
-    vehicle->output[OUTPUT_ACCEL_SURGE] -= pull.surge;
-    vehicle->output[OUTPUT_ACCEL_SWAY] -= pull.sway;
+    slope_show(vehicle, slope_pull(vehicle, value[0], value[1], slope_heading(vehicle)));
 }
 
 static const bp_parameter_info PARAMETERS[] = {

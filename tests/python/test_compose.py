@@ -248,7 +248,7 @@ def test_the_basis_is_the_plants_table() -> None:
     coefficients = {info.name for info in parameters() if "[" in info.meaning}
     assert set(BASIS) == coefficients
     assert {one.place for one in basis()} == {
-        *("drive", "wheel", "surge", "yaw", "encoder", "gyro", "accel_surge", "accel_sway")
+        *("drive", "wheel", "surge", "yaw", "floor", "encoder", "gyro", "accel_surge", "accel_sway")
     }
     assert all(one.sided == ("_diff_" in one.name) for one in basis())
     assert BASIS["surge_push_sprung"].tuned == ("frequency", "damping")
@@ -341,6 +341,18 @@ COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
         },
         {"patch_x": 0.3, "patch_half_width": 0.1, "frequency": 2.0, "damping": 0.2, "wavelength": 0.3, "clock": 0.0},
     ),
+    "on_the_floor": (
+        "diff_drive",
+        {
+            "floor_add_sin_x": 0.05,
+            "floor_add_cos_x": -0.02,
+            "floor_add_patch": 0.04,
+            "surge_push_patch": 0.05,
+            "accel_surge_add_a": 0.1,
+            "gyro_add_b": 0.02,
+        },
+        {"wavelength": 0.3, "patch_x": 0.1, "patch_half_width": 0.1},
+    ),
     "at_the_sensors": (
         "diff_drive",
         {
@@ -387,6 +399,7 @@ def source(name: str) -> str:
         ({"yaw_push_u2": 1.0}, "turning", "motor"),
         ({"wheel_dry_diff_v": 1.0}, "sided", "motor"),
         ({"encoder_gain_one": 1.0}, "sensor", "motor"),
+        ({"floor_add_patch": 0.1}, "floor", "motor"),
         ({"surge_push_patch": 1.0}, "strip", "diff_drive"),
     ],
 )

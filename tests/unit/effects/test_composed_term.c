@@ -108,7 +108,7 @@ static void test_absurd_sizes_stay_finite(void)
         for (int sign = -1; sign <= 1 && is_coefficient(parameter); sign += 2) {
             double row[OUTPUT_COUNT];
             fresh(BP_DIFF_DRIVE, BP_COUPLED);
-            term(parameter->name, fmax(sign * 1.0, parameter->minimum));
+            term(parameter->name, fmin(fmax(sign * 1.0, parameter->minimum), parameter->maximum));
             ride(row);
             TEST_ASSERT_TRUE_MESSAGE(isfinite(row[OUTPUT_YAW_RATE]) && isfinite(row[OUTPUT_X]), parameter->name);
         }

@@ -190,8 +190,10 @@ TERM_HELD_OUT = 0.5
 TERM_SECOND_PLACE_COST = 30.0
 """Penalty for each place of action after the first: one cause acts at one place."""
 
-TERM_PLACE_COST = {"surge": 0.0, "yaw": 0.0, "wheel": 4.0, "drive": 8.0}
-"""Penalty by place: of two terms that explain as much, the one that acts on the body is plainer."""
+TERM_PLACE_COST = {"surge": 0.0, "yaw": 0.0, "floor": 0.0, "wheel": 4.0, "drive": 8.0}
+"""Penalty by place: of two terms that explain as much, the one that acts on the body is plainer. A floor that is not
+level pulls on the body as a force ahead does, and every floor is a little so: it costs as much as that force. What
+accelerometers read tells the two apart."""
 
 TERM_SENSOR_COST = 12.0
 """The same for a sensor: a sensor's error can imitate any motion, so it is the last explanation."""

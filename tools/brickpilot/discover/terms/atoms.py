@@ -24,7 +24,7 @@ from brickpilot.discover.gates import (
 )
 from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms import periods
-from brickpilot.discover.terms.basis import EFFECT, Basis, basis, parameters, settings_of, terms_of
+from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model
 
@@ -201,7 +201,7 @@ def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Bas
 
 def _is_visible(term: Basis, vehicle: str, signals: set[str]) -> bool:
     if vehicle == "motor":
-        return term.place in ("drive", "wheel", "surge") and not term.sided
+        return term.place in OF_A_MOTOR and not term.sided
     return bool(_SENSOR_SIGNALS.get(term.place, signals) & signals)
 
 

@@ -23,6 +23,7 @@ PLACES = {
     "wheel": "wheel torque",
     "surge": "surge force",
     "yaw": "yaw moment",
+    "floor": "slope of the floor",
     "encoder": "rotation sensors' output",
     "gyro": "gyro output",
     "accel_surge": "surge accelerometer output",
@@ -30,7 +31,10 @@ PLACES = {
 }
 """Place where a term may act -> words for it."""
 
-_MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body"}
+OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
+"""The places where a term acts on a motor too, if its sign does not differ between left and right."""
+
+_MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
 _NAME = re.compile(rf"({'|'.join(sorted(PLACES, key=len, reverse=True))})_(gain|add|dry|loss|push)_(diff_)?(\w+)")
 _MEANING = re.compile(r"(\w+) \+= (.*)\[(.*)\](.*)")

@@ -10,7 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover.terms.basis import EFFECT, Term, parameters
+from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Term, parameters
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
@@ -43,6 +43,7 @@ _BODY = {
     "sprung_yaw": "sprung_push(kept->yaw, frequency, damping, vehicle->yaw_accel, kept->step)",
 }
 _MOTOR = {"r": "0", "psi": "0", "x": "lever(vehicle) * vehicle->state.wheel_angle[0] + half * u", "y": "0"}
+_FLOOR = {"patch": _BODY["patch"]}
 _SENSOR = {
     "u": "vehicle->state.surge",
     "r": "vehicle->state.yaw_rate",
@@ -59,11 +60,12 @@ _HOOKS = {
     "motor": (("wheel_loss",), _LOSS),
     "wheel": (("wheel_dry", "wheel_gain", "wheel_push"), _WHEEL),
     "body": (("surge_dry", "surge_loss", "surge_push", "yaw_dry", "yaw_loss", "yaw_push"), _BODY),
+    "floor": (("floor_add",), _FLOOR),
     "sensor": (("encoder_gain", "gyro_add", "accel_surge_add", "accel_sway_add"), _SENSOR),
 }
 _KEEPING = frozenset({"wheel_loss", "surge_dry", "yaw_dry", "encoder_gain", "gyro_add"})
-_ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body"}
-_OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
+_ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body", "floor": "body"}
+_ON_THE_FLOOR = frozenset({"body", "sensor"})  # sites where a slope of the floor acts
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     if missing:
         raise ValueError(f"no value for {', '.join(sorted(missing))}")
     motor = vehicle == "motor"
-    if motor and any(term.basis.sided or term.basis.place not in _OF_A_MOTOR for term in terms):
+    if motor and any(term.basis.sided or term.basis.place not in OF_A_MOTOR for term in terms):
         raise ValueError("a term does not act on a motor")
     hooks = {site: _hook(site, terms, settings, motor=motor) for site in _HOOKS}
     used = {symbol for hook in hooks.values() for symbol in hook.locals}
@@ -115,7 +117,12 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     if "sprung_push" in words:
         words.add("PI")
     memory = _memory(hooks, used)
-    sites = [site for site, hook in hooks.items() if hook.sums or (site == "wheel" and _WHEEL_KEEPS & memory.keys())]
+    floor = hooks.pop("floor")
+    sites = [
+        site
+        for site, hook in hooks.items()
+        if hook.sums or (site == "wheel" and _WHEEL_KEEPS & memory.keys()) or (floor.sums and site in _ON_THE_FLOOR)
+    ]
     if memory.keys() & {"start_age", "speed[2]"}:
         sites.insert(0, "start")
     content = {
@@ -126,6 +133,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         "count": 1 if motor else 2,
         "motor": motor,
         "motor_hook": hooks.pop("motor"),
+        "floor": floor,
         "sites": sites,
         "parameters": _rows(terms, settings),
         "general": EFFECT,
@@ -153,6 +161,8 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
         sources |= _MOTOR
     sums = {kind: text for kind in kinds if (text := _sum(terms, kind))}
     needed = _words(sums.values()) | ({"half_track"} if "yaw_loss" in sums else set())
+    if site == "body" and any(term.basis.place == "floor" for term in terms):
+        needed |= {"x", "psi"}
     while more := _words(sources[word] for word in needed if word in sources) - needed:
         needed |= more
     found = {symbol: code for symbol, code in sources.items() if symbol in needed}

@@ -18,7 +18,7 @@ from brickpilot.discover.screen import Trial
 from brickpilot.discover.search_round import Start
 from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.atoms import Atom, family, find_atoms, strip_atom, with_terms
-from brickpilot.discover.terms.basis import EFFECT, Basis
+from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _SIMULATED = 24  # atoms that are simulated at the sizes that suit them
 _SIZES = (1.0, 0.3)  # of the linear estimate, at which they are: few terms are linear
 _NEARBY = 8  # atoms at and beside a fitted period that are fitted
 _ALIKE = 2  # trials of the same terms with different settings, at most
-_STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch")
+_STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _NOISE_COST = 0.876  # mean pseudo-Huber loss of normal noise, over that of squares
 
 
@@ -108,7 +108,7 @@ class TermSource:
         cells = periods.cells(self._segments)
         for name in _STRIP_TERMS if cells else ():
             narrow = [strip_atom(name, *cell) for cell in cells]
-            if self._base.vehicle == "motor" and narrow[0].place == "yaw":
+            if self._base.vehicle == "motor" and narrow[0].place not in OF_A_MOTOR:
                 continue
             signatures = projection.signatures(self._changes_by([(one, one.terms[0]) for one in narrow]).T)
             for first, last in periods.best_windows(signatures, rest):

@@ -1,0 +1,51 @@
+/* slope.h: how gravity acts on a vehicle on a floor that is not level. */
+#ifndef BRICKPILOT_EFFECTS_SLOPE_H
+#define BRICKPILOT_EFFECTS_SLOPE_H
+
+#include <math.h>
+
+#include "effects/vehicle.h"
+
+/* Gravity's pull along the body's axes, per mass, m/s^2. */
+typedef struct {
+    double surge, sway;
+} pull_t;
+
+/* The pull at `heading`. slope_x, slope_y: sine of the angle by which the floor falls along the earth's axes. */
+static inline pull_t slope_pull(const vehicle_t *vehicle, double slope_x, double slope_y, double heading)
+{
+    const double gravity = vehicle->parameter[PARAMETER_GRAVITY], cosine = cos(heading), sine = sin(heading);
+    return (pull_t){gravity * (slope_x * cosine + slope_y * sine), gravity * (slope_y * cosine - slope_x * sine)};
+}
+
+/* Pulls at the centre of mass. For body hooks. */
+static inline void slope_push(vehicle_t *vehicle, pull_t pull)
+{
+    const build_t *build = &vehicle->build;
+    vehicle->force_surge += build->mass * pull.surge;
+    vehicle->force_sway += build->mass * pull.sway;
+    vehicle->moment_yaw += build->mass * (build->com_forward * pull.sway - build->com_right * pull.surge);
+}
+
+/* Accelerometers show specific force, which gravity is no part of. For sensor hooks. */
+static inline void slope_show(vehicle_t *vehicle, pull_t pull)
+{
+    vehicle->output[OUTPUT_ACCEL_SURGE] -= pull.surge;
+    vehicle->output[OUTPUT_ACCEL_SWAY] -= pull.sway;
+}
+
+/* Heading in the middle of the last body step, over which accelerations are means. For sensor hooks. */
+static inline double slope_heading(const vehicle_t *vehicle)
+{
+    return vehicle->state.heading - 0.5 * vehicle->step * vehicle->state.yaw_rate;
+}
+
+/* x there, m. */
+static inline double slope_position(const vehicle_t *vehicle)
+{
+    const bp_state *state = &vehicle->state;
+    const double heading = slope_heading(vehicle);
+    return state->x - 0.5 * vehicle->step * (state->surge * cos(heading) - state->sway * sin(heading));
+}
+
+#endif
