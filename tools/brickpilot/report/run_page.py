@@ -19,17 +19,18 @@ LINK = "run"
 
 _DEGREES = 180.0 / np.pi
 _AT_REST_S = 1.0  # of rest at the end that a figure shows
-_MOVES_M = 1e-3  # a smaller change of place is rest
+_MOVES = 1e-3  # a smaller change of place, m, or of heading, rad, is rest
 Array = NDArray[np.float64]
 Line = tuple[str, str, Colour]
 
 
 def samples(flight: Flight) -> int:
-    """Returns how many samples of the flight are drawn: until a second after the robot has come to rest for good."""
+    """Returns how many samples of the flight are drawn: until a second after robot and motors rest for good."""
     log = flight.log
+    driven = np.nan_to_num(np.abs(log["left_voltage_v"]) + np.abs(log["right_voltage_v"])) > 0
     away = np.hypot(log["true_x_m"] - log["true_x_m"][-1], log["true_y_m"] - log["true_y_m"][-1])
     turned = np.abs(log["true_heading_rad"] - log["true_heading_rad"][-1])
-    moves = np.flatnonzero((away > _MOVES_M) | (turned > _MOVES_M))
+    moves = np.flatnonzero(driven | (away > _MOVES) | (turned > _MOVES))
     last = log["time_s"][moves[-1] if len(moves) else 0] + _AT_REST_S
     return int(np.searchsorted(log["time_s"], last, side="right"))
 
@@ -154,6 +155,7 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
         figures=figures,
         mission=mission,
         waypoints=flight.plan.scenario.waypoints,
+        ends_early=samples(flight) < len(flight.log["time_s"]),
         track=track(flight, figures),
         motion=motion(flight),
         electrical=electrical(flight),

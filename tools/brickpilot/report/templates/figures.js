@@ -70,8 +70,8 @@ function axesOf(spec, panel, last, width) {
   return [across, up];
 }
 
-function rounded(all, digit) { // of the ticks of a logarithmic axis those that begin with such a digit
-  return all.map((one) => (digit.test(one.toExponential()) ? one : null));
+function rounded(all, digit) { // of the ticks of a logarithmic axis those of one digit, which is such a one
+  return all.map((one) => (digit.test(one.toExponential()) && Math.abs(one.toPrecision(1) - one) < 1e-6 * one ? one : null));
 }
 
 function shortened(text, pixels) {
