@@ -138,8 +138,9 @@ def test_python_reads_no_c_header_but_the_plants_interface() -> None:
         "brickpilot_sim.h",
         "brickpilot_brick.h",
         "robot_constants.h",
+        "motor_constants.h",
         "next_experiment.h",
-    }  # the last two are written
+    }  # the last three are written
 
 
 def test_only_the_command_line_prints() -> None:

@@ -40,7 +40,14 @@ def discover(
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.verdict_json import verdict_json
-    from brickpilot.report import discover_fit, discover_page, discover_text, experiment_files, run_folder
+    from brickpilot.report import (
+        discover_fit,
+        discover_page,
+        discover_text,
+        experiment_files,
+        own_words,
+        run_folder,
+    )
     from brickpilot.vehicle import compensation, model
 
     data = dataset_module.read(Path(dataset))
@@ -65,15 +72,17 @@ def discover(
     if as_json:
         click.echo(json.dumps(figures, allow_nan=False))
         return
-    for note in found.notes:
+    for note in own_words.told(data, found.notes):
         click.echo(f"note: {note}")
     click.echo(discover_text.verdict(found))
-    for effect in found.effects:
+    for effect in own_words.shown_finding(found).effects:
         for name, value in effect.parameters.items():
-            shown = f"{value.value:12.5g} {value.unit:12} {interval(value.ci95)}"
-            click.echo(f"{effect.name + '.' + name:40}{shown}")
+            label, known = discover_text.known_size(name, value)
+            click.echo(f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}")
     for line in discover_fit.lines(found):
         click.echo(line)
+    if frames := own_words.frames(data):
+        click.echo(frames)
     for remark in undone.remarks if undone is not None else ():
         click.echo(f"not compensated: {remark}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")

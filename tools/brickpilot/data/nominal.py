@@ -72,10 +72,18 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
                 toml.refuse((*key, parameter), f"unknown parameter; known: {', '.join(ranges)}")
             info = ranges[parameter]
             stated = _entry(toml, (*key, parameter), entry, info.minimum, info.maximum, info.unit)
-            if frame == "FLU" and info.odd and known[name].acts_on in _IN_AXES and parameter not in _SIDES:
+            if frame == "FLU" and turns_with_frame(name, parameter):
                 stated = replace(stated, value=0.0 - stated.value)
             effects[name][parameter] = stated
     return effects
+
+
+def turns_with_frame(effect: str, parameter: str) -> bool:
+    """Returns whether a parameter's sign depends on the frame; False for what is no parameter of an effect."""
+    for one in catalogue.effects_of((effect,)):
+        odd = any(info.odd for info in one.parameters if info.name == parameter)
+        return odd and one.acts_on in _IN_AXES and parameter not in _SIDES
+    return False
 
 
 def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, unit: str) -> Nominal:

@@ -27,6 +27,8 @@ from brickpilot.discover.search_round import try_candidates
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.written import Written, confirmed_again, read_back
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.headline import headline_of, simulated_at
+from brickpilot.fit.horizons import track
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.start_state import with_averaged_starts
@@ -80,7 +82,7 @@ def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) ->
         simulated=simulated,
         gap=gap,
         by_signal=by_signal,
-        notes=(*written.notes, *_notes(prepared, data, written.model, model)),
+        notes=(*written.notes, *_notes(prepared, written.model, model)),
     )
     return confirmed_again(prepared, verdict, written, followed) or dataclasses.replace(
         written, notes=(*written.notes, _KEPT)
@@ -196,11 +198,16 @@ def _change(before: Mapping[str, float], after: Mapping[str, float]) -> float:
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
 
 
-def _notes(prepared: Prepared, data: _Followed, before: Model, after: Model) -> list[str]:
+def _notes(prepared: Prepared, before: Model, after: Model) -> list[str]:
     """Returns what the fit to whole runs changed, one sentence each."""
-    first, last = (one["fit"] for one in _errors(prepared, data, [before, after]))
-    shares = ", ".join(f"{signal} {100 * first[signal]:.2g} to {100 * last[signal]:.2g} %" for signal in last)
-    notes = [f"The values are those of a fit to whole runs. Error over spread of free runs of the fit runs: {shares}."]
+    compared = track(prepared.plain.measured, prepared.plain.started, after, {})
+    numbers = [
+        headline_of(compared, simulated_at(compared, model, threads=prepared.jobs), prepared.roles)
+        for model in (before, after)
+    ]
+    fits = {signal: [one.of(signal, "fit").fit_percent for one in numbers] for signal in compared.signals}
+    said = ", ".join(f"{signal} {a:.1f} to {b:.1f} %" for signal, (a, b) in fits.items() if None not in (a, b))
+    notes = [f"The values are those of a fit to whole runs. The fit of the fit runs in free runs: {said}."]
     joined = [name for name in after.effects if name not in before.effects]
     if joined:
         words = ", ".join(catalogue.effect(name).words for name in joined)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import brickpilot
 from brickpilot.data.dataset import Dataset, Nominal
-from brickpilot.data.own_units import OwnUnit, own_units
+from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.comparable import Comparable, comparable
 from brickpilot.fit.compared import compared_signals
@@ -84,6 +84,7 @@ class Calibration:
         before, after: how much of each signal the model explains, with the values of the start and with the fitted
             ones; `before` is empty where the plant diverges.
         units: signal -> how the data set states it.
+        frame: of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
         traces: what the gaps are of.
         stated: what the data set states of the fitted parameters.
@@ -103,6 +104,7 @@ class Calibration:
     before: Headline
     after: Headline
     units: Mapping[str, OwnUnit]
+    frame: str
     traces: tuple[FitTrace, ...]
     stated: Mapping[str, Nominal]
     correlation: tuple[tuple[float, ...], ...]
@@ -313,6 +315,7 @@ def _result(
         before=first,
         after=last,
         units=own_units(ready.measured, compared.signals),
+        frame=frame_text(ready.measured),
         traces=tuple(traces),
         stated={},
         correlation=(),

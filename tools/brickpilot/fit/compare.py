@@ -12,7 +12,7 @@ import numpy as np
 import brickpilot
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.ils import SignalError, signal_error
-from brickpilot.data.own_units import OwnUnit, own_units
+from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import Calibration, calibrate
@@ -69,6 +69,7 @@ class Comparison:
     Attributes:
         headline: how much of each signal the model explains.
         units: signal -> how the data set states it.
+        frame: of the data set, in words; empty for a motor.
         window_s: length of a motor's open-loop windows, s; 0 where none were made.
         notes: sentences on what the program chose (roles, fitted parameters, signals left out) and on faults in the
             data set.
@@ -79,6 +80,7 @@ class Comparison:
     runs: tuple[RunComparison, ...]
     headline: Headline
     units: Mapping[str, OwnUnit]
+    frame: str
     window_s: float
     notes: tuple[str, ...]
 
@@ -210,7 +212,16 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
     numbers = headline_of(compared, simulated, ready.roles)
     shown = dict.fromkeys([*compared.signals, *(name for run in ready.measured.runs for name in run.outputs)])
     units = own_units(ready.measured, shown)
-    return Comparison(ready.measured.name, model, tuple(runs), numbers, units, window_s, compared.notes)
+    return Comparison(
+        dataset=ready.measured.name,
+        model=model,
+        runs=tuple(runs),
+        headline=numbers,
+        units=units,
+        frame=frame_text(ready.measured),
+        window_s=window_s,
+        notes=compared.notes,
+    )
 
 
 def _fit_notes(fitted: Calibration) -> list[str]:

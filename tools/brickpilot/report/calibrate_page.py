@@ -5,6 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from brickpilot import catalogue
+from brickpilot.data.own_units import OwnUnit
 from brickpilot.fit.calibrate import Calibration, FitTrace
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
@@ -99,23 +100,26 @@ def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]
     drawn = [one for one in calibration.traces if one.run in chosen]
     figures: dict[str, list[Markup]] = {}
     for one in drawn:
-        figures.setdefault(one.run, []).append(_superimposed(one, points_for(len(drawn))))
+        figures.setdefault(one.run, []).append(
+            _superimposed(one, calibration.units[one.signal], points_for(len(drawn)))
+        )
     return [(run, ROLES[calibration.roles[run]], found) for run, found in figures.items()]
 
 
-def _superimposed(one: FitTrace, points: int) -> Markup:
+def _superimposed(one: FitTrace, own: OwnUnit, points: int) -> Markup:
     """Draws a measured signal and its simulations before and after the fit, and the residuals below."""
-    above, below = [measured(one.measured)], []
+    factor = own.value(1.0)
+    above, below = [measured(factor * one.measured)], []
     if one.before is not None:
-        above.append(Curve("before", one.before, "orange"))
-        below.append(Curve("before", one.measured - one.before, "orange"))
-    above.append(Curve("after", one.after))
-    below.append(Curve("after", one.measured - one.after))
+        above.append(Curve("before", factor * one.before, "orange"))
+        below.append(Curve("before", factor * (one.measured - one.before), "orange"))
+    above.append(Curve("after", factor * one.after))
+    below.append(Curve("after", factor * (one.measured - one.after)))
     said = one.signal.replace("_", " ")
     return discover_plots.superimposed(
-        one.time,
+        one.time - one.time[0],
         said,
-        catalogue.outputs().get(one.signal, ""),
+        own.unit,
         above,
         below,
         0.0,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from brickpilot import catalogue
+from brickpilot.data.own_units import OwnUnit
 from brickpilot.fit.compare import Comparison, RunComparison, Trace
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
@@ -17,14 +18,14 @@ from brickpilot.report.template import render
 _DRAWN = 24  # runs with plots, at most: a page of hundreds is neither read nor quickly made
 
 
-def superimposed(run: str, signal: str, trace: Trace, points: int) -> Markup:
+def superimposed(run: str, signal: str, trace: Trace, own: OwnUnit, points: int) -> Markup:
     """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and measured minus simulated below."""
-    unit = catalogue.outputs().get(signal.split(" ")[0], "")
-    said = signal.replace("_", " ")
-    above = [measured(trace.measured), Curve("simulated", trace.simulated)]
-    below = [Curve("residual", trace.measured - trace.simulated)]
+    said, factor = signal.replace("_", " "), own.value(1.0)
+    above = [measured(factor * trace.measured), Curve("simulated", factor * trace.simulated)]
+    below = [Curve("residual", factor * (trace.measured - trace.simulated))]
+    time = trace.time - trace.time[0]
     title = f"{run}: {said}, measured and simulated, and the residual below"
-    return discover_plots.superimposed(trace.time, said, unit, above, below, 0.0, run=run, title=title, points=points)
+    return discover_plots.superimposed(time, said, own.unit, above, below, 0.0, run=run, title=title, points=points)
 
 
 def compare_page(comparison: Comparison) -> str:
@@ -48,7 +49,10 @@ def compare_page(comparison: Comparison) -> str:
                 "name": run.name,
                 "role": ROLES[run.role],
                 "rows": _rows(comparison, run),
-                "figures": [superimposed(run.name, name, trace, points) for name, trace in run.traces.items()]
+                "figures": [
+                    superimposed(run.name, name, trace, comparison.units[name.split(" ")[0]], points)
+                    for name, trace in run.traces.items()
+                ]
                 if run.name in drawn
                 else [],
             }

@@ -6,11 +6,12 @@ from typing import Any
 
 from markupsafe import Markup
 
-from brickpilot import catalogue
+from brickpilot.data.own_units import own_unit
 from brickpilot.discover.finding import Finding, Gap
 from brickpilot.report import discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import OVER_NOISE, explanation, listed, say, verdict, words
+from brickpilot.report.own_words import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.report.quantities import ROLES, gap_text, plain, quantity
 from brickpilot.report.template import render
 from brickpilot.vehicle import model as model_file
@@ -38,11 +39,11 @@ def page(finding: Finding, command: str) -> str:
         finding=finding,
         heading=_HEADINGS[finding.verdict],
         sentence=verdict(finding),
-        warnings=_warnings(finding),
+        warnings=told(finding.dataset, _warnings(finding)),
         map=gap_map(finding, compared),
         shown=shown,
         folded=folded,
-        experiment=_experiment(finding),
+        experiment=told(finding.dataset, _experiment(finding)),
         remaining=_remaining(finding),
         whiteness=_whiteness(finding),
         term_html=None if finding.term is None else Markup(finding.term.html),
@@ -50,7 +51,7 @@ def page(finding: Finding, command: str) -> str:
         command=command,
         **discover_fit.shown(finding),
         **_gaps(finding),
-        **_tables(finding),
+        **told(finding.dataset, _tables(finding)),
         **_data(finding),
     )
 
@@ -66,17 +67,20 @@ def _gaps(finding: Finding) -> dict[str, Any]:
 
 def _tables(finding: Finding) -> dict[str, Any]:
     """Returns the rows of the tables on effects, candidates and parameters."""
+    own, data = shown_finding(finding), finding.dataset
     return {
         "places": [discover_tables.place(one, finding) for one in finding.where[:_PLACES]],
         "equations": [discover_tables.equation(one) for one in finding.equations],
-        "effects": [discover_tables.effect(one) for one in finding.effects],
-        "equivalents": discover_tables.equivalents(finding),
+        "effects": [discover_tables.effect(one) for one in own.effects],
+        "equivalents": discover_tables.equivalents(own),
         "nominal": discover_tables.nominal(finding),
         "run_values": [discover_tables.run_values(one) for one in finding.run_values],
-        "ranking": [discover_tables.rank(one, finding.augmented) for one in finding.ranking],
+        "ranking": [discover_tables.rank(shown_rank(data, one), finding.augmented) for one in finding.ranking],
         "ranked": _RANKED,
         "power": [
-            (words(name), name, say(one.parameter), quantity(one.size, one.unit)) for name, one in finding.power.items()
+            (words(name), name, say(one.parameter), quantity(one.size, one.unit))
+            for name, found in finding.power.items()
+            for one in (shown_size(data, name, found),)
         ],
     }
 
@@ -85,10 +89,16 @@ def _data(finding: Finding) -> dict[str, Any]:
     """Returns what the page shows of the data set: its runs by role, its faults and its noise."""
     return {
         "runs": {role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
-        "faults": [discover_tables.fault(one) for one in finding.faults],
+        "faults": [discover_tables.fault(one, finding) for one in finding.faults],
         "listed": _LISTED,
         "wheels": finding.dataset.vehicle == "motor" or any(name.startswith("wheel") for name in finding.noise_sd),
-        "noise": [(say(name), quantity(sd, catalogue.outputs()[name])) for name, sd in finding.noise_sd.items()],
+        "noise": [
+            (say(name), quantity(own.size(sd), own.unit))
+            for name, sd in finding.noise_sd.items()
+            for own in (own_unit(finding.dataset, name),)
+        ],
+        "frames": frames(finding.dataset),
+        "notes": told(finding.dataset, list(finding.notes)),
     }
 
 
@@ -124,19 +134,22 @@ def _warnings(finding: Finding) -> list[str]:
 
 
 def _whiteness(finding: Finding) -> list[dict[str, Any]]:
-    """Returns the autocorrelation of each signal's residual as a chart with its caption."""
+    """Returns the autocorrelation of each signal's residual as a chart with its caption; the words follow its size."""
     found = []
     for signal, one in finding.whiteness.items():
         outside = sum(abs(value) > one.bound for value in one.correlation)
         count = f"{outside} of {len(one.correlation)} lags lie outside the band"
         title = f"Autocorrelation of the residual of {say(signal)}: {count}"
         chart = discover_plots.autocorrelation(one, title=title)
-        found.append({"signal": say(signal), "white": one.white, "count": count, "chart": chart})
+        size = finding.by_signal.get(signal, Gap(None, None)).after
+        is_noise = one.white and (size is None or size <= OVER_NOISE)
+        says = "white" if is_noise else f"{gap_text(size)} times the noise" if one.white else "not white"
+        found.append({"signal": say(signal), "white": is_noise, "says": says, "count": count, "chart": chart})
     return found
 
 
 def _remaining(finding: Finding) -> list[str]:
-    """Returns sentences on the residual of the augmented model."""
+    """Returns sentences on the residual of the augmented model. None says that it is noise unless its size is."""
     sizes = {name: gap.after for name, gap in finding.by_signal.items() if gap.after is not None}
     over = {name: size for name, size in sizes.items() if size > OVER_NOISE}
     coloured = [name for name, one in finding.whiteness.items() if not one.white]
@@ -153,7 +166,7 @@ def _remaining(finding: Finding) -> list[str]:
             f"The residual of {listed([say(name) for name in coloured])} is not white: its samples are correlated in "
             "time. Either the simulator still lacks some dynamics, or the sensor noise is coloured."
         )
-    elif finding.whiteness:
+    elif finding.whiteness and not over:
         found.append("The residual is white: its samples are not correlated in time.")
     return found
 

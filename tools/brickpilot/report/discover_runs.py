@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import catalogue
 from brickpilot.data.dataset import Run
+from brickpilot.data.own_units import own_unit
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding, Place
 from brickpilot.discover.locate import residual
@@ -28,15 +28,17 @@ _SHOWN = 4  # figures that are open; the others are folded
 
 @dataclass(frozen=True)
 class Compared:
-    """One signal of one run with its simulations and residuals, each of shape (n,), in SI; NaN is a dropout.
+    """One signal of one run with its simulations and residuals, each of shape (n,); NaN is a dropout.
 
     Attributes:
+        unit: of all values: that of the data set, with its sign.
         measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
         before, after: the residuals of the calibrated and of the augmented model.
     """
 
     run: Run
     signal: str
+    unit: str
     measured: Array
     nominal: Array
     augmented: Array
@@ -62,18 +64,21 @@ def compared_signals(finding: Finding) -> dict[Key, Compared]:
         run = dataclasses.replace(run, outputs={**measured_rates(run), **run.outputs})
         nominal, augmented = (finding.simulated[which][run.name] for which in ("nominal", "augmented"))
         for signal, noise_sd in finding.noise_sd.items():
+            own = own_unit(finding.dataset, signal)
+            factor = own.value(1.0)
             if signal not in run.outputs or signal not in nominal or not np.isfinite(run.outputs[signal]).any():
                 continue
             measured, before, after = run.outputs[signal], nominal[signal], augmented[signal]
             found[run.name, signal] = Compared(
                 run=run,
                 signal=signal,
-                measured=_drawn(run, signal, measured),
-                nominal=_drawn(run, signal, before),
-                augmented=_drawn(run, signal, after),
-                before=residual(run, signal, before),
-                after=residual(run, signal, after),
-                noise_sd=noise_sd,
+                unit=own.unit,
+                measured=factor * _drawn(run, signal, measured),
+                nominal=factor * _drawn(run, signal, before),
+                augmented=factor * _drawn(run, signal, after),
+                before=factor * residual(run, signal, before),
+                after=factor * residual(run, signal, after),
+                noise_sd=own.size(noise_sd),
             )
     return found
 
@@ -143,16 +148,16 @@ def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     after = "simulated" if finding.verdict == "none" else "after"
     above.append(Curve(after, one.augmented))
     below.append(Curve(after, one.after))
-    role = ROLES[finding.roles[one.run.name]]
+    role, start = ROLES[finding.roles[one.run.name]], float(one.run.time[0])
     gaps = [gap_text(gap) for gap in one.gaps]
     chart = superimposed(
-        one.run.time,
+        one.run.time - start,
         say(one.signal),
-        catalogue.outputs()[one.signal],
+        one.unit,
         above,
         below,
         one.noise_sd,
-        None if place is None else (place.from_s, place.to_s),
+        None if place is None else (place.from_s - start, place.to_s - start),
         run=one.run.name,
         title=f"{one.run.name}, {role}: {say(one.signal)} measured and simulated, and the residual below: "
         f"the gap is {gaps[0]} times the noise before and {gaps[1]} after",

@@ -13,7 +13,7 @@ from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.run_values import RunValues
 from brickpilot.report import discover_plots
-from brickpilot.report.discover_text import alternatives, explanation, say, shown_size, words
+from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words
 from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
 from brickpilot.vehicle.model import Model, unit_on
 
@@ -24,8 +24,8 @@ def place(one: Place, finding: Finding) -> dict[str, str]:
         "run": one.run,
         "role": ROLES[finding.roles[one.run]],
         "signal": say(one.signal),
-        "from_s": f"{one.from_s:.2f}",
-        "to_s": f"{one.to_s:.2f}",
+        "from_s": f"{one.from_s - start_s(finding, one.run):.2f}",
+        "to_s": f"{one.to_s - start_s(finding, one.run):.2f}",
         "when": one.when,
         "share": percent(one.share_of_gap),
         "width": f"{100 * one.share_of_gap / max(other.share_of_gap for other in finding.where):.1f}",
@@ -61,13 +61,12 @@ def effect(one: Effect) -> dict[str, Any]:
 
 
 def _parameter(name: str, one: Parameter) -> dict[str, Any]:
-    known = one.identified if one.ci95 is None and one.identified is not None else one
+    shown_name, known = known_size(say(name), one)
     ends, whisker = known.ci95, None
     if ends is not None and all(np.isfinite(ends)):
         far = 1.05 * max(abs(ends[0]), abs(ends[1])) or 1.0
         inside = (-far if ends[0] < 0 else 0.0, far if ends[1] > 0 else 0.0)
         whisker = discover_plots.interval(ends[0], known.value, ends[1], inside=inside)
-    shown_name = say(name) if known is one or one.identified is None else f"{say(name)}, as {one.identified.quantity}"
     return {"name": shown_name, "shown": shown_size(one), "whisker": whisker}
 
 
@@ -143,14 +142,20 @@ def rank(one: Rank, model: Model) -> dict[str, Any]:
     }
 
 
-def fault(one: Fault) -> dict[str, str]:
+def start_s(finding: Finding, run: str) -> float:
+    """Returns when a run starts on its own clock, s; pages count from there."""
+    return next((float(one.time[0]) for one in finding.dataset.runs if one.name == run), 0.0)
+
+
+def fault(one: Fault, finding: Finding) -> dict[str, str]:
     """Returns the row of a data fault."""
+    start = start_s(finding, one.run)
     return {
         "run": one.run,
         "signal": say(one.signal),
         "kind": say(one.kind),
-        "from_s": f"{one.from_s:.3f}",
-        "to_s": f"{one.to_s:.3f}",
+        "from_s": f"{one.from_s - start:.3f}",
+        "to_s": f"{one.to_s - start:.3f}",
     }
 
 

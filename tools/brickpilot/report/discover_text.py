@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Parameter, Term
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Identified, Parameter, Term
 from brickpilot.report import discover_fit
+from brickpilot.report.own_words import shown_finding, told
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
 
 OVER_NOISE = 1.1
@@ -61,8 +62,15 @@ def sizes(parameters: Mapping[str, Parameter]) -> str:
 
 def shown_size(one: Parameter) -> Shown:
     """Returns a size with its interval: in the parameter's own unit, or in the form that the data identify."""
-    known = one.identified if one.ci95 is None and one.identified is not None else one
+    _, known = known_size("", one)
     return quantity(known.value, known.unit, known.ci95)
+
+
+def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Identified]:
+    """Returns a parameter's name and size; "torque, as voltage" with the voltage where the data identify only that."""
+    if one.ci95 is None and one.identified is not None:
+        return f"{name}, as {one.identified.quantity}", one.identified
+    return name, one
 
 
 def alternatives(effects: Sequence[Effect]) -> list[str]:
@@ -74,7 +82,14 @@ def alternatives(effects: Sequence[Effect]) -> list[str]:
 def verdict(finding: Finding) -> str:
     """Returns the verdict in a few sentences that stand alone."""
     by_run = "".join(f" {one.sentence()}" for one in finding.run_values)
-    return _verdict(finding) + _rest(finding) + _moved_values(finding) + by_run
+    own = shown_finding(finding)
+    return told(finding.dataset, _verdict(own) + _rest(own) + _moved_values(own)) + by_run
+
+
+def leaves_more_than_noise(finding: Finding) -> bool:
+    """Returns whether the runs that prove the verdict have an error clearly above the noise."""
+    after = _proof(finding)[1].after
+    return after is not None and after > _PLAUSIBLE
 
 
 def _rest(finding: Finding) -> str:
@@ -123,7 +138,7 @@ def _none(finding: Finding) -> str:
         size = discover_fit.change(fit)
     else:
         size = f"the gap of the calibrated model on {role} is {gap_text(gap.after)} times the noise"
-    if gap.after > _PLAUSIBLE:
+    if leaves_more_than_noise(finding):
         return f"No effect is named: {size}, but no effect that was tried removes enough of the error to be credible."
     return f"These data show no missing effect: {size}{', and noise alone would give 1' if fit is None else ''}."
 

@@ -10,12 +10,14 @@ from typing import Any
 from brickpilot.discover.finding import Finding
 from brickpilot.report import experiment_files
 from brickpilot.report.discover_runs import telling_figures
+from brickpilot.report.discover_text import leaves_more_than_noise
+from brickpilot.report.own_words import frames, told
 from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
 from brickpilot.report.why_text import Answer, as_stated
 from brickpilot.vehicle.drive_constants import FeedForward, Odometry, feed_forward, odometry
 
-CONTROLLER, HEADER = "diff_drive_controller.yaml", "robot_constants.h"
+CONTROLLER, HEADER, MOTOR_HEADER = "diff_drive_controller.yaml", "robot_constants.h", "motor_constants.h"
 
 _FIGURES = 2  # that show what is wrong; report.html has all
 
@@ -26,6 +28,7 @@ FILES = {
     "compensation.toml": "for the firmware: brickpilot run --model model.toml --compensation compensation.toml",
     CONTROLLER: "odometry for ros2_control",
     HEADER: "the constants as C macros",
+    MOTOR_HEADER: "the constants as C macros",
     **experiment_files.FILES,
     "data": "the log as a data set: brickpilot check, compare and discover take it",
 }
@@ -62,11 +65,12 @@ def files_of(name: str, constants: Constants) -> dict[str, str]:
     """Returns file -> text for other programs. `name`: of the robot, in comments."""
     plain = re.sub(r"[^\w .+-]", " ", name)  # a comment of C or YAML ends at none of these
     speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
-    told: Mapping[str, object] = {
+    given: Mapping[str, object] = {
         "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,
     }  # fmt: skip
-    names = [HEADER] if constants.odometry is None else [HEADER, CONTROLLER]
-    return {one: render_plain(one, **told) for one in names}
+    if constants.odometry is None:
+        return {MOTOR_HEADER: render_plain(HEADER, **given, what="MOTOR")}
+    return {one: render_plain(one, **given, what="ROBOT") for one in (HEADER, CONTROLLER)}
 
 
 def page(
@@ -84,18 +88,18 @@ def page(
     return render(
         "why",
         title=f"Why {finding.dataset.name} does not do what the simulation does"
-        if finding.verdict != "none"
+        if finding.verdict != "none" or leaves_more_than_noise(finding)
         else f"{finding.dataset.name} does what the simulation does",
         answer=answer,
         constants=_rows(constants),
         files=[(name, FILES.get(name, "the composed term in C")) for name in files],
         wheels=constants.odometry is not None,
-        frame=finding.dataset.frame,
         found=finding.verdict != "none",
         figures=telling_figures(finding, _FIGURES),
+        frames=frames(finding.dataset),
         source=source,
         command=command,
-        notes=notes,
+        notes=told(finding.dataset, list(notes)),
     )
 
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 from brickpilot.discover.finding import Finding
 from brickpilot.report import discover_fit
-from brickpilot.report.discover_text import alternatives, explanation, listed
-from brickpilot.report.quantities import percent, quantity
+from brickpilot.report.discover_text import alternatives, explanation, leaves_more_than_noise, listed
+from brickpilot.report.own_words import told
+from brickpilot.report.quantities import fit_text, percent, quantity
 from brickpilot.vehicle.compensation import NOMINAL, Compensation
 from brickpilot.vehicle.drive_constants import Drives, drives
 from brickpilot.vehicle.model import Model
@@ -28,6 +29,15 @@ _REMEDIES = {
     "sensor": "Calibrate the sensor: at rest for its bias, over a known way or angle for its scale.",
 }
 """Mechanism -> what a person can do to the machine."""
+
+_OF_A_MOTOR = {
+    "motor": "Run the motor without its load, cold and warm: a warm or a worn one is weaker.",
+    "bearing": "Turn the shaft by hand. Clean and grease its bearings, and look for a part that rubs.",
+    "body": "Look at cables, and at what the load drags along.",
+    "floor": "Level the bench, or run each manoeuvre both ways.",
+    "sensor": "Calibrate the sensor: at rest for its offset, over a known way or angle for its scale.",
+}
+"""The same for a motor and its load."""
 
 _VEERS = math.radians(1.0)  # rad/m: less is hardly seen
 _DIFFERS = 0.03  # of a speed or a way: less is hardly seen
@@ -55,11 +65,16 @@ def answer(finding: Finding, undone: Compensation | None) -> Answer:
     Args:
         undone: the compensation that was made of it; None: the firmware can undo nothing.
     """
-    return Answer(_what(finding), _sure(finding), tuple(_todo(finding, undone)), tuple(_symptoms(finding)))
+    found = Answer(_what(finding), _sure(finding), tuple(_todo(finding, undone)), tuple(_symptoms(finding)))
+    return Answer(**{name: told(finding.dataset, value) for name, value in vars(found).items()})
 
 
 def _what(finding: Finding) -> str:
     names = [explanation(one.name) for one in finding.effects]
+    if finding.verdict == "none" and leaves_more_than_noise(finding):
+        fit = discover_fit.headline(finding)
+        size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
+        return f"The simulation explains {size}, and no cause was found for the rest."
     if finding.verdict == "none":
         return "Nothing is wrong that these logs would show: the simulation does what the robot does."
     if finding.verdict == "named":
@@ -81,7 +96,8 @@ def _sure(finding: Finding) -> str:
         parts.append(f"{text[0].upper()}{text[1:]}.")
     known = finding.yardstick.predictable.get("free_run")
     removed = None if known is None else known.removed if known.removed_held_out is None else known.removed_held_out
-    if removed is not None and finding.verdict != "none":
+    added = finding.effects or finding.term is not None
+    if removed is not None and finding.verdict != "none" and added:
         parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
     return " ".join(parts)
 
@@ -103,7 +119,8 @@ def _todo(finding: Finding, undone: Compensation | None) -> list[str]:
     found = []
     if finding.verdict != "none":
         shown = [finding.mechanism, *(one.mechanism for one in finding.effects)]
-        found += [_REMEDIES[kind] for kind in dict.fromkeys(shown) if kind in _REMEDIES]
+        remedies = _REMEDIES | (_OF_A_MOTOR if finding.dataset.vehicle == "motor" else {})
+        found += [remedies[kind] for kind in dict.fromkeys(shown) if kind in remedies]
     for one in finding.nominal_findings:
         stated, fitted = quantity(one.stated, one.unit), quantity(one.fitted, one.unit)
         found.append(f"Measure {one.parameter} again: {stated} is stated, and the logs fit {fitted}.")
@@ -114,6 +131,8 @@ def _todo(finding: Finding, undone: Compensation | None) -> list[str]:
     if finding.next_experiment is not None:
         found.append(finding.next_experiment.advice)
     found += _lengths(finding)
+    if not found and leaves_more_than_noise(finding):
+        return ["Drive more manoeuvres, or measure more signals: `brickpilot check` says which manoeuvres tell more."]
     return found or ["Nothing. Drive more manoeuvres if you still doubt it: `brickpilot check` says which."]
 
 

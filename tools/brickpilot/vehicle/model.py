@@ -175,6 +175,8 @@ def _entry(value: float, unit: str, basis: str | None) -> tomlkit.items.InlineTa
 def render(model: Model) -> str:
     """Returns the model file's text. `load` reads it back to an equal model."""
     document = tomlkit.document()
+    frame = "" if model.vehicle == "motor" else "; frame FRD: x forward, y to the right, yaw clockwise positive"
+    document.add(tomlkit.comment(f"SI units{frame}"))
     document.update({"name": model.name, "vehicle": model.vehicle, "profile": model.profile})
     values = catalogue.presets(model.vehicle) | dict(model.parameters)
     units = {info.name: info.unit for info in catalogue.parameters()}

@@ -138,7 +138,7 @@ def _damaged_rows(
                 found = [Fault(run.name, name, kind, *span) for span in _spans(run.time, mask)]
                 faults.extend(found)
                 if found:
-                    notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask)))
+                    notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask), float(run.time[0])))
     for view, masks in zip(views, damage, strict=True):
         blank(view, masks["clipped"])
         blank(view, masks["frozen"])
@@ -272,7 +272,7 @@ def _after_collisions(
         faults += [Fault(run.name, name, "collision", first, last) for name in one.names]
         for values in view.outputs.values():
             values[one.row + 1 :] = np.nan
-        notes.append(collision_note(run.name, one.names, first))
+        notes.append(collision_note(run.name, one.names, first - float(run.time[0])))
     return faults, notes
 
 

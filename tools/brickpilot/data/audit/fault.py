@@ -55,11 +55,15 @@ class Fault:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
-def rows_note(found: Sequence[Fault], samples: int, of: int) -> str:
-    """Describes faults of one kind in one signal of one run: `samples` of its `of` samples."""
+def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> str:
+    """Describes faults of one kind in one signal of one run: `samples` of its `of` samples.
+
+    Times count from `start_s`, the run's start on its own clock, as they do on plots.
+    """
     first = found[0]
     single = first.from_s == first.to_s
-    when = f"at {first.from_s:.6g} s" if single else f"from {first.from_s:.6g} to {first.to_s:.6g} s"
+    begins, ends = first.from_s - start_s, first.to_s - start_s
+    when = f"at {begins:.6g} s" if single else f"from {begins:.6g} to {ends:.6g} s"
     word = {"dropout": "drops out", "swapped": "is swapped with another column"}.get(first.kind, f"is {first.kind}")
     place = "" if len(found) == 1 else f" in {len(found)} places, first"
     return f"run {first.run}: {first.signal} {word}{place} {when}; {samples} of {of} samples are left out"
@@ -85,7 +89,7 @@ def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of:
 
 
 def collision_note(run: str, signals: Sequence[str], from_s: float) -> str:
-    """Describes a collision that begins at `from_s`, as `signals` show it."""
+    """Describes a collision that begins `from_s` after the run's start, as `signals` show it."""
     return (
         f"run {run}: {joined(signals)} {'lose' if len(signals) > 1 else 'loses'} speed at a constant command after "
         f"{from_s:.6g} s, as in a collision; what follows in this run is left out"

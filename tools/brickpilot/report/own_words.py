@@ -1,0 +1,135 @@
+"""Results in the words of the user's own data set: its frame, signs and units, and no wheels where there is a motor."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from markupsafe import Markup
+
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.nominal import turns_with_frame
+from brickpilot.data.own_units import FRAME_WORDS, OwnUnit, frame_text, own_unit
+from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, Visible
+
+Told = TypeVar("Told")
+
+_NOT_WORDS = frozenset({"run", "runs"})
+"""Keys of names that the user gave."""
+
+_OF_A_MOTOR = (
+    (r"\bboth wheels or of a motor\b", "the motor"),
+    (r"\bwheels or motor\b", "the motor"),
+    (r"\bwheel (inertia|radius)\b", r"\1"),
+    (r"\b(the |each |both )?wheels?'s\b", r"the {shaft}'s"),
+    (r"\bwheels turn\b", r"the {shaft} turns"),
+    (r"\b(the |each |both )wheels?\b", r"the {shaft}"),
+    (r"\bwheels\b", r"the {shaft}"),
+    (r"\bwheel\b", r"{shaft}"),
+    (r"\b(the |The )?(robot|vehicle)\b", r"\1motor"),
+    (r'\bDrive (")', r"Run \1"),
+    (r"\bexplanations drive alike\b", "explanations run alike"),
+    (r"\bDrive more\b", "Run more"),
+    (r"\bdrive as well\b", "run as well"),
+)
+
+
+def told(dataset: Dataset, value: Told) -> Told:
+    """Returns text, or what holds text, as it is said of the data set's vehicle: of a motor without wheels.
+
+    Names that the user gave and HTML that is made already stay as they are.
+    """
+    return value if dataset.vehicle != "motor" else _of_a_motor(value, _shaft(dataset))
+
+
+def _shaft(dataset: Dataset) -> str:
+    return "carriage" if "force_per_volt" in dataset.nominal else "shaft"
+
+
+def _of_a_motor(value: Any, shaft: str) -> Any:
+    if isinstance(value, Markup):
+        return value
+    if isinstance(value, str):
+        for pattern, plain in _OF_A_MOTOR:
+            value = re.sub(pattern, plain.format(shaft=shaft), value)
+        return value
+    if isinstance(value, Mapping):
+        return {key: one if key in _NOT_WORDS else _of_a_motor(one, shaft) for key, one in value.items()}
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return type(value)(_of_a_motor(one, shaft) for one in value)
+    return value
+
+
+def frames(dataset: Dataset) -> str:
+    """Returns in which frame and units the values stand that a page shows; empty for a motor, which has no frame."""
+    if dataset.vehicle == "motor":
+        return ""
+    own = f"Signals, and the values of effects, have the frame and sign of the data set, {frame_text(dataset)}."
+    if dataset.frame == "FRD":
+        return f"{own} So have model.toml and verdict.json, in SI."
+    return f"{own} Equations, model.toml and verdict.json have the paper's, FRD: {FRAME_WORDS['FRD']}; in SI."
+
+
+def shown_finding(finding: Finding) -> Finding:
+    """Returns a finding whose effects have the sign and unit of the data set, for texts and tables alone."""
+    data = finding.dataset
+
+    def of(name: str, values: Mapping[str, Parameter]) -> dict[str, Parameter]:
+        return {key: _parameter(data, *_parts(name, key), one) for key, one in values.items()}
+
+    def effect(one: Effect) -> Effect:
+        rivals = tuple(
+            dataclasses.replace(rival, parameters=of(rival.name, rival.parameters)) for rival in one.equivalents
+        )
+        return dataclasses.replace(one, parameters=of(one.name, one.parameters), equivalents=rivals)
+
+    return dataclasses.replace(finding, effects=tuple(effect(one) for one in finding.effects))
+
+
+def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> OwnUnit:
+    """Returns how a data set would state a parameter of an effect, which has this unit in SI."""
+    sign = -1.0 if dataset.frame == "FLU" and turns_with_frame(effect, parameter) else 1.0
+    gyro = own_unit(dataset, "yaw_rate") if dataset.vehicle != "motor" else OwnUnit("rad/s")
+    if unit == "rad/s" and gyro.unit != "rad/s" and turns_with_frame(effect, parameter):
+        return OwnUnit(gyro.unit, gyro.per_si, sign)
+    return OwnUnit(unit, 1.0, sign)
+
+
+def shown_rank(dataset: Dataset, one: Rank) -> Rank:
+    """Returns an explanation with the signs of the data set."""
+    values = {
+        key: own_parameter(dataset, *_parts("", key), unit="").value(value) for key, value in one.parameters.items()
+    }
+    return dataclasses.replace(one, parameters=values)
+
+
+def shown_size(dataset: Dataset, effect: str, one: Visible) -> Visible:
+    """Returns the smallest visible size of an effect in the unit of the data set."""
+    own = own_parameter(dataset, effect, one.parameter, one.unit)
+    return dataclasses.replace(one, size=own.size(one.size), unit=own.unit)
+
+
+def _parts(name: str, key: str) -> tuple[str, str]:
+    """Returns effect and parameter; the key names the effect too where there are several."""
+    effect, _, parameter = key.rpartition(".")
+    return effect or name, parameter
+
+
+def _parameter(dataset: Dataset, effect: str, name: str, one: Parameter) -> Parameter:
+    own = own_parameter(dataset, effect, name, one.unit)
+    if own.sign > 0 and own.per_si == 1.0:
+        return one
+    identified = one.identified
+    if identified is not None and own.sign < 0:
+        identified = dataclasses.replace(
+            identified, value=-identified.value, ci95=_ends(identified.ci95, OwnUnit(identified.unit, 1.0, -1.0))
+        )
+    ci95 = None if one.ci95 is None else _ends(one.ci95, own)
+    return Parameter(own.value(one.value), own.unit, ci95, identified)
+
+
+def _ends(ends: tuple[float, float], own: OwnUnit) -> tuple[float, float]:
+    low, high = sorted(own.value(end) for end in ends)
+    return low, high
