@@ -21,6 +21,7 @@ from brickpilot.data.description import Description, Role, RunEntry, Signal, des
 from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.input_timing import InputTiming, with_linear_inputs
 from brickpilot.data.nominal import Nominal
+from brickpilot.data.plain_rows import LONG_TEXT
 from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
 from brickpilot.errors import InputError
@@ -210,8 +211,10 @@ def read(folder: Path | str) -> Dataset:
         raise InputError("cannot be read", file=path) from error
     description = describe(path)
 
+    much = sum(entry.file.stat().st_size for entry in description.runs) > LONG_TEXT
+
     def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-        return read_columns(entry.file, wanted, description.layout)
+        return read_columns(entry.file, wanted, description.layout, much=much)
 
     return _checked(path, description, columns)
 

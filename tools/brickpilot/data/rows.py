@@ -51,20 +51,23 @@ class Columns:
         return InputError(message, file=self.source, line=self.lines[row], field=field)
 
 
-def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat) -> Columns:
+def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat, *, much: bool = False) -> Columns:
     """Reads the named columns of a text file.
 
     Args:
         path: the file.
         columns: signal -> column name, or its number from 0 where the file has no header.
         layout: delimiter and header.
+        much: whether it is one of many files, so that what reads long ones pays for a short one too.
 
     Raises:
         InputError: no readable UTF-8 text, a missing or double column, rows of different length, a cell that is not a
             number, or no rows.
     """
     text = _text(path)
-    if len(text) > LONG_TEXT and (plain := read_plain(text, columns, layout.delimiter, layout.header)) is not None:
+    if (much or len(text) > LONG_TEXT) and (
+        plain := read_plain(text, columns, layout.delimiter, layout.header)
+    ) is not None:
         return Columns(plain, range(1 + layout.header, 1 + layout.header + len(next(iter(plain.values())))), path)
     rows, lines = _rows(path, text, layout.delimiter)
     names = _header(path, rows, lines) if layout.header else None

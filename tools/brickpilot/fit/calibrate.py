@@ -152,6 +152,9 @@ class Calibration:
         }
 
 
+NOTHING_FREE = "Nothing to fit: the data set states every parameter as a plain value."
+
+
 def calibrate(
     dataset: Dataset,
     *,
@@ -200,7 +203,7 @@ def calibrate(
     notes = [ready.roles.note, *chosen.notes, *ready.measured.notes]
     notes += compared_signals(ready.measured, chosen.model).notes
     if not chosen.free:
-        notes.append("Nothing to fit: the data set states every parameter as a plain value.")
+        notes.append(NOTHING_FREE)
         return _result(ready, chosen.model, chosen.model, {}, {}, notes)
     if not ready.roles.fit():
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")

@@ -67,5 +67,6 @@ def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
         SimulationError: the plant diverges with the stated values.
     """
     stated = parameters.plan(dataset)
-    simulated = Replay(dataset).simulate([stated.at(stated.start())])[0]
+    measured = {name for run in dataset.runs for name in run.outputs}
+    simulated = Replay(dataset).simulate([stated.at(stated.start())], signals=measured)[0]
     return against_model.contradictions(dataset, simulated)

@@ -15,11 +15,13 @@ from brickpilot.data.ils import SignalError, signal_error
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.fit.calibrate import Calibration, calibrate
+from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
 from brickpilot.fit.comparable import Comparable, comparable
 from brickpilot.fit.compared import compared_signals, is_compared
+from brickpilot.fit.enough import enough_to_fit
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
 from brickpilot.fit.horizons import Course, track
+from brickpilot.fit.parameters import plan
 from brickpilot.fit.rates import MOTOR_RATE_OF
 from brickpilot.fit.replay import Array, Outputs
 from brickpilot.vehicle.model import Model
@@ -173,12 +175,10 @@ def compare(
         )
     if window_s:
         _check_window(dataset, window_s)
-    fitted = calibrate(dataset, seed=seed, threads=threads, progress=progress) if model is None else None
-    model = fitted.model if fitted is not None else model
-    assert model is not None
+    model, remarks = (model, []) if model is not None else _nominal(dataset, seed, threads, progress)
     compared_signals(dataset, model)  # refuses what is no measurement before anything is made of it
     ready = comparable(dataset)
-    notes = [ready.roles.note, *ready.measured.notes, *(_fit_notes(fitted) if fitted is not None else [])]
+    notes = [ready.roles.note, *ready.measured.notes, *remarks]
     compared = compared_signals(ready.measured, model)
     notes.extend(compared.notes)
     if progress:
@@ -224,10 +224,16 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
     )
 
 
-def _fit_notes(fitted: Calibration) -> list[str]:
-    free = ", ".join(fitted.parameters)
-    first = f"The data set does not fix {free}: fitted on the fit runs first." if free else "Nothing was fitted."
-    return [first, *fitted.notes]
+def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | None) -> tuple[Model, list[str]]:
+    """Returns the model of the nominal values, fitted where they are not stated as plain values, and notes."""
+    stated = plan(dataset)
+    if not stated.free:
+        return stated.at(stated.start()), ["Nothing was fitted.", *stated.notes, NOTHING_FREE]
+    some, note = enough_to_fit(dataset)
+    fitted = calibrate(some, seed=seed, threads=threads, progress=progress)
+    first = f"The data set does not fix {', '.join(fitted.parameters)}: fitted on the fit runs first."
+    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # roles of `some` are no news
+    return fitted.model, [first, *notes]
 
 
 def _least_window_s(dataset: Dataset) -> float:

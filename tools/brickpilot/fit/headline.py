@@ -97,15 +97,18 @@ def headline(ready: Comparable, model: Model, *, threads: int = 2) -> Headline:
 
 
 def simulated_at(compared: Track, model: Model, *, threads: int = 2) -> dict[str, Mapping[str, Outputs]]:
-    """Returns horizon -> run -> outputs of a model. A short horizon at which the plant diverges is absent.
+    """Returns horizon -> run -> outputs of a model, those that were measured.
+
+    A short horizon at which the plant diverges is absent.
 
     Raises:
         SimulationError: the plant diverges in a free run.
     """
     replay, found = Replay(compared.dataset), dict[str, Mapping[str, Outputs]]()
+    names = {*compared.signals, *(name for run in compared.dataset.runs for name in run.outputs)}
     for course in compared.courses:
         try:
-            (found[course.horizon],) = replay.simulate([model], threads=threads, marks=course.marks)
+            (found[course.horizon],) = replay.simulate([model], threads=threads, signals=names, marks=course.marks)
         except SimulationError:
             if course.horizon == FREE_RUN:
                 raise

@@ -1,0 +1,77 @@
+"""Comparing a data set of very many samples: the nominal values are fitted to some of its runs, and it is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import brickpilot as bp
+import numpy as np
+import pandas as pd
+import pytest
+from brickpilot.data import plain_rows
+from brickpilot.fit import enough
+from brickpilot.fit.enough import enough_to_fit
+from synthetic import motor, write
+
+VOLTS = (3.0, 4.0, 5.0, 6.0, 7.0, -3.0, -4.0, -5.0, -6.0, -7.0)
+KNOWN = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0, "wheel_inertia": 7.5e-4}
+
+
+def steps() -> bp.Dataset:
+    """Ten steps of a motor solved by hand, 100 samples each, 2 s apart."""
+    time = np.arange(100) * 0.01
+    frames = {
+        f"step_{volts:g}": pd.DataFrame(
+            {
+                "time": time,
+                "voltage": np.where(time >= 0.195, volts, 0.0),
+                "speed": 3 * volts * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15)),
+            }
+        )
+        for volts in VOLTS
+    }
+    return bp.Dataset.from_frames(frames, vehicle="motor", nominal=KNOWN, gap_s=2.0)
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(enough, "MANY", 300)
+    monkeypatch.setattr(enough, "ENOUGH", 300)
+
+
+def test_each_direction_and_the_largest_input_stay_and_runs_keep_their_age(few: None) -> None:
+    dataset = steps()
+    some, note = enough_to_fit(dataset)
+    assert [run.name for run in some.runs] == ["step_3", "step_7", "step_-3", "step_-7"]
+    assert note is not None
+    assert "fitted to 4 of 8 fit runs, 400 samples" in note
+    ages = np.cumsum([run.gap_s for run in some.runs]) + np.arange(4) * 0.99
+    assert ages == pytest.approx([2.0 + 2.99 * place for place in (0, 4, 5, 9)])
+    assert {run.role for run in some.runs} == {"fit"}
+
+
+def test_few_samples_are_all_fitted() -> None:
+    dataset = steps()
+    assert enough_to_fit(dataset) == (dataset, None)
+
+
+def test_compare_fits_some_runs_shows_all_and_says_so(few: None) -> None:
+    dataset = steps()
+    found = bp.compare(dataset)
+    assert found.model.parameters == bp.calibrate(enough_to_fit(dataset)[0]).model.parameters
+    assert found.model.parameters["viscous_friction"] == pytest.approx(5e-4, rel=1e-3)
+    assert len(found.runs) == 10
+    assert sum("fitted to 4 of 8 fit runs" in note for note in found.notes) == 1
+    assert sum("held out" in note for note in found.notes) == 1
+
+
+def test_many_short_files_are_read_as_long_ones_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write(tmp_path / "set", motor(), {"speed": 0.1}, "", manoeuvres={"one": (4.0, 0.0), "two": (-5.0, 0.0)})
+    cell_by_cell = bp.read(folder)
+    monkeypatch.setattr("brickpilot.data.dataset.LONG_TEXT", 1000)
+    called = []
+    plain = plain_rows.read_plain
+    monkeypatch.setattr("brickpilot.data.rows.read_plain", lambda *given: called.append(1) or plain(*given))
+    for one, other in zip(bp.read(folder).runs, cell_by_cell.runs, strict=True):
+        pd.testing.assert_frame_equal(one.to_frame(), other.to_frame(), rtol=0, atol=0)
+    assert len(called) == 2
