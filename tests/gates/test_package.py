@@ -53,13 +53,15 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
     with ZipFile(wheel) as archive:
         info = wheel.name.partition("-")[0] + "-" + wheel.name.split("-")[1] + ".dist-info"
         assert archive.read(f"{info}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
+        library = "brickpilot/report/uplot/LICENSE"  # of the plot library, which stands inside each page
+        assert archive.read(f"{info}/licenses/{library}") == (ROOT / "tools" / library).read_bytes()
         assert "brickpilot/py.typed" in archive.namelist()  # else no user's type checker reads the types
         metadata = Parser().parsestr(archive.read(f"{info}/METADATA").decode())
     assert metadata["License-Expression"] == "MIT"
     asked = metadata.get_all("Requires-Dist") or []
     always = [one for one in asked if "extra ==" not in one]
     assert len(always) > 5
-    assert not [one for one in always if one.startswith(("cantools", "python-can", "pyserial", "cobs")) or "==" in one]
+    assert not [one for one in always if one.startswith(("matplotlib", "cantools", "python-can", "pyserial", "cobs")) or "==" in one]
     assert {"cantools", "python-can", "pyserial"} <= {
         one.partition(">")[0] for one in asked if one.endswith(("extra == 'hil'", 'extra == "hil"'))
     }
