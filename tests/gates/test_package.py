@@ -61,7 +61,11 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
     asked = metadata.get_all("Requires-Dist") or []
     always = [one for one in asked if "extra ==" not in one]
     assert len(always) > 5
-    assert not [one for one in always if one.startswith(("matplotlib", "cantools", "python-can", "pyserial", "cobs")) or "==" in one]
+    assert not [
+        one
+        for one in always
+        if one.startswith(("matplotlib", "cantools", "python-can", "pyserial", "cobs")) or "==" in one
+    ]
     assert {"cantools", "python-can", "pyserial"} <= {
         one.partition(">")[0] for one in asked if one.endswith(("extra == 'hil'", 'extra == "hil"'))
     }

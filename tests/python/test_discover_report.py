@@ -14,7 +14,7 @@ from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
 from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.fit.replay import Replay
 from brickpilot.report.discover_page import page
-from brickpilot.report.discover_plots import superimposed
+from brickpilot.report.discover_plots import fits, gaps, superimposed
 from brickpilot.report.discover_text import verdict, words
 from brickpilot.report.plot import Curve, Figure, Panel, to_html
 from brickpilot.report.quantities import quantity
@@ -403,6 +403,29 @@ def test_a_clock_that_counts_from_1970_leaves_room_for_its_ticks():
     figure = figures(html)["a"]
     assert figure["x"]["label"] == "time (s), counted from 1700000000 s"
     assert (figure["x"]["values"][0], figure["x"]["values"][-1], *figure["stretch"]) == (0, 10, 2, 4)
+
+
+def test_fits_near_100_percent_are_drawn_at_their_values():
+    rows = [("turning", 99.35, 99.99, 99.995), ("driving", None, -400.0, 99.0)]
+    for single, names in ((False, ["before", "after", "attainable"]), (True, ["simulated", "attainable"])):
+        (figure,) = figures(str(fits(rows, single=single, title="t"))).values()
+        assert figure["x"]["label"] == "fit (%)"
+        (panel,) = figure["panels"]
+        assert [one["name"] for one in panel["curves"]] == names
+        assert panel["rows"] == ["driving", "turning"]
+        after = panel["curves"][-2]["values"]
+        places = {row: x for x, row in zip(figure["x"]["values"], after, strict=True) if row is not None}
+        assert places == pytest.approx({1: 99.99, 0: -20.0}, abs=0.01)  # far below 0: at the edge
+        assert panel["spans"][0] == pytest.approx([1, 99.99 if single else 99.35, 99.995])
+
+
+def test_gaps_are_drawn_on_a_log_scale_with_a_line_at_the_noise():
+    (figure,) = figures(str(gaps([("yaw rate", 80.2, 1.07), ("none", None, None)], single=False, title="t"))).values()
+    assert figure["x"]["log"]
+    assert figure["lines"] == [1.0]
+    assert 1.0 in figure["x"]["reach"]
+    assert figure["x"]["values"] == pytest.approx([1.07, 80.2], rel=1e-3)
+    assert figure["panels"][0]["spans"] == [pytest.approx([1, 1.07, 80.2])]
 
 
 def test_a_moved_nominal_value_is_a_headline_of_its_own(found):

@@ -21,7 +21,7 @@ _WHISKER = 120.0  # width of an interval in a table
 
 def measured(values: Array) -> Curve:
     """Returns the curve of a measured signal, behind those that are simulated."""
-    return Curve("measured", values, "grey", 2.6)
+    return Curve("measured", values, "grey", 2.2)
 
 
 def superimposed(

@@ -231,8 +231,10 @@ def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
 def _clock(figure: Figure) -> tuple[float, str]:
     """Returns the origin of the figure's axis and its label; times since 1970 are too long for a tick."""
     label = f"{figure.x_label} ({figure.x_unit})" if figure.x_unit else figure.x_label
-    origin = float(figure.x[0]) if len(figure.x) else 0.0
-    if not len(figure.x) or abs(origin) <= 10.0 * float(figure.x[-1] - origin) or len(figure.x) == 1:
+    if figure.x_label != "time" or len(figure.x) < 2:
+        return 0.0, label
+    origin = float(figure.x[0])
+    if abs(origin) <= 10.0 * float(figure.x[-1] - origin):
         return 0.0, label
     return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
 
