@@ -15,7 +15,9 @@ from brickpilot.benchmark.peers import PEERS, Peer, choice, grid
 from brickpilot.data import dataset, holdout
 from brickpilot.data.holdout import Roles
 from brickpilot.errors import InputError
+from brickpilot.fit.compare import compare
 from brickpilot.fit.replay import Replay
+from brickpilot.vehicle.model import Model
 from command import brickpilot
 
 README = Path(__file__).parents[2] / "tools" / "README.md"
@@ -69,18 +71,25 @@ def fit_of(data, predicted, signals=("speed",)):
     return real_score.fits(data, roles_of(data), predicted, signals)
 
 
-def test_fit_percent_is_one_less_error_over_spread(tmp_path):
+def test_fit_percent_is_the_share_of_the_signal(tmp_path):
     data = motor_set(tmp_path / "a")
     measured = {run.name: run.outputs["speed"] for run in data.runs}
     exact = fit_of(data, {name: {"speed": values} for name, values in measured.items()})
     assert exact["fit"].pooled == pytest.approx(100.0)
-    every = np.concatenate([measured[name] for name in ("r0", "r1", "r2")]).mean()
-    mean = fit_of(data, {name: {"speed": np.full_like(values, every)} for name, values in measured.items()})
-    assert mean["fit"].pooled == pytest.approx(0.0, abs=1e-9)
     held = data.runs[-1].outputs["speed"]
-    off = fit_of(data, {data.runs[-1].name: {"speed": held + 0.25 * held.std()}})
+    off = fit_of(data, {data.runs[-1].name: {"speed": held + 0.25 * float(np.sqrt(np.mean(held**2)))}})
     assert off["held_out"].by_signal["speed"] == pytest.approx(75.0)
-    assert off["fit"].pooled == pytest.approx(0.0)  # not predicted: as good as the mean
+    assert off["fit"].pooled == pytest.approx(0.0)  # not predicted: nothing is explained
+
+
+def test_the_figure_of_a_model_is_that_of_compare(tmp_path):
+    data = motor_set(tmp_path / "a")
+    model = Model("given", "motor", "coupled", catalogue.presets("motor"))
+    figures = compare(data, model).headline
+    found = fit_of(data, real_run._free_runs(data, model))
+    for role in ("fit", "held_out"):
+        assert found[role].pooled == figures.mean(role)
+        assert found[role].by_signal == {"speed": figures.of("speed", role).fit_percent}
 
 
 def test_fit_percent_of_a_diverged_model_is_the_worst(tmp_path):
@@ -204,7 +213,12 @@ def test_no_folder_is_one_clear_line(tmp_path, monkeypatch):
 
 def test_peers_run_on_a_folder_and_keep_the_rest(tmp_path):
     motor_set(tmp_path / "sets")
-    kept = {"name": "bench", "discover": {"error": "kept"}, "roles": {"fit": 3, "held_out": 1}}
+    kept = {
+        "name": "bench",
+        "figure": real_score.FIGURE,
+        "discover": {"error": "kept"},
+        "roles": {"fit": 3, "held_out": 1},
+    }
     real_results.save({"bench": kept}, tmp_path / "r.json")
     done = brickpilot(
         "benchmark", "real", "sets", "--part", "peers", "--peer", "WPILib kS/kV/kA", "--results", "r.json", "--json",
@@ -237,7 +251,7 @@ def a_result(name="bench", verdict="named", before=40.0, after=90.0, peer=80.0, 
             {"name": "coulomb_friction", "mechanism": "bearing", "claimed": verdict == "named", "confidence": 1.0,
              "parameters": {}, "equivalents": []}
         ],
-        "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before}},
+        "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before, "speed": before}},
                 "after": {"fit": {"pooled": after}, "held_out": {"pooled": after, "speed": after}}},
         "attainable": {"fit": {}, "held_out": {"speed": attainable, "not measured": 10.0}},
     }  # fmt: skip
@@ -253,6 +267,12 @@ def test_summary_counts_wins_and_what_was_removed():
     share = (0.6**2 - 0.1**2) / (0.6**2 - 0.05**2)
     grown = (0.4**2 - 0.5**2) / (0.4**2 - 0.05**2)
     assert f"median {50 * (share + grown):.0f} %, least {100 * grown:.0f} %, of 2 logs" in said
+
+
+def test_figures_of_an_older_kind_are_told_from_those_of_now():
+    old, now = a_result(), a_result("b") | {"figure": real_score.FIGURE}
+    assert "The figures of 1 logs are still of an older kind" in "\n".join(real_table.summary([old, now], {}))
+    assert "older kind" not in "\n".join(real_table.summary([now], {}))
 
 
 def test_table_is_written_between_its_marks(tmp_path):

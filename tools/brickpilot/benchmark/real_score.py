@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
+from brickpilot.fit.headline import noise_sd
 
 Array = NDArray[np.float64]
 Predictions = Mapping[str, Mapping[str, Array]]
@@ -21,14 +23,19 @@ WORST = -999.0
 
 ROLES = ("fit", "held_out")
 
+FIGURE = "share of the signal"
+"""What the figures of a result are; results without it were scored about the signal's mean."""
+
+_DIVERGED = 1e200  # SI: beyond it, squares overflow
+
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit percent: 100 (1 - rms error / rms of the signal about its mean), over all samples of all runs of one role.
+    """Fit percent, the headline number of `data.agreement`, over all samples of all runs of one role.
 
     Attributes:
         by_signal: signal -> fit percent over these runs.
-        pooled: the same over all signals, each weighted by one over its own spread; None: there is no such run.
+        pooled: the mean over the signals; None: there is no such run.
     """
 
     by_signal: Mapping[str, float]
@@ -41,8 +48,8 @@ class Fit:
 def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collection[str]) -> dict[str, Fit]:
     """Returns "fit" and "held_out" -> how well `predicted` fits these runs.
 
-    A signal that is not predicted counts as its own mean, 0 %. A signal of arbitrary origin counts from its first known
-    sample.
+    What is not predicted counts as 0, which explains 0 %. A signal of arbitrary origin counts from its first known
+    sample. A signal that is zero, or no more than its noise, is left out.
     """
     return {
         role: _fit(dataset, [n for n, own in roles.by_run.items() if own == role], predicted, signals) for role in ROLES
@@ -50,15 +57,27 @@ def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collec
 
 
 def _fit(dataset: Dataset, names: Collection[str], predicted: Predictions, signals: Collection[str]) -> Fit:
-    shares = {}
+    by_signal = {}
     for signal in signals:
-        runs = [run for run in dataset.runs if run.name in names and signal in run.outputs]
-        pairs = [_known(signal, run.outputs[signal], predicted.get(run.name, {}).get(signal)) for run in runs]
-        share = _share(pairs)
-        if share is not None:
-            shares[signal] = share
-    by_signal = {signal: _percent(share) for signal, share in shares.items()}
-    return Fit(by_signal, _percent(float(np.mean(list(shares.values())))) if shares else None)
+        runs = [run for run in dataset.runs if signal in run.outputs]
+        noise = noise_sd(dataset, signal, [run.outputs[signal] for run in runs])
+        parts = [
+            _agreement(signal, run.outputs[signal], predicted.get(run.name, {}).get(signal), noise)
+            for run in runs
+            if run.name in names
+        ]
+        found = together(parts)
+        if found.percent_of(0.0) is not None:
+            fit = found.fit_percent
+            by_signal[signal] = WORST if fit is None else max(WORST, fit)
+    return Fit(by_signal, mean_fit(by_signal))
+
+
+def _agreement(signal: str, measured: Array, predicted: Array | None, noise: float) -> Agreement:
+    values, simulated = _known(signal, measured, predicted)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.where(np.isnan(simulated), values, values - simulated)
+    return agreement(np.clip(error, -_DIVERGED, _DIVERGED), values, noise_sd=noise)
 
 
 def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
@@ -69,24 +88,6 @@ def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array
     if signal in SUMMED and len(values):
         return values - values[0], simulated - simulated[0]
     return values, simulated
-
-
-def _share(pairs: Sequence[tuple[Array, Array]]) -> float | None:
-    """Returns the squared error over the squared spread about the mean of all runs; None: the signal never moves."""
-    if not pairs:
-        return None
-    values, simulated = (np.concatenate(columns) for columns in zip(*pairs, strict=True))
-    about = values - values.mean() if len(values) else values
-    spread = float(about @ about)
-    if spread <= 0:
-        return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        error = np.where(np.isnan(simulated), about, values - simulated)
-        return float(np.sum(error**2)) / spread
-
-
-def _percent(share: float) -> float:
-    return max(WORST, 100.0 * (1.0 - float(np.sqrt(share)))) if np.isfinite(share) else WORST
 
 
 def _rounded(value: float | None) -> float | None:

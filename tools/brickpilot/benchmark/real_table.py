@@ -10,6 +10,7 @@ from typing import Any
 from brickpilot.benchmark.peers import PEERS
 from brickpilot.benchmark.real_logs import RealLog
 from brickpilot.benchmark.real_results import judged_on, models, pooled
+from brickpilot.benchmark.real_score import FIGURE
 from brickpilot.errors import InputError
 
 BEGIN, END = "<!-- real logs -->", "<!-- end of real logs -->"
@@ -103,31 +104,41 @@ def _one(value: float | None) -> str:
 
 
 def attainable(result: Result) -> float | None:
-    """Returns the pooled fit percent that can be reached on the runs that judge, by discovery; None: unknown."""
+    """Returns the mean fit percent that can be reached on the runs that judge, by discovery; None: unknown."""
+    limits = _limits(result)
+    return sum(limits.values()) / len(limits) if limits else None
+
+
+def _limits(result: Result) -> dict[str, float]:
+    """Returns signal -> the fit percent that can be reached on the runs that judge."""
     role = judged_on(result)
     found = (result.get("discover", {}).get("attainable") or {}).get(role) or {}
     scored = models(result).get("after", {}).get(role) or {}
-    shares = [(1 - float(value) / 100) ** 2 for signal, value in found.items() if signal in scored]
-    return 100 * (1 - (sum(shares) / len(shares)) ** 0.5) if shares else None
+    return {signal: float(value) for signal, value in found.items() if signal in scored}
 
 
 def removed(result: Result) -> float | None:
     """Returns the share of the predictable error that the written model removes on the runs that judge.
 
-    The predictable error is the squared error of the calibrated nominal model less that of what is attainable.
+    The predictable error is the squared error of the calibrated nominal model less that of what is attainable, each
+    signal in units of its own norm.
     """
-    role, limit = judged_on(result), attainable(result)
-    before, after = (pooled(models(result).get(model), role) for model in ("before", "after"))
-    if before is None or after is None or limit is None or limit <= before:
+    role, limits = judged_on(result), _limits(result)
+    before, after = (models(result).get(model, {}).get(role) or {} for model in ("before", "after"))
+    if not limits or not limits.keys() <= before.keys() & after.keys():
         return None
-    first, last, least = ((1 - value / 100) ** 2 for value in (before, after, limit))
-    return (first - last) / (first - least)
+    first, last, least = (
+        sum((1 - float(one[signal]) / 100) ** 2 for signal in limits) for one in (before, after, limits)
+    )
+    return (first - last) / (first - least) if first > least else None
 
 
 def summary(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str]:
     """Returns what the table sums up to, a sentence each."""
     ran = [one for one in results if "after" in models(one)]
     said = [f"{len(results)} logs; fit percent over {_roles(ran)}."]
+    if about_the_mean := [one for one in results if one.get("figure") != FIGURE]:
+        said.append(f"The figures of {len(about_the_mean)} logs are still of an older kind: about the signal's mean.")
     said.append(f"The written model of `discover` is better than {_DELAYED} on {_wins(ran, (_DELAYED,))}.")
     said.append(f"It is better than the best peer on {_wins(ran, tuple(peer.name for peer in PEERS))}.")
     for peer in PEERS:

@@ -6,7 +6,7 @@ What a number is says `data.agreement`; where runs start says `Comparable`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -126,15 +126,17 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sds(compared: Track) -> dict[str, float]:
-    """Returns signal -> sd of its noise, SI: as stated or as estimated from all runs, whichever is larger."""
-    return {signal: _noise_sd(compared, compared.dataset, signal) for signal in compared.signals}
+    """Returns signal -> sd of its noise, SI."""
+    by_run = compared.measured.values()
+    parts = {signal: [one[signal] for one in by_run if signal in one] for signal in compared.signals}
+    return {signal: noise_sd(compared.dataset, signal, values) for signal, values in parts.items()}
 
 
-def _noise_sd(compared: Track, dataset: Dataset, signal: str) -> float:
+def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
+    """Returns the sd of a signal's noise, SI: as stated, or as estimated if that is more. `parts`: of all runs."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
-    parts = [by_signal[signal] for by_signal in compared.measured.values() if signal in by_signal]
     return max(float(np.hypot(stated, step / 12**0.5)), noise_of(parts, step).sd)
 
 
