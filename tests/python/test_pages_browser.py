@@ -24,7 +24,7 @@ from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from findings import COMMAND, VERDICTS, all_verdicts
 from matplotlib.image import imread
-from pages import HOSTILE
+from pages import HOSTILE, assert_self_contained
 from synthetic import robot, write
 
 STATED = "".join(
@@ -141,6 +141,8 @@ def test_the_keyboard_reaches_everything(pages, tmp_path, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_page_fits_a_narrow_screen_draws_all_figures_and_loads_nothing(pages, tmp_path, kind):
+    assert_self_contained(pages[kind])
+    assert "<script>alert" not in pages[kind]
     html = pages[kind].replace("</body>", f"{PROBE}</body>")
     (tmp_path / "inner.html").write_text(html, encoding="utf-8")
     dom, log = browse(tmp_path, NARROW, "--virtual-time-budget=10000", "--dump-dom")
