@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 Colour = Literal["blue", "orange", "green", "purple", "grey"]
 Shape = Literal["line", "step", "marks", "bars"]
 
-_MOST_POINTS, _LEAST_POINTS = 2000, 300  # that are drawn of a run in one figure
+MOST_POINTS, _LEAST_POINTS = 2000, 300  # that are drawn of a run in one figure
 _ROW = 26  # height of a row, pixels
 _PAGE_POINTS = 40_000  # of all figures of a page: about 1.5 MB
-_ACROSS, _UP = 1e6, 2e4  # steps in which a time and a value of a figure are written
+ACROSS, UP = 1e6, 2e4  # steps in which a time and a value of a figure are written
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Figure:
 
 def points_for(figures: int) -> int:
     """Returns how many points each of so many figures of a page may draw, so that the page stays at a few MB."""
-    return min(_MOST_POINTS, max(_LEAST_POINTS, _PAGE_POINTS // max(figures, 1)))
+    return min(MOST_POINTS, max(_LEAST_POINTS, _PAGE_POINTS // max(figures, 1)))
 
 
 def thin(columns: Array, points: int) -> NDArray[np.intp]:
@@ -120,7 +120,7 @@ def _extremes(columns: Array, stretches: int) -> NDArray[np.intp]:
     return np.asarray(kept[kept < samples])
 
 
-def to_html(figure: Figure, points: int = _MOST_POINTS) -> Markup:
+def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
     """Returns the figure as an element of a page. About `points` samples of it are drawn, and it says so."""
     kept = thin(np.array([one.values for panel in figure.panels for one in panel.curves]), points)
     origin, x_label = _clock(figure)
@@ -129,7 +129,7 @@ def to_html(figure: Figure, points: int = _MOST_POINTS) -> Markup:
         "x": {
             "name": figure.x_label,
             "label": x_label,
-            "values": _compact(figure.x[kept] - origin, _ACROSS),
+            "values": compact(figure.x[kept] - origin, ACROSS),
             "log": figure.log,
             "reach": list(figure.reach),
         },
@@ -215,7 +215,7 @@ def _curve(one: Curve, x: Array, kept: NDArray[np.intp], factor: float) -> dict[
         "dash": [6, 4] if one.dashed else None,
         "shape": one.shape,
         "gap": _longest_step(one, x, kept),
-        "values": _compact(one.values[kept] / factor, _UP),
+        "values": compact(one.values[kept] / factor, UP),
     }
 
 
@@ -239,7 +239,7 @@ def _clock(figure: Figure) -> tuple[float, str]:
     return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
 
 
-def _compact(values: Array, steps: float) -> list[float | None]:
+def compact(values: Array, steps: float) -> list[float | None]:
     """Returns the values as JSON has them, rounded to their span over `steps`; a dropout is None."""
     known = values[np.isfinite(values)]
     size = float(np.abs(known).max(initial=0.0)) if len(known) < 2 or np.ptp(known) == 0 else float(np.ptp(known))
@@ -247,50 +247,3 @@ def _compact(values: Array, steps: float) -> list[float | None]:
     rounded = np.round(values, decimals) + 0.0  # no minus zero
     whole = decimals <= 0
     return [None if not math.isfinite(one) else int(one) if whole else one for one in rounded.tolist()]
-
-
-def track_to_html(
-    time: Array,
-    heading: Array,
-    lines: Sequence[Curve],
-    circles: Sequence[tuple[float, float, float, bool]],
-    *,
-    link: str,
-) -> Markup:
-    """Returns a track, seen from above, as an element of a page that can be played.
-
-    Args:
-        time, heading: of the run, (n,): s, and rad clockwise from straight up.
-        lines: (2, n) each: to the right, then up, m. The first one is played, and has the samples of `time`.
-        circles: the waypoints: place to the right and up, radius, m, and whether it was reached.
-        link: see `Figure`.
-    """
-    kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), _MOST_POINTS)
-    spec = {
-        "track": True,
-        "link": link,
-        "label": "seen from above: x, forward at the start (m)",
-        "across": "y, to the right (m)",
-        "time": _compact(time[kept], _ACROSS),
-        "heading": _compact(heading[kept], _UP),
-        "lines": [_way(one, kept, len(time)) for one in lines],
-        "circles": [
-            {"name": str(number), "x": x, "y": y, "radius": radius, "reached": reached}
-            for number, (x, y, radius, reached) in enumerate(circles, 1)
-        ],
-    }
-    return element(spec, "track over the waypoints, seen from above", 400)
-
-
-def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
-    played = one.values.shape[1] == samples
-    across, up = one.values[:, kept] if played else one.values
-    return {
-        "name": one.name,
-        "colour": one.colour,
-        "width": one.width,
-        "dash": [6, 4] if one.dashed else None,
-        "played": played,
-        "x": _compact(across, _UP),
-        "y": _compact(up, _UP),
-    }

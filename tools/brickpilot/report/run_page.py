@@ -9,8 +9,9 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEPTANCE_M
-from brickpilot.report.plot import Colour, Curve, Figure, Panel, to_html, track_to_html
+from brickpilot.report.plot import Colour, Curve, Figure, Panel, to_html
 from brickpilot.report.template import render
+from brickpilot.report.track import track_to_html
 from brickpilot.vehicle.flight import Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
