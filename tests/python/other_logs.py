@@ -7,6 +7,8 @@ A log is topic -> field -> values, with one time in s for each value of a topic.
 
 from __future__ import annotations
 
+import json
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -275,4 +277,45 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> Path:
     from pyarrow import parquet
 
     parquet.write_table(pyarrow.table(dict(columns)), path)
+    return path
+
+
+TURN = 0.5  # unitsPerRotation of the logs below
+
+
+def old_row(time: float, autospeed: float, left: float, right: float, gyro: float) -> list[float]:
+    """A row of frc-characterization: the battery at 12 V, voltages without sign, `left` and `right` in rotations."""
+    volts = abs(12.0 * autospeed)
+    return [time, 12.0, autospeed, volts, volts, left, right, math.copysign(1.0, left), math.copysign(1.0, right), gyro]
+
+
+def old_log(**changes: Any) -> dict[str, Any]:
+    """Straight on, then on the spot to the left: left wheel backward, right wheel forward, the gyro counting up."""
+    straight = [old_row(10 + 0.005 * k, 0.5, 0.01 * k + 1, 0.01 * k + 1, 0.0) for k in range(20)]
+    spot = [old_row(20 + 0.005 * k, 0.25, -0.01 * k - 1, 0.01 * k + 1, 0.02 * k) for k in range(20)]
+    log = {
+        "slow-forward": straight,
+        "track-width": spot,
+        "test": "Drivetrain",
+        "units": "Meters",
+        "unitsPerRotation": TURN,
+    }
+    return {**log, **changes}
+
+
+def new_log(**changes: Any) -> dict[str, Any]:
+    """A SysId drivetrain, turning left: rows of time, V left, right, position, velocity, angle, rate."""
+    rows = [[k * 0.02, -3.0, 3.0, -0.1 * k, 0.1 * k, -5.0, 5.0, 0.3 * k, 15.0] for k in range(10)]
+    log = {
+        "sysid": True,
+        "test": "Drivetrain (Angular)",
+        "units": "Feet",
+        "unitsPerRotation": TURN,
+        "fast-forward": rows,
+    }
+    return {**log, **changes}
+
+
+def write_json(path: Path, content: object) -> Path:
+    path.write_text(json.dumps(content), encoding="utf-8")
     return path

@@ -17,7 +17,7 @@ from brickpilot.importers import IMPORTERS
 from brickpilot.importers.listing import contents
 from brickpilot.importers.registry import kind_of
 from command import brickpilot
-from other_logs import STAMP
+from other_logs import STAMP, new_log, write_json
 from scipy.io import savemat
 
 TIME = 1.0 + np.arange(60) * 0.02
@@ -287,8 +287,6 @@ def test_the_list_shows_a_text_entry_as_a_note(tmp_path: Path) -> None:
 
 
 def test_the_list_shows_tables_matrices_and_tests_too(tmp_path: Path) -> None:
-    from test_importers import new_log, write_json
-
     rows = "\n".join(f"{10 * k};{k / 8:.3f};on".replace(".", ",") for k in range(40))
     (tmp_path / "bench.csv").write_text(f"rig 7, 2024\nmillis;pwm;state\n{rows}\n", encoding="utf-8")
     savemat(tmp_path / "axis.mat", {"qm": np.arange(5.0), "many": np.ones((5, 2)), "about": {"rig": "axis"}})
