@@ -8,6 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from brickpilot import catalogue
+from closed_forms import CONDUCTANCE, FREE, RADIUS, TRACK, balance, hold
 from hidden import effects, measure, other_laws, planar_engine, sensor_laws
 from hidden.by_run import delays, place
 from hidden.manoeuvre import Manoeuvre, ramps, short, steps
@@ -16,10 +17,6 @@ from scipy.optimize import brentq
 
 mujoco_engine = pytest.importorskip("hidden.mujoco_engine")
 
-CONDUCTANCE = BENCH.torque_constant / BENCH.resistance  # N m/V
-DAMPING = BENCH.wheel_damping() + CONDUCTANCE * BENCH.emf_constant  # N m s/rad, back EMF and losses
-FREE = CONDUCTANCE / DAMPING  # rad/s per V, without a load
-RADIUS, TRACK = BENCH.wheel_radius, BENCH.half_track
 ENGINES = ("mujoco", "planar")
 
 
@@ -27,15 +24,6 @@ def drive(engine: str, hidden, *runs: Manoeuvre) -> list[Track]:
     if engine == "planar":
         return planar_engine.simulate(BENCH, hidden, runs, 0, texture=0.0)
     return mujoco_engine.simulate(BENCH, hidden, runs, 0)
-
-
-def hold(left: float, right: float, seconds: float = 3.0) -> Manoeuvre:
-    return steps("hold", seconds, (0.0, left, right))
-
-
-def balance(volts: float, load) -> float:
-    """rad/s at which a wheel's motor is in balance with load(w), N m, beside its own losses."""
-    return brentq(lambda w: CONDUCTANCE * volts - DAMPING * w - load(w), -60, 60, xtol=1e-12)
 
 
 def current(volts: float, speed: float) -> float:

@@ -1,0 +1,21 @@
+"""The robot of the blind tests in closed form: what an engine has to give where no other law acts."""
+
+from __future__ import annotations
+
+from hidden.manoeuvre import Manoeuvre, steps
+from hidden.recipe import BENCH
+from scipy.optimize import brentq
+
+CONDUCTANCE = BENCH.torque_constant / BENCH.resistance  # N m/V
+DAMPING = BENCH.wheel_damping() + CONDUCTANCE * BENCH.emf_constant  # N m s/rad, back EMF and losses
+FREE = CONDUCTANCE / DAMPING  # rad/s per V, without a load
+RADIUS, TRACK = BENCH.wheel_radius, BENCH.half_track
+
+
+def hold(left: float, right: float, seconds: float = 3.0) -> Manoeuvre:
+    return steps("hold", seconds, (0.0, left, right))
+
+
+def balance(volts: float, load) -> float:
+    """rad/s at which a wheel's motor is in balance with load(w), N m, beside its own losses."""
+    return brentq(lambda w: CONDUCTANCE * volts - DAMPING * w - load(w), -60, 60, xtol=1e-12)
