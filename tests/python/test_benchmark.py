@@ -1,16 +1,15 @@
-"""The blind test: its rules, its rerun after an interruption, its peer, and one small complete run."""
+"""The blind test: its rules, its rerun after an interruption, and one small complete run."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot import catalogue
-from brickpilot.benchmark import blind_test, sets, sindy, sindy_tune, table, table_text
+from benchmark_results import ENCODERS, IMU, effect, result
+from brickpilot.benchmark import blind_test, sets, sindy, table, table_text
 from brickpilot.benchmark.result import RESULTS, append, load
 from brickpilot.benchmark.score import (
     Share,
@@ -27,50 +26,9 @@ from brickpilot.benchmark.score import (
 )
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.replay import Replay
 from command import brickpilot
-from synthetic import robot, write
 
 CHECKOUT = Path(__file__).parents[2]
-ENCODERS, IMU = "imu+encoders", "imu"
-
-
-def effect(name, *others, **parameters):
-    """Returns one effect of a verdict. A parameter is its value, or (value, low, high)."""
-    values = {
-        key: {"value": one[0], "ci95": list(one[1:])} if isinstance(one, tuple) else {"value": one, "ci95": None}
-        for key, one in parameters.items()
-    }
-    equivalents = [{"name": other, "worse_by": 1.0} for other in others]
-    return {"name": name, "confidence": 1.0, "parameters": values, "equivalents": equivalents}
-
-
-def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
-    """Returns a result of the benchmark. `hidden`: names, or effect -> parameters."""
-    truth = hidden if isinstance(hidden, dict) else {name: {} for name in hidden}
-    return {
-        "name": "a-x1-enc",
-        "engine": "mujoco",
-        "seed": 1,
-        "suite": None,
-        "seed_offset": 0,
-        "version": "0",
-        "error": None,
-        "hidden": truth,
-        "sensors": sensors,
-        "noise": 1.0,
-        "nominal_error": 0.02,
-        "size": 1.0,
-        "visibility": {"yaw_rate": moved, "accel_surge": 0.1},
-        "verdict": verdict,
-        "effects": list(effects),
-        "term": None,
-        "elapsed_s": 5.0,
-        "held_out": {"before": 5.0, "after": 1.0, "removed": 1.0, "floor": "stated"},
-        "asked": None,
-        "follow": None,
-        "peer": None,
-    } | more
 
 
 def claim(results, what):
@@ -218,46 +176,6 @@ def test_the_table_says_what_holds() -> None:
     assert json.loads(json.dumps(made)) == json.loads(json.dumps(made, allow_nan=False))
 
 
-def peer(name, gain, method="FROLS"):
-    path = {"names": [name], "gains": [gain]}
-    return {f"{w:g}": {"STLSQ": path, "FROLS": path} for w in sindy.WINDOWS_S}
-
-
-def test_the_peer_is_scored_by_the_same_rules_on_what_its_library_names() -> None:
-    high = 1e6
-    named = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("coulomb_friction", high))
-    misnamed = result(["coulomb_friction"], "named", effect("coulomb_friction"), peer=peer("yaw_scrub", high))
-    beyond = result(["gear_backlash"], "named", effect("gear_backlash"), peer=peer("yaw_scrub", high))
-    clean = result([], "none", peer=peer("yaw_scrub", 1e-6))
-    rows = {row["what"]: row for row in table.side_by_side([named, misnamed, beyond, clean])}
-    single = rows["single, clearly visible, wheel speeds measured: right name"]
-    assert single["of"] == 2
-    assert (single["by"]["brickpilot"]["value"], single["by"]["PySINDy FROLS"]["value"]) == (1.0, 0.5)
-    false = rows["nothing hidden: an effect is named or suspected"]["by"]
-    assert false["PySINDy STLSQ"]["value"] == 0.0
-    assert false[f"PySINDy {sindy.BIC_ALONE}"]["value"] == 1.0
-
-
-def test_a_terms_gate_ends_the_peers_path() -> None:
-    setting = sindy.Setting(0.24, 0.0, {ENCODERS: 10.0})
-    path = {"names": ["a", "b", "a", "c"], "gains": [50.0, 20.0, 12.0, 9.9]}
-    given = result(["a"], "none", peer={"0.24": {"FROLS": path}})
-    assert [one["name"] for one in sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a", "b"]
-    setting = sindy.Setting(0.24, 0.5, {ENCODERS: 10.0})
-    assert [one["name"] for one in sindy.verdict_of(given, "FROLS", setting)["effects"]] == ["a"]
-
-
-def test_tuning_lets_two_clean_sets_of_a_hundred_pass() -> None:
-    clean = [result([], "none", peer=peer("yaw_scrub", 10.0 + i)) for i in range(100)]
-    single = [result(["yaw_scrub"], "none", peer=peer("yaw_scrub", gain)) for gain in (50.0, 107.5, 300.0, 400.0)]
-    for one in sindy_tune.tune([*clean, *single]):
-        assert one.setting.gate[ENCODERS] == pytest.approx(107.0, rel=2e-3)
-        assert one.false.value == 0.02
-        assert one.right.value == 0.75
-    with pytest.raises(InputError, match="clean sets"):
-        sindy_tune.tune(single)
-
-
 def test_results_are_appended_completely_and_a_cut_off_line_is_dropped(tmp_path) -> None:
     path = tmp_path / "out" / RESULTS
     append(path, result(["a"], "none", name="one"))
@@ -352,59 +270,6 @@ def test_a_missing_package_gives_one_line(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(sindy, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="PySINDy is not installed"):
         blind_test.run([], tmp_path, maker=None, jobs=1, peer="sindy", progress=lambda *_: None)
-
-
-def hidden_robot(folder, effects):
-    """Writes eight runs of the packaged robot with `effects`. The nominal values are the true ones."""
-    truth = dataclasses.replace(robot(), effects=effects)
-    noise = {"accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05,
-             "wheel_speed_right": 0.05}  # fmt: skip
-    volts = ((4, 4), (-6, -6), (2, 2), (4, -4), (-3, 3), (6, 3), (2.5, 6), (-3, -6))
-    manoeuvres = {f"run_{i}": (float(left), float(right)) for i, (left, right) in enumerate(volts)}
-    nominal = "\n".join(f"{name} = {value:.9g}" for name, value in truth.parameters.items() if name in NOMINAL)
-    write(folder, truth, noise, nominal, manoeuvres=manoeuvres, roles=["fit", "held_out"] * 4)
-    return dataset.read(folder), dataclasses.replace(robot(), effects={}), noise
-
-
-NOMINAL = ("mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia", "resistance", "torque_constant",
-           "emf_constant", "viscous_friction", "rolling_friction", "battery_voltage", "inductance")  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("coulomb_friction", {"torque": 0.006}),
-        ("motor_asymmetry", {"difference": 0.08}),
-        ("gyro_bias", {"bias": 0.1}),
-        ("yaw_scrub", {"moment": 0.01}),
-        ("accel_misalignment", {"angle": 0.2}),
-    ],
-)
-def test_the_peer_names_what_its_library_holds(tmp_path, name, parameters) -> None:
-    pytest.importorskip("pysindy")
-    data, nominal, noise = hidden_robot(tmp_path / "data", {name: parameters})
-    simulated = Replay(data).simulate([nominal])[0]
-    roles = {run.name: str(run.role) for run in data.runs}
-    found_ = sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
-    assert found_["FROLS"]["names"][0] == name
-    assert found_["FROLS"]["gains"][0] > 50
-    assert name in found_["STLSQ"]["names"]
-
-
-def test_the_peer_finds_nothing_where_nothing_is_hidden(tmp_path) -> None:
-    pytest.importorskip("pysindy")
-    data, nominal, noise = hidden_robot(tmp_path / "data", {})
-    simulated = Replay(data).simulate([nominal])[0]
-    roles = {run.name: str(run.role) for run in data.runs}
-    found_ = sindy.paths(data, nominal, simulated, roles, noise, (0.24,))["0.24"]
-    assert found_["FROLS"]["gains"][0] < 5
-
-
-def test_the_peers_library_names_effects_of_the_catalogue() -> None:
-    known = {one.name for one in catalogue.effects()}
-    assert known >= sindy.NOT_IN_LIBRARY
-    assert not sindy.nameable(["coulomb_friction", "cogging"])
-    assert sindy.nameable(["coulomb_friction"])
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark_results import effect, result
 from brickpilot.benchmark import law_claims, law_score, real_table, table, table_text
 from hidden import effects, folder, manoeuvre, measure, other_laws, quick_suites, regions, scales, suites
 from hidden.recipe import BENCH, Recipe
-from test_benchmark import effect, result
 
 TOOLS = Path(__file__).parents[2] / "tools"
 
