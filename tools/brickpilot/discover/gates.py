@@ -121,6 +121,10 @@ WINDOWS_REMOVE = 0.7
 WINDOWS_REMOVE_MORE = 0.1
 """It also has to remove so much more than the explanation of whole runs."""
 
+WINDOWS_SUSPECT = 0.5
+"""A periodic explanation that removes so much of windows is listed without a claim where whole runs show nothing: over
+a whole run no phase fits. Set on a cogging torque with a strong second harmonic, of which 0.56 is removed."""
+
 WINDOWS_EXPLAINED = 0.9
 """No term is composed if windows are explained so far: what remains is the noise of their start states."""
 
@@ -183,6 +187,10 @@ driven: that is a missing effect and no accident of the run. Six unrelated runs 
 
 TERM_SHARE_OF_EFFECTS = 0.05
 """A term has to gain so much of what the named effects take away, or it does not shake the names."""
+
+MANY_EFFECTS = 3
+"""So many named effects of windows may patch up one law that has no name: a term with fewer parameters that leaves
+nothing but noise of whole runs then takes their place. Set on one rotation sensor that reads too little."""
 
 TERM_HELD_OUT = 0.5
 """A term may leave so much of the held-out cost above noise. One that leaves more fits the noise of the fit runs."""

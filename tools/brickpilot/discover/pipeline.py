@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.discover import gates
 from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
@@ -45,7 +46,7 @@ from brickpilot.discover.predictability import settled
 from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
 from brickpilot.discover.run_values import pays, values_that_differ, with_run_values
 from brickpilot.discover.search import Searched, search
-from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove
+from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove, suspected_in_windows
 from brickpilot.discover.written import Written, write
 from brickpilot.discover.yardstick import Yardstick, measure, reference
 from brickpilot.fit.deficient import Deficient
@@ -56,11 +57,16 @@ from brickpilot.vehicle.model import Model
 
 @dataclass(frozen=True)
 class Explained:
-    """Prepared data with what the search found in them and the verdict on it."""
+    """Prepared data with what the search found in them and the verdict on it.
+
+    Attributes:
+        composed: the term that explains them, where one was composed already.
+    """
 
     prepared: Prepared
     searched: Searched
     verdict: Verdict
+    composed: Composed | None = None
 
 
 def discover(
@@ -128,7 +134,7 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
     explained: Explained = _explain(prepared, nominal, tell)
     explained = _explain_in_windows(explained, tell)
     explained, run_values = _explain_with_run_values(explained, tell)
-    composed: Composed | None = compose(explained.prepared, explained.verdict, tell)
+    composed: Composed | None = explained.composed or compose(explained.prepared, explained.verdict, tell)
     tell("computing intervals and the next experiment")
     written: Written = write(explained.prepared, explained.verdict, composed)
     if deadline.until(COMPOSED).allows("the fit to whole runs"):
@@ -173,7 +179,8 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     """Explains the runs again, cut into short windows; returns `whole` unless the windows explain clearly more.
 
     Each window starts from the measured state. An effect that depends on the angle of a wheel makes two simulations
-    drift apart over a whole run, so that no size of it fits there. It fits over a window of one or two turns.
+    drift apart over a whole run, so that no size of it fits there. It fits over a window of one or two turns. Such an
+    effect is suspected, without a claim, where whole runs show none and its law explains a part of the windows.
     """
     least = share_windows_must_remove(whole.searched, whole.verdict)
     if whole.verdict.adequate or least >= 1:
@@ -183,7 +190,27 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
         return whole
     tell("searching again in short windows")
     again = _explain(windows, calibrate(windows), tell)
-    return again if again.verdict.removed > least else whole
+    if again.verdict.removed > least:
+        return _simpler_term(whole, again, tell) or again
+    if not whole.verdict.best.chosen and (suspected := suspected_in_windows(again.verdict)) is not None:
+        return dataclasses.replace(again, verdict=suspected)
+    return whole
+
+
+def _simpler_term(whole: Explained, windows: Explained, tell: Stages) -> Explained | None:
+    """Returns whole runs with a term that explains them with fewer parameters than windows need; None: no such term.
+
+    A sensor's error is in the measured start of each window too, where many effects patch it up.
+    """
+    named = windows.verdict.best
+    if len(named.chosen) < gates.MANY_EFFECTS:
+        return None
+    composed = compose(whole.prepared, whole.verdict, tell)
+    if composed is None or not composed.alone:
+        return None
+    fitted, noise = composed.terms.fitted, whole.verdict.noise
+    simpler = fitted.parameter_count < named.parameter_count and fitted.cost <= gates.ADEQUATE * noise
+    return dataclasses.replace(whole, composed=composed) if simpler else None
 
 
 def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explained, tuple[RunValues, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
 import numpy as np
@@ -96,7 +96,8 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
         return Verdict(nothing, nominal, nominal, (), rivals, noise, 1.0, nominal_rivals=rivals)
     best = _first(refine(error, [searched.best], jobs), searched.best)
     best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
-    near = _near_best(searched, best)
+    stays = bool(best.chosen) and passes_gates(error, nominal, best, held_out)
+    near = _near_best(searched, best if stays else None)
     refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
     found = [one for one in [best, *refitted] if one.chosen]
     ranked = tuple(best_first(found))
@@ -142,6 +143,13 @@ def share_windows_must_remove(searched: Searched, verdict: Verdict) -> float:
     return max(gates.WINDOWS_REMOVE, verdict.removed + gates.WINDOWS_REMOVE_MORE)
 
 
+def suspected_in_windows(verdict: Verdict) -> Verdict | None:
+    """Returns the verdict without a claim, if its periodic explanation removes enough of the gap in windows."""
+    if not verdict.best.is_periodic or verdict.removed < gates.WINDOWS_SUSPECT:
+        return None
+    return replace(verdict, kind="unknown", best=verdict.nominal, rivals=(), unclaimed=verdict.best)
+
+
 def _instead_of_moved_values(prepared: Prepared, searched: Searched, nominal: FittedModel) -> tuple[FittedModel, ...]:
     """Returns the explanations that fit as well as moved nominal values do, and leave those as stated; the best first.
 
@@ -162,12 +170,17 @@ def _instead_of_moved_values(prepared: Prepared, searched: Searched, nominal: Fi
     return tuple(best_first(list(first.values())))
 
 
-def _near_best(searched: Searched, best: FittedModel) -> list[FittedModel]:
-    """Returns the other explanations near the best one of the search, each set of effects once, as fitted best."""
+def _near_best(searched: Searched, best: FittedModel | None) -> list[FittedModel]:
+    """Returns the other explanations near the best one of the search, each set of effects once, as fitted best.
+
+    Args:
+        best: what is left of that one at the measured samples; it with further effects is not another one. None: it
+            did not pass the gates, so what holds its effects may.
+    """
     limit = searched.best.penalised_cost + max(_NEAR, _NEAR_SHARE * searched.best.cost)
     found: dict[frozenset[str], FittedModel] = {}
     for one in best_first([one for step in searched.rounds for one in step.tried]):
-        if one.penalised_cost < limit and _is_another(one, best):
+        if one.chosen and one.penalised_cost < limit and (best is None or _is_another(one, best)):
             found.setdefault(frozenset(one.names), one)
     return list(found.values())[:_REFITTED]
 

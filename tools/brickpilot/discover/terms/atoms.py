@@ -208,7 +208,8 @@ def _is_visible(term: Basis, vehicle: str, signals: set[str]) -> bool:
 def _groups() -> list[tuple[Basis, ...]]:
     """Returns every term alone, but the sine and the cosine of one period together.
 
-    Sine and cosine of the heading stand alone: their phase is known.
+    Sine and cosine of the heading stand alone: their phase is known. Each rotation sensor also has a size of its own:
+    a fault of one of them is a common term and a difference, and neither of these alone explains anything.
     """
     by_name = {term.name: term for term in basis()}
     found: list[tuple[Basis, ...]] = []
@@ -217,4 +218,6 @@ def _groups() -> list[tuple[Basis, ...]]:
         if periodic and "cos_" in name:
             continue
         found.append((term, by_name[name.replace("sin_", "cos_")]) if periodic else (term,))
+        if term.place == "encoder" and term.sided and not periodic:
+            found.append((by_name[name.replace("_diff_", "_")], term))
     return found
