@@ -4,7 +4,8 @@
 
 typedef struct {
     double started;
-    double surge, sway, yaw_rate; /* filtered */
+    double surge, sway, yaw_rate; /* filtered, at the end of the last step */
+    double mean_surge, mean_sway; /* filtered, means over the last step, as accelerations are read */
     double turning;               /* unfiltered yaw rate of the last step */
     double first;                 /* yaw rate at the start, where the filter has settled */
 } filter_t;
@@ -12,10 +13,13 @@ typedef struct {
 /* Exact where the accelerations are constant in the step, as means are, and the yaw rate is linear in it. */
 static void advance(filter_t *filter, const double *output, double lag, double step)
 {
-    const double kept = exp(-step / lag);
+    const double kept = exp(-step / lag), mean_kept = -lag / step * expm1(-step / lag);
     const double slope = lag * (output[OUTPUT_YAW_RATE] - filter->turning) / step;
-    filter->surge = output[OUTPUT_ACCEL_SURGE] + kept * (filter->surge - output[OUTPUT_ACCEL_SURGE]);
-    filter->sway = output[OUTPUT_ACCEL_SWAY] + kept * (filter->sway - output[OUTPUT_ACCEL_SWAY]);
+    const double surge = output[OUTPUT_ACCEL_SURGE], sway = output[OUTPUT_ACCEL_SWAY];
+    filter->mean_surge = surge + mean_kept * (filter->surge - surge);
+    filter->mean_sway = sway + mean_kept * (filter->sway - sway);
+    filter->surge = surge + kept * (filter->surge - surge);
+    filter->sway = sway + kept * (filter->sway - sway);
     filter->yaw_rate = output[OUTPUT_YAW_RATE] - slope + kept * (filter->yaw_rate - filter->turning + slope);
 }
 
@@ -25,16 +29,16 @@ static void sensor(const double *value, double *memory, vehicle_t *vehicle)
     double *output = vehicle->output;
     if (filter->started == 0 || value[0] <= 0) {
         filter->started = 1;
-        filter->surge = output[OUTPUT_ACCEL_SURGE];
-        filter->sway = output[OUTPUT_ACCEL_SWAY];
+        filter->surge = filter->mean_surge = output[OUTPUT_ACCEL_SURGE];
+        filter->sway = filter->mean_sway = output[OUTPUT_ACCEL_SWAY];
         filter->yaw_rate = output[OUTPUT_YAW_RATE];
         filter->first = output[OUTPUT_YAW_RATE];
     } else {
         advance(filter, output, value[0], vehicle->step);
     }
     filter->turning = output[OUTPUT_YAW_RATE];
-    output[OUTPUT_ACCEL_SURGE] = filter->surge;
-    output[OUTPUT_ACCEL_SWAY] = filter->sway;
+    output[OUTPUT_ACCEL_SURGE] = filter->mean_surge;
+    output[OUTPUT_ACCEL_SWAY] = filter->mean_sway;
     output[OUTPUT_YAW_RATE] = filter->yaw_rate;
     output[OUTPUT_YAW_ANGLE] -= value[0] * (filter->yaw_rate - filter->first);
 }
@@ -56,7 +60,7 @@ const effect_t effect_imu_lag = {
              .mechanism = "sensor",
              .acts_on = "sensor",
              .equation = "time_constant y' + y = x for accel_surge, accel_sway and yaw_rate, settled at the start; "
-                         "yaw_angle is the integral of y",
+                         "accelerations are read as means of y over a sample; yaw_angle is the integral of y",
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
              .parameter_count = 1,
              .parameters = PARAMETERS},
