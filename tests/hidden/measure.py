@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import cast
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from hidden import regions, sensor_laws
 from hidden.manoeuvre import Manoeuvre
@@ -121,10 +121,10 @@ def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], 
 
 
 def _lagged(values: Floats, lag: float, step: float) -> Floats:
-    """Returns a first-order low-pass that starts at the first value. It is exact for values that hold over a step."""
-    kept = math.exp(-step / lag)
+    """Returns a first-order low-pass that starts at the first value. It is exact for values linear in each step."""
+    numerator, denominator, _ = cont2discrete(([1.0], [lag, 1.0]), step, method="foh")
     first = values[0]
-    return np.asarray(lfilter([1 - kept], [1, -kept], values - first) + first, dtype=float)
+    return np.asarray(lfilter(np.ravel(numerator), denominator, values - first) + first, dtype=float)
 
 
 def _mean_before(values: Floats, count: int) -> Floats:
