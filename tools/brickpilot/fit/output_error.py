@@ -131,11 +131,20 @@ class OutputError:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (samples,) each.
 
         psi is the derivative of the loss. Pull times sensitivity is a sample's score; stiffness weighs its information.
+        A signal's residual counts as large as its scale at least: the part of a scale that is model error goes into the
+        parameters and leaves no trace in the residual.
         """
         size, tau = self._sizes(), self._taus()
         scaled = (self.measured - self.predict([model])[0]) / size
         root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
-        return scaled / root / (size * tau), root**-3 / (size**2 * tau)
+        rms = {
+            signal: float(
+                np.sqrt(np.mean(np.concatenate([scaled[b.place] for b in self.blocks if b.signal == signal]) ** 2))
+            )
+            for signal in self.signals
+        }
+        raised = self._by_signal({signal: 1 / min(max(one, 1e-9), 1.0) for signal, one in rms.items()})
+        return raised * scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, least: int) -> tuple[NDArray[np.int64], int]:
         """Cuts the runs into stretches of time, each longer than the residual's correlation time, at least `least`.
