@@ -1,4 +1,7 @@
-"""The effects that may be hidden in `planar_plant`, each with the parameters that ``brickpilot effects`` states."""
+"""The effects that may be hidden in `planar_plant`, each with the parameters that ``brickpilot effects`` states.
+
+Those of wheels and body stand here, those of supply, drive and motor in `planar_electrics`.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from hidden import planar_electrics as electrics
 from hidden import planar_laws, sensor_laws
 from hidden import planar_oddities as odd
-from hidden.planar_plant import LEFT_RIGHT, PLAY, Plant, in_body
+from hidden.planar_plant import LEFT_RIGHT, Plant, in_body
 from hidden.recipe import GRAVITY, Floats, Hidden
 
 Parameters = Mapping[str, float]
@@ -35,211 +39,6 @@ def install(plant: Plant, hidden: Hidden) -> None:
     for name, put in EFFECTS.items():
         if name in hidden:
             put(plant, hidden[name])
-
-
-# ---- timing and supply
-
-
-def _start_delay(plant: Plant, p: Parameters) -> None:
-    plant.late_start = p["delay"]
-
-
-def _input_delay(plant: Plant, p: Parameters) -> None:
-    plant.command_delay = p["delay"]
-
-
-def _battery_discharge(plant: Plant, p: Parameters) -> None:
-    plant.supply_slope = p["slope"]
-
-
-def _battery_fade(plant: Plant, p: Parameters) -> None:
-    plant.supply_fade = p["rate"]
-
-
-def _battery_sag(plant: Plant, p: Parameters) -> None:
-    plant.supply_resistance = p["resistance"]
-
-
-# ---- drive
-
-
-def _pwm_quantisation(plant: Plant, p: Parameters) -> None:
-    step = p["step"]
-    if step <= 0:
-        return
-
-    def hook(plant: Plant) -> None:
-        unit = step * plant.supply
-        level = np.copysign(np.floor(np.abs(plant.voltage) / unit + 0.5) * unit, plant.voltage)
-        np.clip(level, -plant.supply, plant.supply, out=plant.voltage)
-
-    plant.drive.append(hook)
-
-
-def _actuator_lag(plant: Plant, p: Parameters) -> None:
-    if p["time_constant"] <= 0:
-        return
-    closed = -math.expm1(-plant.step / p["time_constant"])  # share of the difference that one step closes
-    midway = 1 - closed * p["time_constant"] / plant.step  # and on average over it
-    lagged = plant.memory(2)
-
-    def hook(plant: Plant) -> None:
-        gap = plant.voltage - lagged
-        plant.voltage[:] = lagged + midway * gap
-        lagged[:] += closed * gap
-
-    plant.drive.append(hook)
-
-
-def _actuator_deadband(plant: Plant, p: Parameters) -> None:
-    half = p["voltage"]
-
-    def hook(plant: Plant) -> None:
-        plant.voltage -= np.clip(plant.voltage, -half, half)
-
-    plant.drive.append(hook)
-
-
-def _voltage_compression(plant: Plant, p: Parameters) -> None:
-    per_volt = p["compression"] / plant.vehicle.battery_voltage
-
-    def hook(plant: Plant) -> None:
-        plant.voltage /= 1 + per_volt * np.abs(plant.voltage)
-
-    plant.drive.append(hook)
-
-
-def _motor_asymmetry(plant: Plant, p: Parameters) -> None:
-    gain = 1 + 0.5 * p["difference"] * LEFT_RIGHT
-
-    def hook(plant: Plant) -> None:
-        plant.voltage *= gain
-
-    plant.drive.append(hook)
-
-
-def _direction_asymmetry(plant: Plant, p: Parameters) -> None:
-    torque, drag, gain = p["torque"], 0.5 * p.get("drag", 0.0), 0.5 * p.get("gain", 0.0)
-    plant.against[0 if torque > 0 else 1] += abs(torque)
-    if gain:
-
-        def favour(plant: Plant) -> None:
-            plant.voltage += gain * np.abs(plant.voltage)
-
-        plant.drive.append(favour)
-    if drag:
-
-        def brake(plant: Plant) -> None:
-            change = np.where(plant.wheel > 0, drag, -drag)
-            plant.torque -= np.maximum(change, -plant.losses()) * plant.wheel
-
-        plant.loads.append(brake)
-
-
-def _supply_saturation(plant: Plant, p: Parameters) -> None:
-    limit = p["voltage"]
-
-    def hook(plant: Plant) -> None:
-        np.clip(plant.voltage, -limit, limit, out=plant.voltage)
-
-    plant.drive.append(hook)
-
-
-def _pwm_coast(plant: Plant, p: Parameters) -> None:
-    """Each tick is a pulse or a pause: first-order density."""
-    period, brakes = p.get("period", 0.001), p.get("brakes", 0.0) >= 0.5
-    due, on, tick = plant.memory(2), plant.memory(2), plant.memory(1)
-    tick -= 1
-    emf_constant = plant.vehicle.emf_constant
-
-    def hook(plant: Plant) -> None:
-        volts = plant.voltage
-        now = math.floor((plant.time + 0.5 * plant.step) / period)
-        if now != tick[0, 0]:
-            tick[:] = now
-            due[:] += np.minimum(np.abs(volts) / plant.supply, 1.0)
-            on[:] = due >= 1 - 1e-9
-            due[:] -= on
-        pulse = np.where(on > 0, np.copysign(plant.supply, volts), 0.0)
-        pulse[volts == 0] = 0.0
-        if not brakes:
-            floats = (on == 0) & (volts != 0)
-            plant.current[floats] = 0.0
-            pulse = np.where(floats, emf_constant * plant.flux * plant.rotor, pulse)
-        volts[:] = pulse
-
-    plant.drive.append(hook)
-
-
-def _zero_coast(plant: Plant, p: Parameters) -> None:
-    share, zero, emf_constant = p["share"], 0.01 * plant.vehicle.battery_voltage, plant.vehicle.emf_constant
-
-    def hook(plant: Plant) -> None:
-        emf = emf_constant * plant.flux * plant.rotor
-        plant.voltage[:] = np.where(
-            np.abs(plant.voltage) <= zero, (1 - share) * plant.voltage + share * emf, plant.voltage
-        )
-
-    plant.drive.append(hook)
-
-
-def _dead_time(plant: Plant, p: Parameters) -> None:
-    lost, emf_constant = p["voltage"], plant.vehicle.emf_constant
-
-    def hook(plant: Plant) -> None:
-        plant.voltage -= np.clip(plant.voltage - emf_constant * plant.flux * plant.rotor, -lost, lost)
-
-    plant.drive.append(hook)
-
-
-# ---- motor and gear
-
-
-def _torque_constant_asymmetry(plant: Plant, p: Parameters) -> None:
-    plant.flux = 1 + 0.5 * p["difference"] * LEFT_RIGHT
-
-
-def _motor_heating(plant: Plant, p: Parameters) -> None:
-    plant.heating = (p["thermal_resistance"], p["time_constant"])
-
-
-def _phases(p: Parameters) -> Floats:
-    return p.get("phase", 0.0) + 0.5 * p.get("phase_difference", 0.0) * LEFT_RIGHT
-
-
-def _torque_ripple(plant: Plant, p: Parameters) -> None:
-    amplitude, order, phase = p["amplitude"], p["order"], _phases(p)
-
-    def hook(plant: Plant) -> None:
-        wave = amplitude * np.sin(order * plant.angle + phase)
-        plant.gear += plant.vehicle.torque_constant * plant.flux * plant.current * wave
-
-    plant.loads.append(hook)
-
-
-def _cogging(plant: Plant, p: Parameters) -> None:
-    torque, order, phase = p["torque"], p["order"], _phases(p)
-
-    def hook(plant: Plant) -> None:
-        plant.gear -= torque * np.sin(order * plant.angle + phase)
-
-    plant.loads.append(hook)
-
-
-def _gear_backlash(plant: Plant, p: Parameters) -> None:
-    """Teeth meet softly enough for the step, are damped so that they do not bounce, and never pull."""
-    half = 0.5 * p["gap"]
-    plant.rotor_share = p["rotor_share"]
-
-    def hook(plant: Plant) -> None:
-        spring, damper = plant.teeth
-        beyond = plant.state[PLAY] - np.clip(plant.state[PLAY], -half, half)
-        push = spring * beyond + damper * (plant.rotor - plant.wheel)
-        push = np.where(beyond > 0, np.maximum(push, 0.0), np.where(beyond < 0, np.minimum(push, 0.0), 0.0))
-        plant.torque += push
-        plant.gear -= push
-
-    plant.loads.append(hook)
 
 
 # ---- wheels
@@ -454,28 +253,28 @@ def _payload_mass(plant: Plant, p: Parameters) -> None:
 
 
 EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
-    "start_delay": _start_delay,
-    "input_delay": _input_delay,
-    "battery_discharge": _battery_discharge,
-    "battery_fade": _battery_fade,
-    "battery_sag": _battery_sag,
+    "start_delay": electrics.start_delay,
+    "input_delay": electrics.input_delay,
+    "battery_discharge": electrics.battery_discharge,
+    "battery_fade": electrics.battery_fade,
+    "battery_sag": electrics.battery_sag,
     "odd_crosstalk": odd.crosstalk,
-    "pwm_quantisation": _pwm_quantisation,
-    "actuator_lag": _actuator_lag,
-    "actuator_deadband": _actuator_deadband,
-    "voltage_compression": _voltage_compression,
-    "motor_asymmetry": _motor_asymmetry,
-    "direction_asymmetry": _direction_asymmetry,
+    "pwm_quantisation": electrics.pwm_quantisation,
+    "actuator_lag": electrics.actuator_lag,
+    "actuator_deadband": electrics.actuator_deadband,
+    "voltage_compression": electrics.voltage_compression,
+    "motor_asymmetry": electrics.motor_asymmetry,
+    "direction_asymmetry": electrics.direction_asymmetry,
     "odd_voltage_gain": odd.voltage_gain,
-    "supply_saturation": _supply_saturation,
-    "pwm_coast": _pwm_coast,
-    "zero_coast": _zero_coast,
-    "dead_time": _dead_time,
-    "torque_constant_asymmetry": _torque_constant_asymmetry,
-    "motor_heating": _motor_heating,
-    "torque_ripple": _torque_ripple,
-    "cogging": _cogging,
-    "gear_backlash": _gear_backlash,
+    "supply_saturation": electrics.supply_saturation,
+    "pwm_coast": electrics.pwm_coast,
+    "zero_coast": electrics.zero_coast,
+    "dead_time": electrics.dead_time,
+    "torque_constant_asymmetry": electrics.torque_constant_asymmetry,
+    "motor_heating": electrics.motor_heating,
+    "torque_ripple": electrics.torque_ripple,
+    "cogging": electrics.cogging,
+    "gear_backlash": electrics.gear_backlash,
     "coulomb_friction": _coulomb_friction,
     "stiction_stribeck": _stiction_stribeck,
     "load_friction": _load_friction,
