@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from brickpilot.discover.yardstick.record import Yardstick
+from brickpilot.discover.yardstick.record import Numbers, Yardstick
 from brickpilot.report import discover_fit
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import verdict
@@ -91,11 +91,22 @@ def test_a_model_that_makes_the_error_larger_is_said_to(found):
 
 def test_the_terminal_shows_a_line_for_each_signal(found):
     head, rate, still = discover_fit.lines(found["named"])
-    assert head.split()[-5:] == ["run", "1", "s", "0.2", "s"]
+    assert head.split()[-7:] == ["run", "1", "s", "0.2", "s", "rms", "error"]
     assert rate.split() == ["yaw_rate", *["74.9", "96.2", "98.0"] * 3]
     assert still.split() == ["wheel_speed_left", *["-"] * 9]
     assert DASH not in still
     assert discover_fit.lines(dataclasses.replace(found["named"], yardstick=Yardstick())) == []
+
+
+def test_the_error_stands_beside_the_fit_in_its_unit(found):
+    one = found["named"]
+    fit = one.yardstick.signals["yaw_rate"]["free_run"]
+    before, after = Numbers(0.9, 0.2, 1.0), Numbers(0.999, 0.02, 1.0)
+    sized = dataclasses.replace(fit.held_out, numbers_before=before, numbers_after=after)
+    signals = {"yaw_rate": {"free_run": dataclasses.replace(fit, held_out=sized)}}
+    made = dataclasses.replace(one, yardstick=dataclasses.replace(one.yardstick, signals=signals))
+    assert discover_fit.lines(made)[1].endswith("0.200 rad/s to 20.0 mrad/s")
+    assert "20.0 mrad/s" in plain(page(made, COMMAND))
 
 
 def test_runs_that_are_held_out_in_part_are_named(found):

@@ -19,6 +19,7 @@ from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import manoeuvre
 from brickpilot.data.noise import Noise, noise_of, step_of
+from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import power
 from brickpilot.discover.advice import Advice, advise
@@ -28,6 +29,7 @@ from brickpilot.discover.finding import Visible
 from brickpilot.discover.input_timing import with_known_timing
 from brickpilot.discover.prepare import Prepared, prepare
 from brickpilot.discover.verdict_json import valid
+from brickpilot.fit.headline import Headline, headline
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
 
 if TYPE_CHECKING:
@@ -83,6 +85,8 @@ class Check:
 
     Attributes:
         faults: damaged samples, which every fit leaves out.
+        explained: how much of each signal the model with these parameters explains.
+        units: signal -> how the data set states it.
         parameters: nominal parameters that are fitted, with 95 % intervals.
         cannot_tell_apart: groups of them of which only combinations are known; `combinations` has those with a meaning.
         visible: effect -> the smallest size that would be named.
@@ -99,6 +103,8 @@ class Check:
     runs: tuple[RunFacts, ...]
     signals: tuple[SignalFacts, ...]
     faults: tuple[Fault, ...]
+    explained: Headline
+    units: Mapping[str, OwnUnit]
     parameters: Mapping[str, Estimate]
     cannot_tell_apart: tuple[tuple[str, ...], ...]
     combinations: tuple[Combination, ...]
@@ -136,7 +142,9 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
-        made: dict[str, Any] = valid(asdict(self) | {"faults": [one.to_json() for one in self.faults]})
+        plain = {"faults": [one.to_json() for one in self.faults], "headline": self.explained.to_json()}
+        made: dict[str, Any] = valid(asdict(self) | plain)
+        del made["explained"], made["units"]
         return made
 
 
@@ -176,6 +184,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         visible = power.smallest(prepared.coarse, nominal, prepared.excitation)
         told: Uncertainty = assess(prepared.fine.with_plan(nominal.plan), nominal.model, nominal.plan.free)
         advice, invisible = advise(prepared, nominal, told, visible)
+        explained = headline(prepared.plain, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,
         vehicle=dataset.vehicle,
@@ -183,6 +192,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         runs=tuple(_run(one, prepared) for one in dataset.runs),
         signals=tuple(_signals(dataset)),
         faults=prepared.measured.faults,
+        explained=explained,
+        units=own_units(dataset, explained.signals),
         parameters=told.estimates,
         cannot_tell_apart=told.groups,
         combinations=told.combinations,

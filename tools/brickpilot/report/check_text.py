@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from brickpilot.data.own_units import FRAME_WORDS
 from brickpilot.discover.check import Check
 from brickpilot.discover.estimate import Span
 from brickpilot.discover.finding import Visible
 from brickpilot.fit.uncertainty import Estimate
+from brickpilot.report import headline_text
 from brickpilot.report.discover_text import listed
 from brickpilot.report.quantities import quantity
 
@@ -26,10 +28,13 @@ def lines(found: Check) -> Iterator[str]:
     seconds = sum(run.duration_s for run in found.runs)
     samples = sum(run.samples for run in found.runs)
     yield f"{found.dataset}: a {found.vehicle}, {len(found.runs)} runs of {seconds:.0f} s in all, {samples} samples"
+    if found.vehicle != "motor":
+        yield f"frame {found.frame}: {FRAME_WORDS[found.frame]}"
     yield from _runs(found)
     yield from _signals(found)
     yield f"damaged samples: {_faults(found)}"
     yield from _parameters(found)
+    yield from headline_text.lines(found.explained, found.units)
     yield from _effects(found)
     yield from _advice(found)
     yield f"brickpilot discover will take {Span(*found.discover_range_s)}"
@@ -99,7 +104,7 @@ def _advice(found: Check) -> Iterator[str]:
     if not found.advice:
         yield "no manoeuvre of brickpilot's list would tell much more"
         return
-    yield "to tell more, drive as well:"
+    yield f"to tell more, {'run' if found.vehicle == 'motor' else 'drive'} as well:"
     for one in found.advice:
         gains: Mapping[str, Sequence[str]] = {"would show": one.effects, "would tell more of": one.parameters}
         told = "; ".join(f"{words} {', '.join(names)}" for words, names in gains.items() if names)

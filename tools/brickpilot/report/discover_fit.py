@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from brickpilot.data.agreement import mean_fit
+from brickpilot.data.own_units import OwnUnit, own_unit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit
 from brickpilot.report import discover_plots
-from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS
-from brickpilot.report.quantities import DASH, fit_number, fit_text, percent
+from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS, plain
+from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, quantity
 
 _HEADLINE = "free_run"
 _SPACE = "\N{NO-BREAK SPACE}"
@@ -111,12 +112,21 @@ def lines(finding: Finding) -> list[str]:
         return []
     horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
     head = f"fit in %, {one.runs}: before, after, attainable"
-    found = [f"{head:48}" + "".join(f"{HORIZONS[name]:>24}" for name in horizons)]
+    error = "rms error"
+    found = [f"{head:48}" + "".join(f"{HORIZONS[name]:>24}" for name in horizons) + f"{error:>34}"]
     for signal, fits in finding.yardstick.signals.items():
         cells = [_of(fits[name], one.role) if name in fits else Fit(None, None, None) for name in horizons]
         values = [" ".join(f"{_ascii(value):>7}" for value in (f.before, f.after, f.attainable)) for f in cells]
-        found.append(f"{signal:48}" + "".join(f"{value:>24}" for value in values))
+        errors = plain(_errors(cells[0], own_unit(finding.dataset, signal))) if cells else ""
+        found.append((f"{signal:48}" + "".join(f"{value:>24}" for value in values) + f"{errors:>34}").rstrip())
     return found
+
+
+def _errors(fit: Fit, own: OwnUnit) -> str:
+    """Returns the rms error before and after in the unit of the data set; empty where it is not known."""
+    sizes = [one.rms_error for one in (fit.numbers_before, fit.numbers_after)]
+    shown = [str(quantity(own.size(size), own.unit)) for size in sizes if size is not None]
+    return " to ".join(dict.fromkeys(shown))
 
 
 def _ascii(value: float | None) -> str:
@@ -140,14 +150,20 @@ def _table(finding: Finding, role: str) -> list[tuple[str, list[dict[str, str] |
     horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
     rows = []
     for signal, fits in finding.yardstick.signals.items():
-        rows.append((_say(signal), [_cell(_of(fits[name], role)) if name in fits else None for name in horizons]))
+        own = own_unit(finding.dataset, signal)
+        rows.append((_say(signal), [_cell(_of(fits[name], role), own) if name in fits else None for name in horizons]))
     return rows
 
 
-def _cell(fit: Fit) -> dict[str, str] | None:
+def _cell(fit: Fit, own: OwnUnit) -> dict[str, str] | None:
     if fit.before is None:
         return None
-    return {"before": fit_number(fit.before), "after": fit_number(fit.after), "attainable": fit_number(fit.attainable)}
+    return {
+        "before": fit_number(fit.before),
+        "after": fit_number(fit.after),
+        "attainable": fit_number(fit.attainable),
+        "errors": _errors(fit, own),
+    }
 
 
 def _repeats(finding: Finding) -> str:

@@ -51,7 +51,11 @@ def _words(result: Dataset | Comparison | Calibration | Check | Finding) -> tupl
         return f"{result.dataset}: calibration", [f"{count} parameters are fitted, in SI.", explained, *groups]
     if isinstance(result, Check):
         title, *_ = check_text.lines(result)
-        return title, [f"Discovery will take {Span(*result.discover_range_s)}.", *result.notes]
+        return title, [
+            headline_text.sentence(result.explained),
+            f"Discovery will take {Span(*result.discover_range_s)}.",
+            *result.notes,
+        ]
     if isinstance(result, Finding):
         return f"{result.dataset.name}: what the simulator lacks", [discover_text.verdict(result)]
     raise TypeError(f"{type(result).__name__} is no result of brickpilot")
