@@ -49,6 +49,7 @@ page: str = bp.to_html(finding)
         "brickpilot.discover.check",
         "brickpilot.discover.pipeline",
         "brickpilot.fit.calibrate",
+        "brickpilot.fit.compare",
         "brickpilot.vehicle.fly",
     ],
 )

@@ -168,6 +168,23 @@ def compare(
             not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or there is
             no motor with a velocity to compare; parameters have to be fitted but every run is held out.
         SimulationError: the plant diverges with this model.
+
+    A motor with 3 rad/s for each V after 0.15 s, compared with itself, and with a model that is 20 % too inert:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> speed = 15 * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15))
+    >>> step = pd.DataFrame({"time": time, "voltage": np.where(time >= 0.195, 5.0, 0.0), "speed": speed})
+    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
+    >>> known |= {"wheel_inertia": 7.5e-4, "viscous_friction": 5e-4}
+    >>> dataset = bp.Dataset.from_frames({"step": step}, vehicle="motor", nominal=known)
+    >>> bp.compare(dataset).share("fit", "speed") < 1e-6    # the nominal values are exact
+    True
+    >>> heavy = bp.Model("heavy", "motor", "coupled", {**known, "wheel_inertia": 9e-4})
+    >>> bp.compare(dataset, heavy).to_frame()[["run", "signal", "horizon", "fit_percent"]].round(1)
+        run signal   horizon  fit_percent
+    0  step  speed  free_run         97.1
+    1  step  speed       1_s         97.1
     """
     if model is not None and model.vehicle != dataset.vehicle:
         raise InputError(
