@@ -79,6 +79,19 @@ def test_a_term_takes_the_place_of_many_effects_of_windows(monkeypatch: pytest.M
     assert pipeline._simpler_term(whole, windows, None) is None  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("removed", "kept"), [(0.5, 1), (0.2, 0)])
+def test_values_of_the_runs_do_not_take_what_unclaimed_effects_explain(
+    monkeypatch: pytest.MonkeyPatch, removed: float, kept: int
+) -> None:
+    """A drive's loss, suspected and not claimed, left delays that differed from run to run, and the verdict none."""
+    values = SimpleNamespace(removed=removed, applied=False, kind=pipeline.KINDS[0])
+    monkeypatch.setattr(pipeline, "values_that_differ", lambda *_: values)
+    lasting: Any = SimpleNamespace(until=lambda _: SimpleNamespace(allows=lambda _: True))
+    found: Any = SimpleNamespace(best=None, removed_unclaimed=0.3)
+    explained = pipeline.Explained(lasting, None, found)  # type: ignore[arg-type]
+    assert pipeline._explain_with_run_values(explained, None) == (explained, (values,) * kept)  # type: ignore[arg-type]
+
+
 def test_a_torque_that_goes_with_the_current_is_the_motor_s() -> None:
     of = {one.name: one.mechanism for one in basis()}
     with_current = {one.name for one in basis() if one.place == "wheel" and "i" in one.symbols}

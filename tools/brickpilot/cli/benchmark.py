@@ -163,8 +163,8 @@ def benchmark_real(
     """Runs discovery on measured data sets, and beside it well-known libraries on the same runs and inputs.
 
     FOLDERs hold data sets, at any depth; without one, and without --fetched, BRICKPILOT_DATA names the folder. All are
-    fitted on the fit runs, and score by the free run: 100 (1 - rms error / rms of the signal about its mean). A peer
-    that is not installed is left out: pip install 'brickpilot[peers]'.
+    fitted on the fit runs, and score by the free run: 100 (1 - rms error / rms of the signal). A peer that is not
+    installed is left out: pip install 'brickpilot[peers]'.
     """
     from brickpilot.benchmark import real_logs, real_results, real_run, real_table
 

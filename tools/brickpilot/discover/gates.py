@@ -123,7 +123,7 @@ WINDOWS_REMOVE_MORE = 0.1
 
 WINDOWS_SUSPECT = 0.5
 """A periodic explanation that removes so much of windows is listed without a claim where whole runs show nothing: over
-a whole run no phase fits. Set on a cogging torque with a strong second harmonic, of which 0.56 is removed."""
+a whole run no phase fits. Set on magnets that pull with a strong second harmonic, of which 0.56 is removed."""
 
 WINDOWS_EXPLAINED = 0.9
 """No term is composed if windows are explained so far: what remains is the noise of their start states."""

@@ -216,7 +216,8 @@ def _simpler_term(whole: Explained, windows: Explained, tell: Stages) -> Explain
 def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explained, tuple[RunValues, ...]]:
     """Explains the runs again with values of their own, where what differs from run to run is left unexplained.
 
-    Values of a kind that takes the place of an effect are found and not applied: the effect keeps its name.
+    Values of a kind that takes the place of an effect are found and not applied: the effect keeps its name. Effects
+    without a claim that explain more than the values do keep their place too.
     """
     kinds, found = list(KINDS), list[RunValues]()
     while kinds:
@@ -224,7 +225,7 @@ def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explai
         if not prepared.until(JUDGED).allows("values that differ from run to run"):
             break
         values = values_that_differ(prepared, best, kinds)
-        if values is None:
+        if values is None or values.removed <= explained.verdict.removed_unclaimed:
             break
         if values.applied and not prepared.until(SEARCHED / 2).allows("the explanation with values of the runs"):
             values = dataclasses.replace(values, applied=False)

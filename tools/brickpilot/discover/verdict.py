@@ -72,6 +72,11 @@ class Verdict:
         """The share of the cost above that of noise that the best explanation takes away."""
         return self.removed_by(self.best)
 
+    @property
+    def removed_unclaimed(self) -> float:
+        """The share that the explanation without a claim takes away; 0 where there is none."""
+        return 0.0 if self.unclaimed is None else self.removed_by(self.unclaimed)
+
     def removed_by(self, one: FittedModel) -> float:
         """Returns the share of the cost above that of noise that an explanation takes away, 0..1."""
         return float(np.clip((self.nominal.cost - one.cost) / max(self.nominal.cost - self.noise, 1e-9), 0.0, 1.0))

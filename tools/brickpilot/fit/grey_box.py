@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from brickpilot.data.agreement import Agreement, agreement, together
 from brickpilot.errors import SimulationError
 from brickpilot.fit.innovations import Innovations
 from brickpilot.fit.noise_sizes import FittedNoise, fit_noise, fit_noise_and_decay
@@ -131,18 +132,12 @@ def _log_prior(plan: Plan, point: Array) -> float:
 def fit_percent(problem: Innovations, model: Model, noise: FittedNoise, horizon_s: float) -> Mapping[str, float]:
     """Returns signal -> fit in percent of predictions up to `horizon_s` s ahead, without loads; 0: a free run.
 
-    It is 100 (1 - rms of the error / rms of the signal about its mean in each run), over all runs.
+    See `data.agreement`. A signal without a fit is absent.
     """
-    error: dict[str, list[Array]] = {name: [] for name in problem.signals}
-    moved: dict[str, list[Array]] = {name: [] for name in problem.signals}
     found = problem.predict(model, noise.noise, horizon_s=horizon_s)
+    parts: dict[str, list[Agreement]] = {name: [] for name in problem.signals}
     for one, measured in zip(found, problem.measured(), strict=True):
         for name, values in measured.items():
-            known = np.isfinite(values)
-            error[name].append((values - one.ahead[name])[known])
-            moved[name].append(values[known] - values[known].mean())
-    percent = {}
-    for name in problem.signals:
-        if error[name] and (size := float(np.sqrt(np.mean(np.concatenate(moved[name]) ** 2)))) > 0:
-            percent[name] = 100 * (1 - float(np.sqrt(np.mean(np.concatenate(error[name]) ** 2))) / size)
-    return percent
+            parts[name].append(agreement(values - one.ahead[name], values))
+    fits = {name: together(listed).fit_percent for name, listed in parts.items()}
+    return {name: fit for name, fit in fits.items() if fit is not None}
