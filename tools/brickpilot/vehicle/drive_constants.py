@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _STEP_S = 0.005
 _LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # of the battery's voltage, each held forward and backward
 _HELD_S = 2.0
+_NOTHING = 1e-6  # of the battery's voltage: less is left by rounding where nothing resists at rest
 _MOVING = 0.1  # of the top speed: slower samples say little about the law of a moving drive
 _SETTLED = 0.5  # of a drive: what comes after counts as steady
 _DRIVE_S = 3.0
@@ -85,7 +86,8 @@ def feed_forward(model: Model) -> FeedForward:
     moving = (np.abs(speed) > _MOVING * np.abs(speed).max()) & (np.sign(speed) == np.sign(command))
     columns = np.column_stack([np.sign(speed), speed, rate])[moving]
     ks, kv, ka = np.linalg.lstsq(columns, command[moving], rcond=None)[0]
-    return FeedForward(float(ks), float(kv), float(ka), "rad" if _turns(model) else "m")
+    ks = 0.0 if abs(ks) < _NOTHING * volts else float(ks)
+    return FeedForward(ks, float(kv), float(ka), "rad" if _turns(model) else "m")
 
 
 def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
