@@ -15,6 +15,9 @@ from brickpilot.errors import InputError
 
 BEGIN, END = "<!-- real logs -->", "<!-- end of real logs -->"
 
+VERDICT_HEAD = ("log", "machine, what is known", "by physics", "verdict", "s")
+FIT_HEAD = ("log", "before", "after", "attainable", *(peer.name for peer in PEERS))
+
 _DELAYED = PEERS[0].name
 
 Result = Mapping[str, Any]
@@ -22,27 +25,37 @@ Result = Mapping[str, Any]
 
 def lines(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> Iterator[str]:
     """Yields the lines of the table and of its summary, as Markdown."""
-    among = [
-        results[name] for name in [*(n for n in known if n in results), *(n for n in sorted(results) if n not in known)]
-    ]
-    yield from _verdicts(among, known)
+    among = ordered(results, known)
+    yield from _table(VERDICT_HEAD, [verdict_cells(one, known) for one in among])
     yield ""
-    yield from _fits(among)
+    yield from _table(FIT_HEAD, [fit_cells(one) for one in among])
     yield ""
-    yield from (f"- {line}" for line in summary(among, known))
-    tests = [one for one in among if "test" in one]
-    for one in tests:
-        yield f"- {_test(one, known)}"
+    yield from (f"- {line}" for line in remarks(among, known))
 
 
-def _verdicts(results: Sequence[Result], known: Mapping[str, RealLog]) -> Iterator[str]:
-    yield "| log | machine, what is known | by physics | verdict | s |"
-    yield "|---|---|---|---|---|"
-    for one in results:
-        log = known.get(one["name"])
-        about = ("", "") if log is None else (f"{log.machine}; {log.known}", log.physics)
-        cells = [_linked(one["name"], log), *about, _verdict(one), f"{one.get('discover', {}).get('seconds', 0):.0f}"]
-        yield f"| {' | '.join(_cell(cell) for cell in cells)} |"
+def ordered(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> list[Result]:
+    """Returns the results of the known logs in their order, then the others by name."""
+    names = [*(name for name in known if name in results), *(name for name in sorted(results) if name not in known)]
+    return [results[name] for name in names]
+
+
+def remarks(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str]:
+    """Returns what the table sums up to, and each log's result by its own protocol, a sentence each."""
+    return [*summary(results, known), *(_test(one, known) for one in results if "test" in one)]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    yield f"| {' | '.join(head)} |"
+    yield "|---" * len(head) + "|"
+    yield from (f"| {' | '.join(cells)} |" for cells in rows)
+
+
+def verdict_cells(one: Result, known: Mapping[str, RealLog]) -> list[str]:
+    """Returns a log's cells under `VERDICT_HEAD`, as Markdown."""
+    log = known.get(one["name"])
+    about = ("", "") if log is None else (f"{log.machine}; {log.known}", log.physics)
+    cells = [_linked(one["name"], log), *about, _verdict(one), f"{one.get('discover', {}).get('seconds', 0):.0f}"]
+    return [_cell(cell) for cell in cells]
 
 
 def _linked(name: str, log: RealLog | None) -> str:
@@ -76,15 +89,11 @@ def _cell(text: str) -> str:
     return " ".join(text.replace("|", "/").split())
 
 
-def _fits(results: Sequence[Result]) -> Iterator[str]:
-    names = [peer.name for peer in PEERS]
-    yield f"| log | before | after | attainable | {' | '.join(names)} |"
-    yield "|---" * (4 + len(names)) + "|"
-    for one in results:
-        found = models(one)
-        cells = [f"`{one['name']}`", *(_both(found.get(model)) for model in ("before", "after")), _one(attainable(one))]
-        cells += [_both(one.get("peers", {}).get(name)) for name in names]
-        yield f"| {' | '.join(cells)} |"
+def fit_cells(one: Result) -> list[str]:
+    """Returns a log's cells under `FIT_HEAD`, as Markdown."""
+    found = models(one)
+    cells = [f"`{one['name']}`", *(_both(found.get(model)) for model in ("before", "after")), _one(attainable(one))]
+    return cells + [_both(one.get("peers", {}).get(peer.name)) for peer in PEERS]
 
 
 def _both(entry: Mapping[str, Any] | None) -> str:

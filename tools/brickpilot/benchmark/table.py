@@ -48,13 +48,14 @@ def power(results: Sequence[Result]) -> list[dict[str, Any]]:
             "detected": Share(sum(map(detected, among)), len(among)).value,
             "right": Share(sum((composed if kind(one) == "odd" else credit)(one) for one in among), len(among)).value,
             "visibility": float(np.median([move(one) for one in among])),
-            "said": Counter(_said(one) for one in among).most_common(1)[0][0],
+            "said": Counter(said(one) for one in among).most_common(1)[0][0],
         }
         for (effect, sensors, size), among in sorted(cells.items())
     ]
 
 
-def _said(result: Result) -> str:
+def said(result: Result) -> str:
+    """Returns the verdict and the effects of its best explanation."""
     if result["verdict"] in ("none", "error"):
         return str(result["verdict"])
     names = " + ".join(effect["name"] for effect in result["effects"])

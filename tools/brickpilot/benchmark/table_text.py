@@ -10,16 +10,12 @@ from typing import Any
 
 def lines(table: Mapping[str, Any]) -> Iterator[str]:
     """Yields the lines of what `table.table` returns."""
-    offsets = ", ".join(map(str, table["seed_offsets"])) or "not known"
-    yield f"{table['sets']} sets of {' and '.join(table['engines'])}, seed offsets: {offsets}"
+    yield headline(table)
     yield "In brackets: 95 % intervals (Wilson). [+]: what is asked for holds; [-]: it does not."
-    titles = {f"claims, {group}": made for group, made in table["claims"].items()}
-    for title, made in (titles | {f"suite {name}": made for name, made in table["suites"].items()}).items():
-        counted = [one for one in made if one["of"]]
-        if counted:
-            yield ""
-            yield f"== {title} =="
-            yield from map(_claim_line, counted)
+    for title, counted in sections(table).items():
+        yield ""
+        yield f"== {title} =="
+        yield from map(_claim_line, counted)
     if table["curve"]:
         yield ""
         yield "== detection power, single effects, by the largest change of a signal in noise sd rms =="
@@ -35,6 +31,20 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
         yield ""
         yield "== errors =="
         yield from (f"{name}: {text}" for name, text in table["errors"].items())
+
+
+def headline(table: Mapping[str, Any]) -> str:
+    """Returns what was run, in a line."""
+    offsets = ", ".join(map(str, table["seed_offsets"])) or "not known"
+    return f"{table['sets']} sets of {' and '.join(table['engines'])}, seed offsets: {offsets}"
+
+
+def sections(table: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
+    """Returns title -> those claims of it that count any set; a title without such a claim is left out."""
+    titles = {f"claims, {group}": made for group, made in table["claims"].items()}
+    titles |= {f"suite {name}": made for name, made in table["suites"].items()}
+    counted = {title: [one for one in made if one["of"]] for title, made in titles.items()}
+    return {title: made for title, made in counted.items() if made}
 
 
 MARKS = ("<!-- hidden effects -->", "<!-- end of hidden effects -->")
@@ -61,8 +71,13 @@ def markdown(table: Mapping[str, Any]) -> Iterator[str]:
         for one in made:
             if one["of"]:
                 what = f"{words}: {one['what']}" if one is made[0] else one["what"]
-                cells = (f"`{suite}`", what, _value(one), _spread(one).strip("()"), one["of"], _wanted(one))
-                yield f"| {' | '.join(str(cell).strip() or '-' for cell in cells)} |"
+                yield f"| {' | '.join((f'`{suite}`', what, *claim_cells(one)))} |"
+
+
+def claim_cells(claim: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns the result of a claim, its 95 % interval, of how many, and what is asked for; "-" for none."""
+    cells = (_value(claim), _spread(claim).strip("()"), str(claim["of"]), _wanted(claim))
+    return tuple(cell.strip() or "-" for cell in cells)
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
