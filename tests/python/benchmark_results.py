@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from brickpilot.benchmark.result import truth_fields
+from pages import HOSTILE
+
 ENCODERS, IMU = "imu+encoders", "imu"
 
 
@@ -41,3 +44,33 @@ def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
         "follow": None,
         "peer": None,
     } | more
+
+
+def quick_results():
+    """Returns results of the quick suites: five with a hidden law, three of them wrong, and 200 with nothing hidden.
+
+    The first set has a script's tag in its name.
+    """
+    laws = {
+        "coulomb_friction": {"law": "same", "mechanisms": None, "names": ["coulomb_friction"]},
+        "soft_supply": {"law": "other", "mechanisms": ["supply"], "names": ["battery_discharge"]},
+    }
+    return [
+        _quick(f"{HOSTILE} same", "same", laws["coulomb_friction"], "named", effect("coulomb_friction"), cpu_s=4.25),
+        _quick("same-b", "same", laws["coulomb_friction"], "named", effect("yaw_scrub"), cpu_s=6.5, after=3.0),
+        _quick("same-c", "same", laws["coulomb_friction"], "unknown", mechanism="bearing", cpu_s=5.0, after=4.0),
+        _quick("other-a", "other", laws["soft_supply"], "unknown", mechanism="supply", cpu_s=9.0),
+        _quick("other-b", "other", laws["soft_supply"], "none", cpu_s=2.0, after=5.0),
+        *(_quick(f"nulls-{number:03}", "nulls", None, "none", cpu_s=3.0, after=1.0) for number in range(200)),
+    ]
+
+
+def _quick(name, group, law, verdict, *effects, mechanism=None, cpu_s, after=1.2):
+    hidden = {} if law is None else {"x": {}}
+    recipe = {"hidden": hidden, "sensors": ENCODERS, "noise": 1.0, "nominal_error": 0.02, "suite": group}
+    truth = {"recipe": recipe, "visibility": {"yaw_rate": 8.0}, "laws": {} if law is None else {"x": law}}
+    before = 5.0 if law else 1.0
+    held = {"before": before, "after": after, "removed": (before - after) / 4 if law else None, "floor": "stated"}
+    run = {"engine": "planar", "seed": 7, "suite": group, "seed_offset": 0, "version": "0", "error": None}
+    said = {"verdict": verdict, "effects": list(effects), "mechanism": mechanism, "held_out": held}
+    return {"name": name, **run, **truth_fields(name, truth), **said, "cpu_s": cpu_s, "elapsed_s": cpu_s + 1.0}

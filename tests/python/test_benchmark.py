@@ -338,6 +338,6 @@ def test_sets_are_made_and_deleted(tmp_path) -> None:
     options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
     done = brickpilot("benchmark", "discover", *options, cwd=CHECKOUT)
     assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in folder.iterdir()) == [RESULTS, "table.json", "table.md"]
+    assert sorted(path.name for path in folder.iterdir()) == ["report.html", RESULTS, "table.json", "table.md"]
     kept = load(folder / RESULTS)[0]
     assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)

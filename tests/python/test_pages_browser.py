@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmark_results import quick_results
+from brickpilot.benchmark import page_content, real_logs, real_results, table
 from brickpilot.data import dataset
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
-from brickpilot.report import run_page
+from brickpilot.report import benchmark_page, run_page
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
@@ -102,6 +104,10 @@ def pages(tmp_path_factory):
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(dataclasses.replace(mission, title=HOSTILE), rcx(), sensors="imu+encoders"))
     found["run"] = run_page.page(flown, flight_figures.summary(flown), COMMAND)
+    results = quick_results()
+    found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
+    kept = real_results.load(real_results.KEPT)
+    found["benchmark real"] = benchmark_page.real_page(page_content.real(kept, real_logs.by_name()))
     return found
 
 
@@ -124,7 +130,7 @@ def probed(dom: str) -> dict[str, Any]:
     return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
 
 
-KINDS = (*VERDICTS, "compare", "calibrate", "run")
+KINDS = (*VERDICTS, "compare", "calibrate", "run", "benchmark discover", "benchmark real")
 
 
 @pytest.mark.parametrize("kind", ["named", "run"])

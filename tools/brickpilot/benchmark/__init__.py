@@ -28,6 +28,10 @@
     real_results.py    the kept results
     real_table.py      the table in tools/README.md, from the kept results alone
 
+Both write a page, which `report` draws:
+
+    page_content.py    what it shows: the cells of the tables, and the numbers of their figures
+
 `brickpilot bench`:
 
     speed.py           the simulator and the links, beside a peer in the same process

@@ -75,9 +75,11 @@ def benchmark_discover(
 
     The quick suites hide laws that are not the library's, wrong nominal values and robots of other scales. tests/hidden
     makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun continues where the
-    last one stopped. The table is computed from these lines and written beside them, as table.json and table.md.
+    last one stopped. The table is computed from these lines and written beside them, as table.json and table.md, and
+    as a page with figures, report.html.
     """
-    from brickpilot.benchmark import blind_test, real_table, result, sets, table, table_text
+    from brickpilot.benchmark import blind_test, page_content, real_table, result, sets, table, table_text
+    from brickpilot.report import benchmark_page, run_folder
 
     folder = Path(out)
     if table_alone:
@@ -93,6 +95,7 @@ def benchmark_discover(
             results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
     found = table.table(results)
     table_text.write(found, folder)
+    run_folder.write_file(benchmark_page.hidden_page(page_content.hidden(results, found)), folder / "report.html")
     if page is not None:
         real_table.write_between_marks(Path(page), list(table_text.markdown(found)), table_text.MARKS)
     if as_json:
@@ -164,9 +167,11 @@ def benchmark_real(
 
     FOLDERs hold data sets, at any depth; without one, and without --fetched, BRICKPILOT_DATA names the folder. All are
     fitted on the fit runs, and score by the free run: 100 (1 - rms error / rms of the signal). A peer that is not
-    installed is left out: pip install 'brickpilot[peers]'.
+    installed is left out: pip install 'brickpilot[peers]'. The table is written as a page with figures too, report.html
+    beside the results.
     """
-    from brickpilot.benchmark import real_logs, real_results, real_run, real_table
+    from brickpilot.benchmark import page_content, real_logs, real_results, real_run, real_table
+    from brickpilot.report import benchmark_page, run_folder
 
     known = real_logs.by_name()
     kept = real_results.load(Path(results))
@@ -187,6 +192,9 @@ def benchmark_real(
                 result = real_run.run_log(folder, known, work, kept, progress)
                 kept[result["name"]] = result
                 real_results.save(kept, Path(results))
+    if kept:
+        html = benchmark_page.real_page(page_content.real(kept, known))
+        run_folder.write_file(html, Path(results).with_name("report.html"))
     if page:
         real_table.write_between_marks(Path(page), list(real_table.lines(kept, known)))
     if as_json:

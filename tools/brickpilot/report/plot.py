@@ -50,6 +50,7 @@ class Panel:
         band: (low, high) that is shaded, such as that of the noise; None: none.
         rows: names of the values 0, 1, ... where they are no numbers.
         spans: (row, low, high) of lines across, such as intervals.
+        asked: (row, low, high) of what is shaded in a row, such as the range that is asked for.
         log: the axis is logarithmic, for counts.
     """
 
@@ -60,6 +61,7 @@ class Panel:
     band: tuple[float, float] | None = None
     rows: Sequence[str] = ()
     spans: Sequence[tuple[int, float, float]] = ()
+    asked: Sequence[tuple[int, float, float]] = ()
     log: bool = False
 
 
@@ -146,6 +148,7 @@ def row_chart(
     labels: Sequence[str], curves: Mapping[str, tuple[Colour, Sequence[float | None]]],
     spans: Sequence[tuple[float, float] | None], label: str, unit: str, *, title: str,
     lines: Sequence[float] = (), stretch: tuple[float, float] | None = None, log: bool = False,
+    asked: Sequence[tuple[float, float] | None] = (),
 ) -> Markup:  # fmt: skip
     """Draws a row for each label, the first one uppermost.
 
@@ -154,6 +157,7 @@ def row_chart(
         spans: of each row, (low, high) of the line under its marks; None: none.
         label, unit: of the axis along the rows.
         lines, stretch, log: as in `Figure`.
+        asked: of each row, (low, high) of what is shaded in it; None: nothing.
     """
     last = len(labels) - 1
     marks = sorted(
@@ -173,8 +177,9 @@ def row_chart(
         _ROW * len(labels) + 10,
         rows=list(reversed(labels)),
         spans=[(last - row, *span) for row, span in enumerate(spans) if span is not None],
+        asked=[(last - row, *span) for row, span in enumerate(asked) if span is not None],
     )
-    reach = [*lines, *(stretch or ()), *(end for span in spans if span is not None for end in span)]
+    reach = [*lines, *(stretch or ()), *(end for span in (*spans, *asked) if span is not None for end in span)]
     x = np.array([value for value, *_ in marks])
     return to_html(Figure(title, x, [panel], label, unit, "", stretch, lines, reach, log))
 
@@ -202,6 +207,7 @@ def _panel(panel: Panel, figure: Figure, kept: NDArray[np.intp]) -> dict[str, An
         "band": None if panel.band is None else [one / factor for one in panel.band],
         "rows": list(panel.rows),
         "spans": [list(one) for one in panel.spans],
+        "asked": [list(one) for one in panel.asked],
         "log": panel.log,
         "curves": [_curve(one, figure.x, kept, factor) for one in panel.curves],
     }

@@ -1,8 +1,9 @@
-"""Output folders. A folder is written beside its place and then renamed, so that it is complete or absent."""
+"""Output folders and files. Each is written beside its place and then renamed, so that it is complete or absent."""
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
@@ -50,6 +51,22 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         if made and not any(out.parent.iterdir()):
             out.parent.rmdir()
         raise
+
+
+def write_file(text: str, path: Path) -> None:
+    """Writes a file, whole or not at all, and the folders above it.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
 
 
 def write_log(columns: Mapping[str, Array], path: Path) -> None:

@@ -85,6 +85,7 @@ function shade(u, spec, panel) {
   const y = (value) => Math.min(Math.max(u.valToPos(value, "y", true), top), top + height);
   const box = (colour, from, upper, to, lower) => { u.ctx.fillStyle = colour; u.ctx.fillRect(from, upper, Math.max(to - from, 1), Math.max(lower - upper, 1)); };
   if (spec.stretch) box(palette.stretch, x(spec.stretch[0]), top, x(spec.stretch[1]), top + height);
+  for (const [row, low, high] of panel.asked) box(palette.band, x(low) - 2 * devicePixelRatio, y(row + 0.42), x(high) + 2 * devicePixelRatio, y(row - 0.42));
   if (panel.band) box(palette.band, left, y(panel.band[1]), left + width, y(panel.band[0]));
 }
 
