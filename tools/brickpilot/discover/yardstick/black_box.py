@@ -92,6 +92,13 @@ class Error:
     summed: Summed | None = None
 
 
+def load() -> None:
+    """Loads what learns. It takes a second, so that only what asks for predictions pays for it."""
+    import sklearn.ensemble
+    import sklearn.kernel_approximation
+    import sklearn.linear_model  # noqa: F401
+
+
 def folds(part: Indices, is_fit: Mask, rows_of_block: Indices | None = None) -> Indices:
     """Returns (rows,) the fold of each row; rows of one part, a run or a block of time, share it.
 

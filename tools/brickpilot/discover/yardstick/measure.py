@@ -90,10 +90,11 @@ def reference(prepared: Prepared, nominal: Model) -> Reference:
     def left_of(course: Course) -> dict[str, Left]:
         told = features(compared, course, thinned, simulated["free_run"], simulated[course.horizon])
         problem = Problem(told.columns, told.groups, folds, prepared.seed)
-        with threadpool_limits(1):  # a thread for each horizon: trees of this size are slower on several
+        with threadpool_limits(1):  # trees of this size are slower on several threads
             return _left(prepared, compared, thinned, course, simulated[course.horizon], problem, is_fit)
 
     courses = [course for course in compared.courses if course.horizon in simulated]
+    black_box.load()  # limits of threads hold for libraries that are loaded
     with ThreadPoolExecutor(prepared.jobs) as pool:
         left = dict(zip([course.horizon for course in courses], pool.map(left_of, courses), strict=True))
     numbers = _headline(prepared, compared, other, nominal, simulated)
