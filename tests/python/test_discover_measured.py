@@ -91,11 +91,13 @@ def test_linear_axis_has_the_published_parameters(axis: Found) -> None:
     data, found, model = axis
     size = {"constant_offset.torque": 0.0, "direction_asymmetry.torque": 0.0, "direction_asymmetry.drag": 0.0}
     size |= sizes(found.effects)
-    assert model.parameters["mass"] == pytest.approx(95.11, rel=0.03)
-    # Theirs is a regression of the force. A free run of the position trades dry for viscous friction: 179 and 23.2.
-    assert model.parameters["viscous_friction"] == pytest.approx(203.5, rel=0.15)
+    # Theirs is a regression of the force. A free run of the position trades a little of the mass for the losses: 92.2
+    # kg with 200.9 N s/m and 21.1 N. Before runs started from averaged states the losses were 179 N s/m and 23.2 N,
+    # and the position on the test file was 6.12 mm off; now it is 3.85.
+    assert model.parameters["mass"] == pytest.approx(95.11, rel=0.04)
+    assert model.parameters["viscous_friction"] == pytest.approx(203.5, rel=0.05)
     dry = size["coulomb_friction.torque"] + size["direction_asymmetry.torque"] / 2
-    assert dry == pytest.approx(20.39, rel=0.15)
+    assert dry == pytest.approx(20.39, rel=0.08)
     low, high = found.effects[0].parameters["torque"].ci95 or (0.0, 0.0)
     assert low < 20.39 < high
     run = next(run for run in data.runs if run.role == "fit")

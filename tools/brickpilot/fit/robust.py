@@ -30,9 +30,10 @@ def pseudo_huber(scaled: Array) -> RobustResidual:
 
     phi^2 / 2 = h^2 (sqrt(1 + (e / h)^2) - 1), with the Huber threshold h.
     """
-    root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
-    shrink = np.sqrt(2 / (1 + root))
-    return RobustResidual(scaled * shrink, 1 / (root * shrink))
+    with np.errstate(over="ignore", invalid="ignore"):  # where the plant runs away the cost is infinite
+        root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
+        shrink = np.sqrt(2 / (1 + root))
+        return RobustResidual(scaled * shrink, 1 / (root * shrink))
 
 
 def pseudo_huber_loss(scaled: Array) -> Array:

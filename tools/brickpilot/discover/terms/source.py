@@ -89,10 +89,11 @@ class TermSource:
             for share in _SIZES
         ]
         simulated = error.residuals_of([with_terms(model, values) for _, values in sized])
-        trials = [
-            Trial(one, values, float(rest @ rest) / 2, float(np.sum(projection.remainder(residual) ** 2)) / 2)
-            for (one, values), residual in zip(sized, simulated, strict=True)
-        ]
+        with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant runs away is left out below
+            trials = [
+                Trial(one, values, float(rest @ rest) / 2, float(np.sum(projection.remainder(residual) ** 2)) / 2)
+                for (one, values), residual in zip(sized, simulated, strict=True)
+            ]
         return _diverse(sorted((one for one in trials if np.isfinite(one.after)), key=lambda one: one.after))
 
     def _add(self, atoms: Sequence[Atom]) -> None:
