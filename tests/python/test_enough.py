@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from brickpilot.data import plain_rows
+from brickpilot.discover import check
+from brickpilot.discover.estimate import Span
 from brickpilot.fit import enough
 from brickpilot.fit.enough import enough_to_fit
 from synthetic import motor, write
@@ -75,3 +77,30 @@ def test_many_short_files_are_read_as_long_ones_are(tmp_path: Path, monkeypatch:
     for one, other in zip(bp.read(folder).runs, cell_by_cell.runs, strict=True):
         pd.testing.assert_frame_equal(one.to_frame(), other.to_frame(), rtol=0, atol=0)
     assert len(called) == 2
+
+
+@pytest.mark.usefixtures("few")
+def test_check_fits_some_runs_and_reports_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = steps()
+    some = bp.check(dataset, jobs=1)
+    assert [one.name for one in some.runs] == [run.name for run in dataset.runs]
+    assert sum("fit runs" in note and "of these runs" in note for note in some.notes) == 1
+    monkeypatch.setattr(enough, "MANY", 1000)
+    full = bp.check(dataset, jobs=1)
+    assert not any("of these runs" in note for note in full.notes)
+    assert [one.role for one in some.runs] == [one.role for one in full.runs]
+    assert some.explained.by_run.keys() == full.explained.by_run.keys()
+
+
+@pytest.mark.usefixtures("few")
+def test_the_time_of_a_discovery_is_that_of_all_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def estimated(*_: object, times: float) -> Span:
+        asked.append(times)
+        return Span(1.0, 2.0)
+
+    monkeypatch.setattr(check, "estimate", estimated)
+    bp.check(steps(), jobs=1)
+    assert len(asked) == 1
+    assert 2 < asked[0] < 1000 / 300 + 0.01

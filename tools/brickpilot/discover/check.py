@@ -1,7 +1,7 @@
 """`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can tell.
 
-One fit of the nominal model is all that it takes. What the runs tell of a parameter is its interval in that fit; what
-they tell of an effect is the smallest size of it that would be named.
+One fit of the nominal model is all that it takes, to some of the runs where there are many. What the runs tell of a
+parameter is its interval in that fit; what they tell of an effect is the smallest size of it that would be named.
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ from brickpilot.discover.calibrate import calibrate
 from brickpilot.discover.estimate import estimate
 from brickpilot.discover.finding import Visible
 from brickpilot.discover.input_timing import with_known_timing
-from brickpilot.discover.prepare import Prepared, prepare
+from brickpilot.discover.prepare import prepare
 from brickpilot.discover.verdict_json import valid
+from brickpilot.fit.comparable import Comparable, comparable
+from brickpilot.fit.enough import enough_to_fit
 from brickpilot.fit.headline import Headline, headline
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
 
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 _LATE = 0.99  # quantile of the steps between samples that is reported beside their median
 
 
@@ -177,21 +180,23 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     """
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
         known = with_known_timing(dataset, None, seed=seed, jobs=jobs)
-        prepared = prepare(known, None, seed=seed, jobs=jobs)
+        some, note = enough_to_fit(known)
+        prepared = prepare(some, None, seed=seed, jobs=jobs)
+        whole = prepared.plain if note is None else comparable(known)
         nominal = calibrate(prepared)
-        seconds = estimate(prepared, nominal)
+        seconds = estimate(prepared, nominal, times=_samples(known) / _samples(some))
         prepared.fine.adopt_scales(prepared.coarse)
         visible = power.smallest(prepared.coarse, nominal, prepared.excitation)
         told: Uncertainty = assess(prepared.fine.with_plan(nominal.plan), nominal.model, nominal.plan.free)
         advice, invisible = advise(prepared, nominal, told, visible)
-        explained = headline(prepared.plain, nominal.model, threads=jobs)
+        explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,
         vehicle=dataset.vehicle,
         frame=dataset.frame,
-        runs=tuple(_run(one, prepared) for one in dataset.runs),
+        runs=tuple(_run(one, whole) for one in dataset.runs),
         signals=tuple(_signals(dataset)),
-        faults=prepared.measured.faults,
+        faults=whole.measured.faults,
         explained=explained,
         units=own_units(dataset, explained.signals),
         parameters=told.estimates,
@@ -202,16 +207,26 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         advice=advice,
         discover_s=seconds.middle,
         discover_range_s=(seconds.low, seconds.high),
-        notes=(prepared.roles.note, *prepared.plan.notes, *prepared.measured.notes, *prepared.fine.notes),
+        notes=(
+            whole.roles.note,
+            *([] if note is None else [f"{note} {_OF_SOME}"]),
+            *prepared.plan.notes,
+            *whole.measured.notes,
+            *prepared.fine.notes,
+        ),
     )
 
 
-def _run(run: Run, prepared: Prepared) -> RunFacts:
+def _samples(dataset: Dataset) -> int:
+    return sum(len(run.time) for run in dataset.runs)
+
+
+def _run(run: Run, whole: Comparable) -> RunFacts:
     steps = np.diff(run.time[_logged(run)])
     return RunFacts(
         run.name,
-        prepared.roles.by_run[run.name],
-        manoeuvre(np.nan_to_num(motor_inputs(run, prepared.measured))),
+        whole.roles.by_run[run.name],
+        manoeuvre(np.nan_to_num(motor_inputs(run, whole.measured))),
         len(steps) + 1,
         float(run.time[-1] - run.time[0]),
         float(np.median(steps)),

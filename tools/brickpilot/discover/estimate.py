@@ -40,11 +40,12 @@ class Span:
         return f"{max(self.low, 1):.0f} to {max(self.high, 2):.0f} s"
 
 
-def estimate(prepared: Prepared, nominal: FittedModel) -> Span:
+def estimate(prepared: Prepared, nominal: FittedModel, *, times: float = 1.0) -> Span:
     """Returns how long a discovery takes, from simulations that are timed here and from the error that is there.
 
     Args:
         nominal: the calibrated nominal model.
+        times: how many times as many samples as are prepared here the discovery takes.
     """
     models = [nominal.model] * 4
 
@@ -56,7 +57,7 @@ def estimate(prepared: Prepared, nominal: FittedModel) -> Span:
         return (time.perf_counter() - began) / len(models)
 
     count = len(candidates(models[0], prepared.coarse.signals))
-    unit = _COARSE * count * timed(prepared.coarse.predict) + _FINE * timed(prepared.fine.predict)
+    unit = times * (_COARSE * count * timed(prepared.coarse.predict) + _FINE * timed(prepared.fine.predict))
     above_noise = nominal.cost / max(prepared.coarse.noise_cost(), 1e-12)
     _, low, high = next(row for row in _UNITS if above_noise <= row[0])
     return Span(low * unit + _YARDSTICK_S[0] / prepared.jobs, high * unit + _YARDSTICK_S[1] / prepared.jobs)
