@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.data import dataset
-from brickpilot.data.ils import pooled, signal_error
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
 from brickpilot.fit.rates import zero_phase_rate
@@ -54,33 +53,6 @@ def write_axis(folder):
     (folder / "dataset.toml").write_text(AXIS, encoding="utf-8")
     (folder / "sweep.csv").write_text("\n".join(["t,u,x", *rows]) + "\n", encoding="utf-8")
     return dataset.read(folder)
-
-
-def test_ils_is_the_trapezoidal_integral_on_irregular_times():
-    time = np.array([0.0, 0.1, 0.4, 1.0])
-    error = signal_error(time, np.array([1.0, 3.0, 2.0, 2.0]), np.array([1.0, 1.0, 1.0, 1.0]))
-    assert error.ils == pytest.approx(0.1 * (0 + 4) / 2 + 0.3 * (4 + 1) / 2 + 0.6 * (1 + 1) / 2)
-    assert error.energy == pytest.approx(1.0)
-    assert error.rms_signal == pytest.approx(1.0)
-    assert error.ils_normalised == pytest.approx(error.ils)
-
-
-def test_blank_measurements_leave_their_intervals_out():
-    time = np.arange(5.0)
-    measured = np.array([1.0, 1.0, np.nan, 1.0, 1.0])
-    error = signal_error(time, np.array([1.0, 1.0, 50.0, 2.0, 2.0]), measured)
-    assert error.seconds == 2.0
-    assert error.ils == pytest.approx(1.0)
-
-
-def test_a_signal_without_energy_has_no_share():
-    assert signal_error(np.arange(3.0), np.ones(3), np.zeros(3)).share is None
-
-
-def test_pooled_runs_weigh_by_their_time():
-    short = signal_error(np.array([0.0, 1.0]), np.full(2, 2.0), np.ones(2))
-    long = signal_error(np.array([0.0, 9.0]), np.ones(2), np.ones(2))
-    assert pooled([short, long]).rms_error == pytest.approx(0.1**0.5)
 
 
 def test_the_true_model_leaves_nothing(tmp_path):

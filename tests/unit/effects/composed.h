@@ -42,4 +42,15 @@ static inline void fresh(int kind, int profile)
     vehicle(kind, profile);
 }
 
+void setUp(void)
+{
+    fresh(BP_DIFF_DRIVE, BP_COUPLED);
+}
+
+void tearDown(void)
+{
+    bp_model_free(model);
+    model = NULL;
+}
+
 #endif

@@ -1,16 +1,5 @@
 #include "composed.h"
 
-void setUp(void)
-{
-    presets();
-    vehicle(BP_DIFF_DRIVE, BP_COUPLED);
-}
-void tearDown(void)
-{
-    bp_model_free(model);
-    model = NULL;
-}
-
 static const double PI = 3.14159265358979323846;
 
 /* A drive across the slope and along it, with the centre of mass beside the axle's middle. */

@@ -1,16 +1,5 @@
 #include "composed.h"
 
-void setUp(void)
-{
-    presets();
-    vehicle(BP_DIFF_DRIVE, BP_COUPLED);
-}
-void tearDown(void)
-{
-    bp_model_free(model);
-    model = NULL;
-}
-
 static void test_what_a_gyro_adds_its_angle_sums_up(void)
 {
     const bp_state turning = {.yaw_rate = 2};

@@ -2,17 +2,6 @@
 
 static const double PI = 3.14159265358979323846;
 
-void setUp(void)
-{
-    presets();
-    vehicle(BP_DIFF_DRIVE, BP_COUPLED);
-}
-void tearDown(void)
-{
-    bp_model_free(model);
-    model = NULL;
-}
-
 /* A vehicle with losses, so that a term that takes losses away shows. */
 static bp_state ride(double row[OUTPUT_COUNT])
 {
