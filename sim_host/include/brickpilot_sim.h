@@ -228,6 +228,15 @@ typedef struct {
     int raw;
 } bp_setting;
 
+/* The robot's sensors: [sensors.*] of a vehicle file. Ranges apply to both signs. */
+typedef struct {
+    double accel_noise_sd, accel_range, accel_bias_surge, accel_bias_sway; /* m/s^2 */
+    double gyro_noise_sd, gyro_range, gyro_bias;                           /* rad/s */
+    int bits;                  /* of the converter of all three axes; 0: readings are not rounded */
+    double counts_per_turn;    /* of a wheel, above 0 */
+    double battery_resolution; /* V, above 0 */
+} bp_devices;
+
 typedef struct {
     const bp_model *model;   /* of a BP_DIFF_DRIVE */
     int controller;          /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
@@ -248,6 +257,7 @@ typedef struct {
 
     const bp_setting *settings; /* setting_count of them, written before the flight; or NULL */
     int setting_count;
+    const bp_devices *devices; /* NULL: those of models/rcx.toml */
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */

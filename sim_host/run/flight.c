@@ -90,15 +90,35 @@ static bool write_settings(const bp_flight *request, parameters_t *parameters)
     return true;
 }
 
+/* Gives the flight the sensors that the request describes, or else the packaged robot's. */
+static void choose_devices(flight_t *flight)
+{
+    const bp_devices *devices = flight->request->devices;
+
+    flight->imu_config = imu_config_default();
+    flight->encoder_config = encoder_config_default();
+    flight->battery_config = battery_config_default();
+    if (devices == NULL)
+        return;
+    flight->imu_config = (imu_config_t){.accel_noise_sd = devices->accel_noise_sd,
+                                        .accel_range = devices->accel_range,
+                                        .accel_bias_surge = devices->accel_bias_surge,
+                                        .accel_bias_sway = devices->accel_bias_sway,
+                                        .gyro_noise_sd = devices->gyro_noise_sd,
+                                        .gyro_range = devices->gyro_range,
+                                        .gyro_bias = devices->gyro_bias,
+                                        .bits = devices->bits};
+    flight->encoder_config.counts_per_turn = devices->counts_per_turn;
+    flight->battery_config.resolution = devices->battery_resolution;
+}
+
 static int prepare(flight_t *flight)
 {
     const bp_flight *request = flight->request;
 
     if (!write_settings(request, &flight->parameters))
         return BP_E_RANGE;
-    flight->imu_config = imu_config_default();
-    flight->encoder_config = encoder_config_default();
-    flight->battery_config = battery_config_default();
+    choose_devices(flight);
     imu_start(&flight->imu, request->seed);
 
     flight->port.imu_status = request->sensors == BP_SENSORS_IDEAL ? HAL_ABSENT : HAL_OK;
@@ -185,12 +205,15 @@ static int fly(flight_t *flight)
 
 static bool can_be_flown(const bp_flight *request)
 {
-    bool sound = request->model != NULL && request->model->vehicle == BP_DIFF_DRIVE && request->steps >= 1 &&
-                 request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
-                 request->sensors <= BP_SENSORS_IMU_ENCODERS &&
-                 (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&
-                 request->cruise <= 2 && request->stop_path >= 0 && request->setting_count >= 0 &&
-                 (request->settings != NULL || request->setting_count == 0);
+    bool sound =
+        request->model != NULL && request->model->vehicle == BP_DIFF_DRIVE && request->steps >= 1 &&
+        request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
+        request->sensors <= BP_SENSORS_IMU_ENCODERS &&
+        (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&
+        request->cruise <= 2 && request->stop_path >= 0 && request->setting_count >= 0 &&
+        (request->settings != NULL || request->setting_count == 0) &&
+        (request->devices == NULL || (request->devices->counts_per_turn > 0 && request->devices->bits >= 0 &&
+                                      request->devices->bits <= 24 && request->devices->battery_resolution > 0));
     if (request->drive == NULL)
         sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
                 request->waypoint_count <= BP_MAX_WAYPOINTS;

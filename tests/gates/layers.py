@@ -36,7 +36,7 @@ MAY: dict[str, set[str]] = {
 }
 
 # Targets that use another port beside the one of their name.
-ALSO = {"firmware/targets/h8sim": {"hal/link"}}
+ALSO = {"firmware/targets/h8sim": {"hal/link"}, "firmware/targets/host": {"hal/h8sim"}}
 
 # The rooms of the firmware that may hold assembly: arithmetic alone. Every stage runs from its C.
 ASSEMBLY = (Path("firmware/core/h8"), Path("firmware/model/h8"))

@@ -25,10 +25,13 @@ MAY: dict[str, set[str]] = {
     "link": {"vehicle"},
     "hil": {"data", "vehicle", "link"},
     "flash": {"vehicle", "link"},
+    "firmware": {"data", "vehicle", "link", "hil"},
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil"},
-    "cli": {"data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "benchmark"},
-    "gen": {"data", "vehicle", "fit", "discover", "report"},
-}
+    "cli": {
+        "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "benchmark",
+    },
+    "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
+}  # fmt: skip
 
 # The only file of its room that may: it fetches a recording from the robot itself.
 ALSO = {"importers/rcx.py": {"link"}}

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from brickpilot.constants import STEP_S
-from brickpilot.gen import params_header
+from brickpilot.firmware import params_header
 from brickpilot.hil import ends, fly
 from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
@@ -47,13 +47,8 @@ def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
         vehicle["rates"]["rcx_step"]["value"] = step_ms / 1e3
         (folder / "app").mkdir(parents=True)
         (folder / "app/params_gen.h").write_text(params_header.render(vehicle, settings()), encoding="utf-8")
-    sources = ["firmware/targets/h8sim/main.c", "tests/python/h8sim_on_host.c"]
-    sources += [f"hal/wire/{name}.c" for name in ("crc", "codecs_gen", "frame", "message")]
-    sources += sorted(map(str, (ROOT / "hal/link").glob("*.c")))
-    sources += sorted(str(path) for path in (ROOT / "firmware").rglob("*.c") if "targets" not in path.parts)
     program = folder / "brick"
-    includes = (f"-I{folder}", "-Ifirmware", "-Ihal", "-Ihal/include")
-    subprocess.run(["cc", "-std=c99", "-O2", *flags.split(), *includes, *sources, "-o", program], check=True, cwd=ROOT)
+    subprocess.run([ROOT / "firmware/targets/host/build", program, f"-I{folder}", *flags.split()], check=True)
     return program
 
 

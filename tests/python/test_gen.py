@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.gen import model_sets_header, params_header
+from brickpilot.firmware import params_header
+from brickpilot.gen import model_sets_header
 from brickpilot.gen.__main__ import generate, stale, wrong_generator
 from brickpilot.vehicle.coefficients import (
     CURRENT,

@@ -29,7 +29,7 @@ ROW = (
 
 # Where a setting's name may stand beside the table: each file gives a setting its value.
 NAMED = {
-    "gen/params_header.py",  # checks of one default against another
+    "firmware/params_header.py",  # checks of one default against another
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs

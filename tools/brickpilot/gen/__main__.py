@@ -8,11 +8,11 @@ from importlib import metadata
 from pathlib import Path
 
 from brickpilot.errors import InputError
+from brickpilot.firmware import params_header
 from brickpilot.gen import (
     codecs,
     controllers_header,
     model_sets_header,
-    params_header,
     plant_presets,
     settings_header,
 )

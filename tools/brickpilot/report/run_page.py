@@ -8,7 +8,6 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from brickpilot.constants import ACCEPTANCE_M
 from brickpilot.report.plot import Colour, Curve, Figure, Panel, to_html
 from brickpilot.report.template import render
 from brickpilot.report.track import track_to_html
@@ -60,7 +59,7 @@ def track(flight: Flight, figures: dict[str, Any]) -> Markup:
         legs = np.array([scenario.start[:2], *scenario.waypoints]).T
         lines.append(Curve("legs", legs[::-1], "grey", 1.0, dashed=True))
     reached = [moment is not None for moment in figures.get("reached_at_s", [])]
-    circles = [(y, x, ACCEPTANCE_M, done) for (x, y), done in zip(scenario.waypoints, reached, strict=True)]
+    circles = [(y, x, flight.plan.acceptance, done) for (x, y), done in zip(scenario.waypoints, reached, strict=True)]
     return track_to_html(log["time_s"], log["true_heading_rad"], lines, circles, link=LINK)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.catalogue import PROFILE_CODES
-from brickpilot.constants import RCX, STEP_S
+from brickpilot.constants import ACCEPTANCE_M, RCX, STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
@@ -33,6 +33,8 @@ class Plan:
         controller: the profile whose constants the firmware uses.
         cruise: m/s.
         compensation: what the firmware knows of this robot; None: nothing.
+        acceptance: m, the robot's radius: a waypoint counts where the true position passes within twice of it.
+        devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
     """
 
     scenario: Scenario
@@ -45,6 +47,8 @@ class Plan:
     cruise: float
     motor_step: float = 0.0
     compensation: Compensation | None = None
+    acceptance: float = ACCEPTANCE_M
+    devices: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,9 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
     waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
     drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
     held = [model, settings, waypoints, drive]
+    if plan.devices is not None:
+        held.append(ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])}))
+        request.devices = held[-1]
     if drive is not None:
         held.append(ffi.from_buffer("double[]", drive))
         request.drive = held[-1]

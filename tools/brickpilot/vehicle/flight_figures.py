@@ -41,20 +41,22 @@ class Reached:
         return sum(moment is not None for moment in self.at)
 
 
-def waypoints_reached(time_s: Array, x: Array, y: Array, waypoints: Sequence[tuple[float, float]]) -> Reached:
-    """Finds the waypoints that a track (n,) reaches, whatever the controller's estimate was."""
+def waypoints_reached(
+    time_s: Array, x: Array, y: Array, waypoints: Sequence[tuple[float, float]], acceptance: float = ACCEPTANCE_M
+) -> Reached:
+    """Finds the waypoints that a track (n,) reaches, whatever the controller's estimate was; `acceptance`: m."""
     at: list[float | None] = []
     closest = []
     begin = 0
     for wx, wy in waypoints:
         distance = np.hypot(x[begin:] - wx, y[begin:] - wy)
-        inside = np.flatnonzero(distance <= 2 * ACCEPTANCE_M) if None not in at else np.array([], dtype=int)
+        inside = np.flatnonzero(distance <= 2 * acceptance) if None not in at else np.array([], dtype=int)
         if len(inside) == 0:
             at.append(None)
             closest.append(float(distance.min()))
             continue
         first = int(inside[0])
-        outside = np.flatnonzero(distance[first:] > 2 * ACCEPTANCE_M)
+        outside = np.flatnonzero(distance[first:] > 2 * acceptance)
         left = first + (int(outside[0]) if len(outside) else len(distance) - first)
         at.append(float(time_s[begin + first]))
         closest.append(float(distance[:left].min()))
@@ -110,7 +112,8 @@ def summary(flight: Flight) -> dict[str, Any]:
 
 def _mission_figures(flight: Flight) -> dict[str, Any]:
     log, plan = flight.log, flight.plan
-    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], plan.scenario.waypoints)
+    waypoints = plan.scenario.waypoints
+    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], waypoints, plan.acceptance)
     running = log["mode"] == _RUN
     driving = running & (log["phase"] == _DRIVING)
     off_track = cross_track(

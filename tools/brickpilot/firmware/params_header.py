@@ -13,6 +13,9 @@ from brickpilot.vehicle.setting_defaults import constants, default, plain
 from brickpilot.vehicle.settings import Setting
 
 INT16, UINT16, UINT8 = 32767, 65535, 255
+TRAVEL_SCALE = "travel_scale_q15"
+"""The compensation that has no field of its own: the travel per count holds it."""
+
 SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
 
 
@@ -83,15 +86,18 @@ def _put(tree: dict[str, Any], path: Sequence[str], value: int | bool) -> None:
     tree[path[-1]] = value
 
 
-def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mapping[str, Setting]) -> dict[str, Any]:
+def _loop(
+    profile: str, vehicle: Mapping[str, Any], step: float, settings: Mapping[str, Setting], known: Mapping[str, int]
+) -> dict[str, Any]:
     values, own = plain(vehicle["parameters"]), constants(vehicle, profile)
     common = plain(vehicle["estimator"])
     estimator, counts = plain(vehicle["estimator"][profile]), plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
+    rolls_like = values["wheel_radius"] * (1 + known.get(TRAVEL_SCALE, 0) / 2**15)
     config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common),
-            "speed": _speed(common, estimator, values["wheel_radius"], counts, step),
+            "speed": _speed(common, estimator, rolls_like, counts, step),
             "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor")},
             "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
         },
@@ -100,21 +106,27 @@ def _loop(profile: str, vehicle: Mapping[str, Any], step: float, settings: Mappi
     if own["creep"] > own["cruise"] or own["align"] > own["pivot"]:
         raise QuantisationError("creep may not pass cruise, nor align pivot")
     for setting in settings.values():
-        if not setting.compensation:
-            _check_unit(setting, profile, vehicle["controller"][profile])
-            raw = default(setting, own, profile)
+        _check_unit(setting, profile, vehicle["controller"][profile])
+        raw = known.get(setting.compensation, 0) if setting.compensation else default(setting, own, profile)
+        if not setting.compensation or (raw and setting.compensation != TRAVEL_SCALE):
             path = setting.field.removeprefix("config.").split(".")
             _put(config, path, bool(raw) if setting.is_switch else raw)
     return config
 
 
-def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float], settings: Mapping[str, Setting]) -> str:
+def _block(
+    profile: str,
+    vehicle: Mapping[str, Any],
+    steps: Sequence[float],
+    settings: Mapping[str, Setting],
+    known: Mapping[str, int],
+) -> str:
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
         f"{initialiser(_coefficients(profile, vehicle, step), 0)};\n"
         f"static const loop_config_t PARAMS_{profile.upper()} = "
-        f"{initialiser(_loop(profile, vehicle, step, settings), 0)};\n"
+        f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
         for i, step in enumerate(steps)
     )
     return f"""#ifndef BODY_WITHOUT_{profile.upper()}
@@ -126,7 +138,7 @@ def _block(profile: str, vehicle: Mapping[str, Any], steps: Sequence[float], set
 
 
 def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
-    """Returns the header's text.
+    """Returns the header's text, for the packaged robot: both profiles, and the steps of hosts and of the RCX.
 
     Args:
         vehicle: a vehicle file's tables.
@@ -137,7 +149,26 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     """
     rates = plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
-    blocks = "\n".join(_block(profile, vehicle, steps[profile], settings) for profile in PROFILES)
+    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}) for profile in PROFILES))
+
+
+def render_own(
+    vehicle: Mapping[str, Any], settings: Mapping[str, Setting], step: float, known: Mapping[str, int]
+) -> str:
+    """Returns the header's text for one robot at one control step: the profile coupled alone.
+
+    Args:
+        vehicle, settings: as for `render`.
+        step: s.
+        known: parameter -> raw integer, a compensation that the constants begin with.
+
+    Raises:
+        QuantisationError: as `render`.
+    """
+    return _header(_block("coupled", vehicle, (step,), settings, known))
+
+
+def _header(blocks: str) -> str:
     return f"""/* The controller's constants. Formats: see the structs' headers.
  * A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
 #ifndef BRICKPILOT_APP_PARAMS_GEN_H

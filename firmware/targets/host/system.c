@@ -1,9 +1,7 @@
-/* h8sim_on_host.c: stands in for start.s, so that firmware/targets/h8sim/main.c runs on this machine too. */
-#include <stdint.h>
+/* system.c: the two system calls of firmware/targets/h8sim/main.c on this machine, so that the same program runs here too. */
 #include <unistd.h>
 
-int16_t h8sim_read(int16_t descriptor, uint8_t *bytes, uint16_t size);
-int16_t h8sim_write(int16_t descriptor, const uint8_t *bytes, uint16_t size);
+#include "h8sim/system.h"
 
 int16_t h8sim_read(int16_t descriptor, uint8_t *bytes, uint16_t size)
 {
