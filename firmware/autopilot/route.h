@@ -4,7 +4,12 @@
 
 #include <stdint.h>
 
-enum { ROUTE_WAYPOINTS_MAX = 32, ROUTE_COORDINATE_MAX_MM = 30000 };
+/* Waypoints of a route that a host writes: a build constant, 1..32. Two such routes stand in RAM. */
+#ifndef ROUTE_WAYPOINTS_MAX
+#define ROUTE_WAYPOINTS_MAX 32
+#endif
+
+enum { ROUTE_COORDINATE_MAX_MM = 30000 };
 
 typedef struct {
     int16_t x_mm; /* -30000..30000 */
@@ -14,7 +19,7 @@ typedef struct {
 /* All zero is an empty route. */
 typedef struct {
     const route_waypoint_t *waypoints; /* the caller's; must outlive the route */
-    uint8_t count;                     /* 0..32 */
+    uint8_t count;                     /* 0..ROUTE_WAYPOINTS_MAX */
 } route_t;
 
 enum {

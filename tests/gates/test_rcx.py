@@ -181,7 +181,7 @@ def test_board_has_the_scales_of_the_model() -> None:
 
 def test_the_program_flies_the_scenario_mission() -> None:
     scenario = tomllib.loads((ROOT / "sim_host/run/scenarios/mission.toml").read_text())
-    table = re.search(r"MISSION\[\] = \{(.*?)\};", (TARGET / "mission.h").read_text(), re.DOTALL)
+    table = re.search(r"MISSION\[\] = \{(.*?)\};", (ROOT / "firmware/app/mission.h").read_text(), re.DOTALL)
     assert table is not None
     flown = [[int(x) / 1000, int(y) / 1000] for x, y in re.findall(r"\{(-?\d+), +(-?\d+)\}", table[1])]
     assert flown == scenario["waypoints_m"]

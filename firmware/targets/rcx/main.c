@@ -4,11 +4,11 @@
  */
 #include <unistd.h>
 
+#include "app/mission.h"
 #include "app/serve.h"
 #include "hal.h"
 #include "rcx/infrared.h"
 #include "rcx/sensors.h"
-#include "targets/rcx/mission.h"
 #include "targets/rcx/panel.h"
 
 enum {

@@ -1,6 +1,6 @@
-/* mission.h: the route that the program flies until a host uploads another one. */
-#ifndef BRICKPILOT_TARGETS_RCX_MISSION_H
-#define BRICKPILOT_TARGETS_RCX_MISSION_H
+/* mission.h: the route that a brick flies until a host uploads another one. */
+#ifndef BRICKPILOT_APP_MISSION_H
+#define BRICKPILOT_APP_MISSION_H
 
 #include "app/commands.h"
 

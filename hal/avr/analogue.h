@@ -1,0 +1,33 @@
+/* analogue.h: gyro, accelerometer and battery on the A/D converter.
+ *
+ * Every tick begins a burst of conversions, 2.5 ms long, one interrupt each. A burst adds up several readings of every sensor, taken in
+ * turn, so that all of them are means around the same time. At its end it measures the chip's own 1.1 V: a converter that is stuck, or has
+ * lost its reference, does not find them. A reading is stale when no good burst has ended for two ticks.
+ */
+#ifndef BRICKPILOT_AVR_ANALOGUE_H
+#define BRICKPILOT_AVR_ANALOGUE_H
+
+#include <avr/io.h>
+#include <stdint.h>
+
+/* The sums of a burst, in this order. */
+enum {
+    ANALOGUE_GYRO = 0,
+#ifdef AVR_ACCELEROMETER
+    ANALOGUE_SURGE,
+    ANALOGUE_SWAY,
+#endif
+    ANALOGUE_BATTERY,
+    ANALOGUE_BANDGAP,
+    ANALOGUE_SUMS
+};
+
+/* Bursts that did not end, or did not find the 1.1 V; stays at 65535. */
+uint16_t analogue_faults(void);
+
+void analogue_start(void);
+
+/* Begins a burst, in the tick's interrupt. One that has not ended is given up. */
+void analogue_begin(void);
+
+#endif

@@ -1,0 +1,66 @@
+#include "avr/clock.h"
+
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/sleep.h>
+#include <util/atomic.h>
+
+#include "avr/analogue.h"
+#include "avr/board.h"
+#include "hal.h"
+
+enum { PRESCALE = 64, TOP = BOARD_CPU_HZ / PRESCALE / 1000 - 1 };
+
+static volatile uint32_t now_ms;
+static volatile uint8_t ticks; /* that have begun, but the loop has not seen them; stays at 255 */
+static uint8_t until_tick = BOARD_TICK_MS;
+
+ISR(TIMER2_COMPA_vect)
+{
+    now_ms++;
+    if (--until_tick > 0)
+        return;
+    until_tick = BOARD_TICK_MS;
+    if (ticks < 255)
+        ticks++;
+    analogue_begin();
+}
+
+void clock_start(void)
+{
+    TCCR2A = 1U << WGM21; /* begins anew at OCR2A */
+    TCCR2B = 1U << CS22;  /* by 64 */
+    OCR2A = TOP;
+    TIMSK2 = 1U << OCIE2A;
+}
+
+uint32_t hal_clock_ms(void)
+{
+    uint32_t ms;
+
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        ms = now_ms;
+    }
+    return ms;
+}
+
+/* No interrupt comes between sei() and the instruction after it, so none is slept through. */
+uint8_t clock_wait(void)
+{
+    uint8_t begun;
+
+    set_sleep_mode(SLEEP_MODE_IDLE);
+    sleep_enable();
+    cli();
+    while (ticks == 0) {
+        sei();
+        sleep_cpu();
+        cli();
+    }
+    begun = ticks;
+    ticks = 0;
+    sei();
+    sleep_disable();
+    return begun;
+}

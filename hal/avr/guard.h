@@ -1,0 +1,30 @@
+/* guard.h: why the chip started, and what starts it again when the program fails.
+ *
+ * Every reset makes all pins inputs at once, and the pull-down resistors at the H-bridge then let both motors coast. That is the safe
+ * state. Three things lead there: the watchdog, when guard_tick() is not called for GUARD_MS; the brown-out detector, below 4.3 V; and
+ * an interrupt that nobody expects, or a stack that has grown into the variables, after which the watchdog does the rest.
+ */
+#ifndef BRICKPILOT_AVR_GUARD_H
+#define BRICKPILOT_AVR_GUARD_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* The watchdog's own oscillator is good to a tenth. */
+enum { GUARD_MS = 30 };
+
+/* Bits of guard_cause(), as MCUSR has them. */
+enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCHDOG = 8 };
+
+/* Returns why the chip started. More than one bit may be set: a slow rise of the supply is a power-on and a brown-out. 0 if a boot loader
+ * does not tell. */
+uint8_t guard_cause(void);
+
+/* True if the program failed or its supply broke down: then a robot must not drive off by itself. */
+bool guard_failed(void);
+
+/* Starts the watchdog. From now on guard_tick() has to be called. */
+void guard_start(void);
+void guard_tick(void);
+
+#endif

@@ -1,0 +1,71 @@
+/* messages.c: the link of hal.h, in frames (wire/frame.h) on the serial line. */
+#include "avr/serial.h"
+#include "hal.h"
+#include "wire/codecs_gen.h"
+#include "wire/crc.h"
+#include "wire/frame.h"
+
+static frame_decoder_t decoder;
+static uint16_t bad, without_room, overruns_before;
+
+static void count(uint16_t *counter)
+{
+    if (*counter < 65535U)
+        ++*counter;
+}
+
+/* FAULTS counts since OPEN. */
+static void begin_session(void)
+{
+    bad = without_room = 0;
+    overruns_before = serial_overruns();
+}
+
+bool hal_link_read(message_t *message)
+{
+    uint8_t byte;
+
+    while (serial_read(&byte)) {
+        switch (frame_take(&decoder, byte, message)) {
+        case FRAME_MESSAGE:
+            if (message->id == WIRE_OPEN_FRAME_ID && crc_holds(message))
+                begin_session();
+            return true;
+        case FRAME_BAD:
+            count(&bad);
+            break;
+        case FRAME_MORE:
+            break;
+        }
+    }
+    return false;
+}
+
+static bool send(const message_t *message)
+{
+    uint8_t bytes[FRAME_SIZE_MAX];
+
+    if (serial_write(bytes, frame_encode(message, bytes)))
+        return true;
+    count(&without_room);
+    return false;
+}
+
+static void send_faults(void)
+{
+    const uint16_t overruns = serial_overruns() - overruns_before, lost = without_room + overruns;
+    message_t message = {.id = WIRE_FAULTS_FRAME_ID, .size = WIRE_FAULTS_LENGTH};
+
+    message_put(&message.data[WIRE_FAULTS_BAD_AT], bad);
+    message_put(&message.data[WIRE_FAULTS_LOST_AT], lost < overruns ? 65535U : lost);
+    (void)send(&message);
+}
+
+bool hal_link_write(const message_t *message)
+{
+    if (!send(message))
+        return false;
+    if (message->id == WIRE_HEARTBEAT_FRAME_ID)
+        send_faults();
+    return true;
+}
