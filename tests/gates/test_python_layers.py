@@ -23,6 +23,7 @@ MUST_NOT = {
     "link": {"fit", "hil", "data"},
     "hil": {"fit", "discover", "flash"},
     "flash": {"fit", "hil"},
+    "firmware": {"fit", "report", "flash"},
     "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
     "cli": set[str](),
