@@ -22,7 +22,7 @@ enum { FIRST_PROFILE = BODY_COUPLED };
 #endif
 
 /* Returns NULL if the profile is not in this image. */
-static const loop_config_t *constants_of(uint8_t profile)
+static const FLASH loop_config_t *constants_of(uint8_t profile)
 {
 #ifndef BODY_WITHOUT_COUPLED
     if (profile == BODY_COUPLED)
@@ -48,7 +48,7 @@ static void forget_written(commands_t *commands)
         (waypoint++)->x_mm = COMMANDS_UNWRITTEN;
 }
 
-static void start(commands_t *commands, const loop_config_t *constants)
+static void start(commands_t *commands, const FLASH loop_config_t *constants)
 {
     bytes_clear(commands, sizeof *commands);
     parameters_start(&commands->parameters, constants);
@@ -73,7 +73,7 @@ typedef uint8_t request_t(commands_t *commands, loop_state_t *loop, uint8_t *dat
 static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *data)
 {
     const uint8_t pace = data[WIRE_OPEN_PACE_AT];
-    const loop_config_t *constants;
+    const FLASH loop_config_t *constants;
     uint8_t status;
 
     if (data[WIRE_OPEN_PROTOCOL_AT] != WIRE_PROTOCOL) {
@@ -224,7 +224,7 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
     return status;
 }
 
-static const struct row {
+static const FLASH struct row {
     uint16_t id, reply_id;
     request_t *take;
     uint8_t status_at;  /* in the reply */
@@ -241,7 +241,7 @@ enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
 bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
 {
     uint8_t *const data = message->data;
-    const struct row *row = REQUESTS;
+    const FLASH struct row *row = REQUESTS;
     uint8_t status;
 
     while (row->id != message->id)

@@ -24,13 +24,13 @@ typedef struct {
 #define PLACE(field, range, at_rest)                                                                                   \
     {offsetof(parameters_t, field), sizeof(((parameters_t *)0)->field), range, at_rest},
 
-static const range_t RANGES[] = {SETTINGS_RANGES(RANGE)};
-static const place_t PLACES[] = {SETTINGS(PLACE)};
+static const FLASH range_t RANGES[] = {SETTINGS_RANGES(RANGE)};
+static const FLASH place_t PLACES[] = {SETTINGS(PLACE)};
 enum { PLACES_COUNT = sizeof PLACES / sizeof PLACES[0] };
 
-void parameters_start(parameters_t *parameters, const loop_config_t *constants)
+void parameters_start(parameters_t *parameters, const FLASH loop_config_t *constants)
 {
-    bytes_copy(&parameters->config, constants, sizeof *constants);
+    bytes_copy_flash(&parameters->config, constants, sizeof *constants);
     parameters->travel_scale_q15 = 0;
     parameters->believed_travel_um_q2 = constants->step.speed.count_travel_um_q2;
 }
@@ -43,16 +43,16 @@ static uint16_t scaled_travel_um_q2(uint16_t believed, int16_t scale_q15)
     return more < 0 ? (uint16_t)(believed + (uint16_t)more) : fix_add_u16(believed, (uint16_t)more);
 }
 
-static bool within(const place_t *place, int32_t value)
+static bool within(const FLASH place_t *place, int32_t value)
 {
-    const range_t *const range = &RANGES[place->range];
+    const FLASH range_t *const range = &RANGES[place->range];
 
     return place->size == sizeof value ? value > 0 : (uint32_t)value - (uint32_t)(int32_t)range->low <= range->span;
 }
 
 int32_t parameters_read(const parameters_t *parameters, uint8_t number)
 {
-    const place_t *place;
+    const FLASH place_t *place;
     const void *field;
 
     if (number >= PLACES_COUNT)
@@ -70,7 +70,7 @@ int32_t parameters_read(const parameters_t *parameters, uint8_t number)
 
 parameters_status_t parameters_write(parameters_t *parameters, uint8_t number, int32_t value, bool running)
 {
-    const place_t *place;
+    const FLASH place_t *place;
     void *field;
 
     if (number >= PLACES_COUNT)

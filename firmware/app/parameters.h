@@ -7,6 +7,7 @@
 #define BRICKPILOT_APP_PARAMETERS_H
 
 #include "app/loop.h"
+#include "core/flash.h"
 
 typedef struct {
     loop_config_t config;     /* in force */
@@ -22,7 +23,7 @@ typedef enum {
 } parameters_status_t;
 
 /* The constants of a profile, and no compensation. */
-void parameters_start(parameters_t *parameters, const loop_config_t *constants);
+void parameters_start(parameters_t *parameters, const FLASH loop_config_t *constants);
 
 /* The value in force; 0 where there is no such setting. */
 int32_t parameters_read(const parameters_t *parameters, uint8_t number);

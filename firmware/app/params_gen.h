@@ -8,6 +8,7 @@
 #define BRICKPILOT_APP_PARAMS_GEN_H
 
 #include "app/loop.h"
+#include "core/flash.h"
 
 #ifndef BODY_WITHOUT_COUPLED
 #if STEP_MS == 3
@@ -46,7 +47,7 @@ static const body_coefficients_t MODEL_COUPLED = {
     .travel_from_speed = {24576, 3},
     .heading_from_yaw_rate = {16406, 0},
 };
-static const loop_config_t PARAMS_COUPLED = {
+static const FLASH loop_config_t PARAMS_COUPLED = {
     .step = {
         .model = &MODEL_COUPLED,
         .heading = {
@@ -140,7 +141,7 @@ static const body_coefficients_t MODEL_COUPLED = {
     .quarter_wheel_from_surge = {25098, 1},
     .yaw_rate_from_wheel = {19099, 1},
 };
-static const loop_config_t PARAMS_COUPLED = {
+static const FLASH loop_config_t PARAMS_COUPLED = {
     .step = {
         .model = &MODEL_COUPLED,
         .heading = {
@@ -242,7 +243,7 @@ static const body_coefficients_t MODEL_PAPER = {
     .travel_from_speed = {24576, 3},
     .heading_from_yaw_rate = {16406, 0},
 };
-static const loop_config_t PARAMS_PAPER = {
+static const FLASH loop_config_t PARAMS_PAPER = {
     .step = {
         .model = &MODEL_PAPER,
         .heading = {

@@ -2,13 +2,14 @@
 
 #include "core/curve.h"
 #include "core/fix.h"
+#include "core/flash.h"
 #include "core/turns.h"
 
 /* Not static: h8/trig.S reads them. */
-extern const curve_t trig_sine_q15, trig_arctan_bam16_q2;
+extern const FLASH curve_t trig_sine_q15, trig_arctan_bam16_q2;
 
 /* 32767 sin(i / 256 of a quarter turn): neighbours differ by at most 201, so that a step times a rest is 8 x 8 bits. */
-const curve_t trig_sine_q15 = {
+const FLASH curve_t trig_sine_q15 = {
     .every_8th =
         {
             0,     1608,  3212,  4808,  6393,  7962,  9512,  11039, 12539, 14010, 15446,
@@ -29,7 +30,7 @@ const curve_t trig_sine_q15 = {
 };
 
 /* atan(i / 256) in quarters of a binary angle; neighbours differ by at most 163. */
-const curve_t trig_arctan_bam16_q2 = {
+const FLASH curve_t trig_arctan_bam16_q2 = {
     .every_8th =
         {
             0,     1303,  2604,  3900,  5188,  6467,  7733,  8985,  10221, 11439, 12637,
@@ -50,17 +51,17 @@ const curve_t trig_arctan_bam16_q2 = {
 };
 
 #ifndef FIX_IN_ASSEMBLY
-static uint8_t bend(const curve_t *curve, uint8_t index)
+static uint8_t bend(const FLASH curve_t *curve, uint8_t index)
 {
     const uint8_t both = curve->bends[index >> 1];
     return index & 1U ? both & 15U : both >> 4;
 }
 
 /* The curve at a place in 256ths, in a straight line between its values. */
-static uint16_t value(const curve_t *curve, uint16_t place_q8)
+static uint16_t value(const FLASH curve_t *curve, uint16_t place_q8)
 {
     const uint8_t index = (uint8_t)(place_q8 >> 8), within = index & 7U;
-    const uint16_t *eighth = &curve->every_8th[index >> 3];
+    const FLASH uint16_t *eighth = &curve->every_8th[index >> 3];
     const uint8_t slope = (uint8_t)((uint16_t)(eighth[1] - eighth[0]) >> 3);
     const uint8_t here = within == 0 ? 0 : bend(curve, (uint8_t)(index - 1));
     const uint8_t step = (uint8_t)(slope + bend(curve, index) - here);

@@ -23,7 +23,7 @@ static void begin(run_t *run, step_output_t *output)
                                    SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_BATTERY,
                                    SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_BATTERY, 31};
 
-    bytes_copy(&run->config, &PARAMS.step, sizeof run->config);
+    bytes_copy_flash(&run->config, &PARAMS.step, sizeof run->config);
     if (draw_rarely(1)) {
         draw_drive_config(&run->config.mixer.drive);
         run->config.mixer.drive.reserve_mv = (int16_t)draw_up_to(4000);

@@ -8,8 +8,7 @@ enum { RUN_STEPS = 100 };
 
 void vectors_feed(void)
 {
-    static los_config_t drawn;
-    static const los_config_t *config;
+    static los_config_t config;
     static route_t route;
     static route_waypoint_t waypoints[DRAWN_WAYPOINTS];
     static los_state_t state;
@@ -19,8 +18,9 @@ void vectors_feed(void)
 
     if (left == 0) {
         left = RUN_STEPS;
-        draw_los_config(&drawn);
-        config = draw_rarely(2) ? &PARAMS.step.mode.los : &drawn;
+        draw_los_config(&config);
+        if (draw_rarely(2))
+            bytes_copy_flash(&config, &PARAMS.step.mode.los, sizeof config);
         draw_route(&route, waypoints);
         bytes_clear(&state, sizeof state);
         bytes_clear(&demand, sizeof demand);
@@ -34,7 +34,7 @@ void vectors_feed(void)
     if (draw_rarely(6))
         los_reset(&state);
     estimate.period_ms = (uint8_t)draw_between(1, draw_rarely(3) ? 255 : 20);
-    los_step(config, &route, &state, &estimate, &demand);
+    los_step(&config, &route, &state, &estimate, &demand);
     hash_demand(&demand);
     hash_los_state(&state);
 }

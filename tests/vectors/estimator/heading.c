@@ -51,8 +51,7 @@ static void hash(const heading_state_t *state, const signals_estimate_t *estimat
 /* Half of the runs are of a robot that stands, whose bias is learnt. */
 void vectors_feed(void)
 {
-    static heading_config_t drawn;
-    static const heading_config_t *config;
+    static heading_config_t config;
     static heading_state_t state;
     static signals_sensors_t drawn_sensors, *const sensors = &drawn_sensors;
     static signals_predicted_t predicted;
@@ -63,8 +62,9 @@ void vectors_feed(void)
     if (left == 0) {
         left = RUN_STEPS;
         stands = draw_rarely(1);
-        draw_config(&drawn);
-        config = draw_rarely(1) ? &drawn : &PARAMS.step.heading;
+        draw_config(&config);
+        if (!draw_rarely(1))
+            bytes_copy_flash(&config, &PARAMS.step.heading, sizeof config);
         begin(&state);
     }
     left--;
@@ -81,6 +81,6 @@ void vectors_feed(void)
         predicted.driven = draw_rarely(1);
     }
     predicted.motion.yaw_rate_mrad_s_q12 = draw_between(-32767, 32767) * 4096L;
-    heading_step(config, &state, sensors, &predicted, &estimate);
+    heading_step(&config, &state, sensors, &predicted, &estimate);
     hash(&state, &estimate);
 }

@@ -56,8 +56,7 @@ static void hash(const speed_state_t *state, const signals_estimate_t *estimate,
 
 void vectors_feed(void)
 {
-    static speed_config_t drawn;
-    static const speed_config_t *config;
+    static speed_config_t config;
     static speed_state_t state;
     static signals_sensors_t sensors;
     static signals_predicted_t predicted;
@@ -67,8 +66,9 @@ void vectors_feed(void)
 
     if (left == 0) {
         left = RUN_STEPS;
-        draw_config(&drawn);
-        config = draw_rarely(1) ? &drawn : &PARAMS.step.speed;
+        draw_config(&config);
+        if (!draw_rarely(1))
+            bytes_copy_flash(&config, &PARAMS.step.speed, sizeof config);
         begin(&state);
     }
     left--;
@@ -78,6 +78,6 @@ void vectors_feed(void)
     predicted.motion.sway_mm_s_q17 = draw_rarely(1) ? draw_within(PREDICTED_LIMIT_MM_S_Q17) : 0;
     estimate.yaw_rate_mrad_s = draw_between(-32767, 32767);
     estimate.at_rest = draw_rarely(2);
-    correction_mm_s_q17 = speed_step(config, &state, &sensors, &predicted, &estimate);
+    correction_mm_s_q17 = speed_step(&config, &state, &sensors, &predicted, &estimate);
     hash(&state, &estimate, correction_mm_s_q17);
 }

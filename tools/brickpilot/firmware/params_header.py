@@ -125,7 +125,7 @@ def _block(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
         f"{initialiser(_coefficients(profile, vehicle, step), 0)};\n"
-        f"static const loop_config_t PARAMS_{profile.upper()} = "
+        f"static const FLASH loop_config_t PARAMS_{profile.upper()} = "
         f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
         for i, step in enumerate(steps)
     )
@@ -175,6 +175,7 @@ def _header(blocks: str) -> str:
 #define BRICKPILOT_APP_PARAMS_GEN_H
 
 #include "app/loop.h"
+#include "core/flash.h"
 
 {blocks}
 #endif

@@ -1,0 +1,13 @@
+/* flash.h: FLASH, for constant tables. A const table of an AVR chip stands in RAM, too, unless it says that it stays in flash, where other
+ * instructions read it. A pointer to it is one to `const FLASH`. On all other processors FLASH is nothing.
+ */
+#ifndef BRICKPILOT_CORE_FLASH_H
+#define BRICKPILOT_CORE_FLASH_H
+
+#ifdef __AVR__
+#define FLASH __flash
+#else
+#define FLASH
+#endif
+
+#endif
