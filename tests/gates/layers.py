@@ -32,6 +32,8 @@ MAY: dict[str, set[str]] = {
     "sim_host/sensors": {"sim_host/include", "sim_host/models"},
     "sim_host/run": {f"sim_host/{room}" for room in ("plant", "effects", "sensors", "include", "models")}
     | {"firmware/app", "hal/sil", "hal/include"},
+    "sim_host/avr": {f"sim_host/{room}" for room in ("run", "plant", "effects", "sensors", "include", "models")}
+    | {"hal/avr", "hal/sil"},
     "sim_host/brick": {"sim_host/include", "firmware/app", "hal/link", *HAL},
 }
 

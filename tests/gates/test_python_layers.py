@@ -139,6 +139,7 @@ def test_python_reads_no_c_header_but_the_plants_interface() -> None:
     named = {header for path in others for header in re.findall(r"\w+\.h\b", path.read_text())}
     assert named <= {
         "brickpilot_sim.h",
+        "brickpilot_avr.h",
         "brickpilot_brick.h",
         "robot_constants.h",
         "motor_constants.h",

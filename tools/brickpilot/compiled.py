@@ -16,7 +16,17 @@ _ENDINGS = {"win32": ".dll", "darwin": ".dylib"}  # of a shared library, else ".
 def interface(name: str = "brickpilot_sim") -> tuple[FFI, Any]:
     """Returns cffi's `ffi` and a loaded library; its functions are described in the header of the same name."""
     folder = Path(__file__).parent
-    header = (folder / f"{name}.h").read_text(encoding="utf-8")
     ffi = FFI()
-    ffi.cdef("\n".join(line for line in header.splitlines() if not line.startswith("#")))
+    ffi.cdef(_declarations(folder / f"{name}.h"))
     return ffi, ffi.dlopen(str(folder / f"lib{name}{_ENDINGS.get(sys.platform, '.so')}"))
+
+
+def _declarations(header: Path) -> str:
+    """Returns what a header declares, with the headers of this package that it includes."""
+    found = []
+    for line in header.read_text(encoding="utf-8").splitlines():
+        if line.startswith('#include "'):
+            found.append(_declarations(header.parent / line.split('"')[1]))
+        elif not line.startswith("#"):
+            found.append(line)
+    return "\n".join(found)

@@ -6,7 +6,8 @@ import dataclasses
 import json
 import shlex
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ from brickpilot.errors import InputError, SimulationError, WorkFailedError
 
 if TYPE_CHECKING:
     from brickpilot.hil.fly import HilFlight
+    from brickpilot.hil.linked_flight import Progress
+    from brickpilot.link.links import Link
     from brickpilot.vehicle.flight import Plan
 
 
@@ -37,11 +40,17 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--target",
-    type=click.Choice(["host", "h8sim", "h8sim:imu", "h8sim:rotation"]),
+    type=click.Choice(
+        ["host", "h8sim", "h8sim:imu", "h8sim:rotation", "avr:328p-imu", "avr:328p-rotation", "avr:2560"]
+    ),
     default="host",
     help="host (default): the brick is a program of this machine. h8sim: the same firmware on a simulator of the RCX's "
     "processor, in lockstep and without --link. h8sim:imu, h8sim:rotation: the firmware that is built for an RCX with "
-    "these sensors.",
+    "these sensors. avr:328p-imu, avr:328p-rotation, avr:2560: the image for an ATmega328P or ATmega2560 on simavr, "
+    "which reads the plant's volts and edges at its pins and drives its motors, in simulated time.",
+)
+@click.option(
+    "--trace", "trace_file", metavar="FILE.vcd", help="With --target avr: write the signals at the pins to FILE (VCD)."
 )
 @click.option(
     "--lockstep/--realtime",
@@ -87,6 +96,7 @@ def hil(
     request: FlightRequest,
     spec: str | None,
     target: str,
+    trace_file: str | None,
     lockstep: bool,
     telemetry_every: int | None,
     written: tuple[str, ...],
@@ -105,15 +115,20 @@ def hil(
     safe stop and a lost link give one line and exit status 1.
     """
     spec = _link_of(spec, target, lockstep)
+    if target.startswith("avr:"):
+        _check_avr(target, list_settings, replay_file)
+    elif trace_file is not None:
+        raise InputError("needs --target avr: only there are pins", field="--trace")
     if replay_file is not None:
         _replay(spec, Path(replay_file), as_json)
     elif list_settings:
         _list_settings(spec, request.profile or "coupled", as_json)
     else:
-        every = telemetry_every or (1 if lockstep else 10)
+        every = telemetry_every or (1 if lockstep and not target.startswith("avr:") else 10)
         record = None if record_file is None else Path(record_file)
         junit = None if junit_file is None else Path(junit_file)
-        _fly(request, _Session(spec, lockstep, every, written, record, junit, as_json), out)
+        trace = None if trace_file is None else Path(trace_file)
+        _fly(request, _Session(spec, lockstep, every, written, record, junit, as_json, trace), out)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,11 +142,19 @@ class _Session:
     record: Path | None
     junit: Path | None
     as_json: bool
+    trace: Path | None
+
+    @property
+    def avr(self) -> bool:
+        """Whether the brick is an AVR on simavr."""
+        return self.spec.startswith("avr:")
 
     @property
     def pace(self) -> str:
         from brickpilot.link.session import LOCKSTEP, REALTIME
 
+        if self.avr:
+            return "simulated time"
         return LOCKSTEP if self.lockstep else REALTIME
 
 
@@ -154,21 +177,30 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
     return target
 
 
+def _check_avr(target: str, list_settings: bool, replay_file: str | None) -> None:
+    """Raises InputError for options that an AVR on simavr does not have."""
+    if list_settings:
+        raise InputError("only flies; `brickpilot settings` lists the settings", field=f"--target {target}")
+    if replay_file is not None:
+        raise InputError("has sensors of its own, so no recorded readings can be replayed", field=f"--target {target}")
+
+
 def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     """Flies the mission, writes its run folder, prints its figures, and fails if the mission was not flown."""
     from brickpilot.hil import ends
+    from brickpilot.hil.avr_robot import check_avr_sensors
     from brickpilot.hil.h8_simulator import check_sensors
     from brickpilot.report import junit, link_figures, run_folder, run_page
     from brickpilot.vehicle import flight_checks
 
     settings = settings_of(session.written)
     plan = request.plan()
-    check_sensors(session.spec, plan.sensors)
+    (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     command = _command(request, session, plan)
     priority = not session.lockstep and ends.claim_priority()
     try:
-        flown = _fly_over_the_link(plan, session, settings)
+        flown = (_fly_on_simavr if session.avr else _fly_over_the_link)(plan, session, settings)
     except (InputError, SimulationError) as error:
         _write_junit(session, junit.text_of_error(plan.scenario.name, str(error), command))
         raise
@@ -188,7 +220,8 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
 
 def _command(request: FlightRequest, session: _Session, plan: Plan) -> str:
     """Returns the command line that repeats the flight."""
-    words = ["brickpilot", "hil", request.scenario, "--link", session.spec, f"--{session.pace}"]
+    where = ["--target", session.spec] if session.avr else ["--link", session.spec, f"--{session.pace}"]
+    words = ["brickpilot", "hil", request.scenario, *where]
     words += request.options(plan)
     return shlex.join(words + [word for pair in session.written for word in ("--set", pair)])
 
@@ -226,17 +259,7 @@ def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) 
     from brickpilot.hil import fly as hil_fly
     from brickpilot.hil.traffic_log import RecordingLink
 
-    quiet = session.as_json or not sys.stderr.isatty()
-    with (
-        tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar,
-        ends.both_ends(session.spec) as both,
-        ExitStack() as closing,
-    ):
-
-        def show(done: int, _: int, text: str) -> None:
-            bar.n = done
-            bar.set_description_str(f"{done * STEP_S:5.1f} s, {text}")
-
+    with _progress(plan, session) as show, ends.both_ends(session.spec) as both, ExitStack() as closing:
         if session.record is not None:
             both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
             closing.callback(both.link.close)
@@ -248,6 +271,46 @@ def _fly_over_the_link(plan: Plan, session: _Session, settings: dict[str, int]) 
             telemetry_every=session.telemetry_every,
             progress=show,
             settings=settings,
+        )
+
+
+@contextmanager
+def _progress(plan: Plan, session: _Session) -> Iterator[Progress]:
+    """Yields what shows the progress of a flight in a bar."""
+    quiet = session.as_json or not sys.stderr.isatty()
+    with tqdm(total=plan.steps, disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
+
+        def show(done: int, _: int, text: str) -> None:
+            bar.n = done
+            bar.set_description_str(f"{done * STEP_S:5.1f} s, {text}")
+
+        yield show
+
+
+def _fly_on_simavr(plan: Plan, session: _Session, settings: dict[str, int]) -> HilFlight:
+    """Flies `plan` with an AVR as the brick, and records the traffic and the signals where that was asked for."""
+    from brickpilot.hil import avr_flight
+    from brickpilot.hil.avr_robot import avr_image
+    from brickpilot.hil.traffic_log import RecordingLink
+
+    with _progress(plan, session) as show, ExitStack() as closing:
+
+        def wrap(link: Link) -> Link:
+            if session.record is None:
+                return link
+            recording = RecordingLink(link, session.record)
+            closing.callback(recording.close)
+            return recording
+
+        return avr_flight.fly(
+            plan,
+            session.spec,
+            avr_image(session.spec),
+            telemetry_every=session.telemetry_every,
+            progress=show,
+            settings=settings,
+            trace=session.trace,
+            wrap=wrap,
         )
 
 

@@ -21,6 +21,7 @@ from brickpilot.hil.ticks import Ticks
 from brickpilot.link.links import LinkGoneError
 from brickpilot.link.session import REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
+from brickpilot.vehicle.faults import AVR_KINDS
 from brickpilot.vehicle.settings import compensations
 from brickpilot.vehicle.settings import settings as known_settings
 
@@ -197,13 +198,16 @@ def fly(
             run.broke_off = f"{error}, {run.step * STEP_MS / 1e3:.3f} s into the flight"
             run.safe_stops += 1
             _coast(run, end, run.step + GIVE_UP_STEPS)
-    return _flown(run, log, motors, time.perf_counter() - began)
+    return flown(run, log, motors, time.perf_counter() - began)
 
 
 def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
     """Raises InputError if the plan cannot be flown over this link."""
     if plan.scenario.kind != "mission":
         raise InputError("is a manoeuvre, which needs no controller; hil flies missions", field=plan.scenario.name)
+    for fault in plan.scenario.faults:
+        if fault.kind in AVR_KINDS:
+            raise InputError("needs --target avr: it is a fault of that brick", field=fault.kind)
     restarts = any(fault.kind in ("controller_restart", "brown_out") for fault in plan.scenario.faults)
     if restarts and ends.restart is None:
         raise InputError(
@@ -211,7 +215,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
         )
 
 
-def _flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
+def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
     """Returns the flight as far as it went: the plant's log with the columns that telemetry gives, and the counts."""
     done = run.step
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}

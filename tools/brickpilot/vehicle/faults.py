@@ -12,7 +12,11 @@ from brickpilot.data.toml_file import TomlFile
 MESSAGE_KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt", "truncate", "flood", "disconnect")
 SENSOR_KINDS = ("stuck_sensor", "missing_sensor")
 END_KINDS = ("brown_out", "controller_restart", "plant_restart")
-KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)
+AVR_KINDS = ("main_held", "interrupt_stuck", "converter_stuck", "overrun", "encoder_noise")
+"""Faults in an AVR and at its pins: `hil --target avr` alone has them."""
+
+KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS, *AVR_KINDS)
+RATED_KINDS = (*MESSAGE_KINDS, "overrun", "encoder_noise")
 SENSORS = ("imu", "rotation", "battery", "reference")
 DIRECTIONS = ("both", "to_brick", "from_brick")
 
@@ -24,7 +28,7 @@ class Fault:
     Attributes:
         kind: of KINDS.
         from_s, to_s: s of the flight; the restarts happen at ``from_s``.
-        rate: share of the messages hit, 0..1.
+        rate: share of the messages or bytes that are hit, or of the most pulses of noise, 0..1.
         direction: which messages, of DIRECTIONS.
         sensor: of SENSORS, for SENSOR_KINDS.
     """
@@ -71,7 +75,7 @@ def _fault(toml: TomlFile, key: tuple[str, int], entry: object, duration: float)
     end = toml.number((*key, "to_s"), table.get("to_s", duration), begin, duration, "s")
     if kind in SENSOR_KINDS and "sensor" not in table:
         toml.refuse((*key, "sensor"), f"is missing: {', '.join(SENSORS)}")
-    for name, kinds in (("sensor", SENSOR_KINDS), ("rate", MESSAGE_KINDS), ("direction", MESSAGE_KINDS)):
+    for name, kinds in (("sensor", SENSOR_KINDS), ("rate", RATED_KINDS), ("direction", MESSAGE_KINDS)):
         if name in table and kind not in kinds:
             toml.refuse((*key, name), f"cannot be used with {kind}")
     return Fault(

@@ -1,0 +1,33 @@
+/* bridge.h: an H-bridge of the kind of TB6612FNG, and for how many cycles it was in each of its states.
+ *
+ * IN1 and IN2 apart and PWM high drive the motor; IN1 and IN2 apart and PWM low short it, as both high do; both low let it coast.
+ */
+#ifndef BRICKPILOT_SIM_AVR_BRIDGE_H
+#define BRICKPILOT_SIM_AVR_BRIDGE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum { BRIDGE_COAST, BRIDGE_SHORT, BRIDGE_FORWARD, BRIDGE_BACKWARD, BRIDGE_STATES } bridge_state_t;
+
+typedef struct {
+    bridge_state_t state;
+    uint64_t since;                 /* cycle from which on `cycles` are still to be counted */
+    uint64_t cycles[BRIDGE_STATES]; /* since the last bridge_clear() */
+} bridge_t;
+
+bridge_state_t bridge_state(bool in1, bool in2, bool pwm);
+
+/* From cycle `now` on the bridge is in this state. A `now` before the last one counts as that one. */
+void bridge_set(bridge_t *bridge, bridge_state_t state, uint64_t now);
+
+/* Counts up to cycle `now`. */
+void bridge_count(bridge_t *bridge, uint64_t now);
+
+void bridge_clear(bridge_t *bridge);
+
+/* Returns the mean duty of what was counted, -1..1, where a shorted motor counts as 0. NaN: it coasted for more than half of the
+ * time, or nothing was counted. A shorter time in which it coasted is left out. */
+double bridge_duty(const bridge_t *bridge);
+
+#endif

@@ -1,0 +1,339 @@
+#include "avr/chip.h"
+
+#include <fcntl.h>
+#include <gelf.h>
+#include <libelf.h>
+#include <simavr/sim_core.h>
+#include <simavr/sim_elf.h>
+#include <simavr/sim_hex.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { RUN_AT_MOST = 1000 };
+static const double REGULATOR_DROP_V = 0.5, REGULATED_V = 5.0, NEEDED_AT_16_MHZ_V = 3.8;
+
+/* simavr prints what it meets; what matters here comes as a status. */
+static void say_nothing(avr_t *avr, const int level, const char *format, va_list values)
+{
+    (void)avr;
+    (void)level;
+    (void)format;
+    (void)values;
+}
+
+/* simavr would sleep in real time. */
+static void do_not_sleep(avr_t *avr, avr_cycle_count_t cycles)
+{
+    (void)avr;
+    (void)cycles;
+}
+
+static bool main_runs(const avr_t *avr)
+{
+    return avr->interrupts.running_ptr == 0 && avr->sreg[S_I] && avr->state == cpu_Running;
+}
+
+/* A jump to itself, in place of the main program's next instruction. */
+static void stand_still(avr_t *avr)
+{
+    avr->cycle += 2;
+    avr_cycle_timer_process(avr);
+    if (avr->interrupt_state)
+        avr_service_interrupts(avr);
+}
+
+static chip_t *chip_of(avr_t *avr)
+{
+    return avr->custom.data;
+}
+
+static void run(avr_t *avr)
+{
+    chip_t *chip = chip_of(avr);
+
+    if (chip->fault[CHIP_INTERRUPT_STUCK] > 0)
+        avr_raise_interrupt(avr, &chip->adc->adc);
+    if (chip->fault[CHIP_MAIN_HELD] > 0 && main_runs(avr))
+        stand_still(avr);
+    else
+        avr_callback_run_raw(avr);
+}
+
+/* simavr may do many instructions in one call, up to its next timer; with a fault that acts on each, one. */
+static void choose_stride(chip_t *chip)
+{
+    const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0;
+    chip->avr->run_cycle_limit = each ? 1 : RUN_AT_MOST;
+}
+
+static avr_cycle_count_t step(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    chip_t *chip = param;
+
+    (void)avr;
+    for (int side = 0; side < SIDES; side++)
+        bridge_count(&chip->bridge[side], when);
+    chip->next_step = when + chip->step_cycles;
+    line_keep_time(chip);
+    chip->on_step(chip->owner);
+    return chip->next_step;
+}
+
+static void await(chip_t *chip, uint64_t cycle, avr_cycle_timer_t timer, void *param)
+{
+    const uint64_t now = chip->avr->cycle;
+    avr_cycle_timer_register(chip->avr, cycle > now ? cycle - now : 0, timer, param);
+}
+
+static avr_cycle_count_t turn(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    chip_encoder_t *encoder = param;
+    const quadrature_track_t *track = &encoder->track;
+    uint32_t after;
+    int way;
+
+    (void)avr;
+    if (quadrature_next(track, encoder->count, &way) != 0) {
+        encoder->count += way;
+        pins_encoder(encoder->chip, encoder->side);
+    }
+    after = quadrature_next(track, encoder->count, &way);
+    return after == 0 ? 0 : encoder->began + after > when ? encoder->began + after : when + 1;
+}
+
+void chip_turn(chip_t *chip, int side, const quadrature_track_t *track)
+{
+    chip_encoder_t *encoder = &chip->encoder[side];
+    uint32_t after;
+    int way;
+
+    encoder->track = *track;
+    encoder->began = chip->next_step - chip->step_cycles;
+    avr_cycle_timer_cancel(chip->avr, turn, encoder);
+    after = quadrature_next(track, encoder->count, &way);
+    if (after != 0)
+        await(chip, encoder->began + after, turn, encoder);
+}
+
+/* simavr's reset drops all its timers, ours included. */
+static void after_reset(avr_io_t *hook)
+{
+    chip_t *chip = chip_of(hook->avr);
+    int way;
+
+    if (chip->on_step == NULL) /* the reset of power-on */
+        return;
+    chip->resets++;
+    choose_stride(chip);
+    pins_after_reset(chip);
+    line_send(chip);
+    await(chip, chip->next_step, step, chip);
+    for (int side = 0; side < SIDES; side++) {
+        chip_encoder_t *encoder = &chip->encoder[side];
+        const uint32_t after = quadrature_next(&encoder->track, encoder->count, &way);
+        if (after != 0)
+            await(chip, encoder->began + after, turn, encoder);
+    }
+    pins_make_noise(chip);
+}
+
+/* Finds a device of simavr by its kind, and by its name where it has one right behind its head. */
+static void *device(avr_t *avr, const char *kind, char name)
+{
+    for (avr_io_t *io = avr->io_port; io != NULL; io = io->next)
+        if (strcmp(io->kind, kind) == 0 && (name == 0 || ((const avr_uart_t *)io)->name == name))
+            return io;
+    return NULL;
+}
+
+static void find_devices(chip_t *chip)
+{
+    for (char name = 'A'; name <= 'Z'; name++)
+        for (avr_io_t *io = chip->avr->io_port; io != NULL; io = io->next)
+            if (strcmp(io->kind, "port") == 0 && ((avr_ioport_t *)io)->name == name)
+                chip->port[name - 'A'] = (avr_ioport_t *)io;
+    chip->pwm_timer = device(chip->avr, "timer", '1');
+    chip->uart = device(chip->avr, "uart", '0');
+    chip->adc = device(chip->avr, "adc", 0);
+}
+
+static void forget(elf_firmware_t *firmware)
+{
+    for (uint32_t i = 0; i < firmware->symbolcount; i++)
+        free(firmware->symbol[i]);
+    free(firmware->symbol);
+    free(firmware->flash);
+    free(firmware->eeprom);
+    free(firmware->fuse);
+}
+
+/* simavr reads any file as ELF; this looks whether it is one, for an AVR. */
+static bool is_avr_elf(const char *file)
+{
+    static const unsigned char MAGIC[] = {0x7F, 'E', 'L', 'F', ELFCLASS32, ELFDATA2LSB};
+    unsigned char head[20] = {0};
+    const int fd = open(file, O_RDONLY);
+    const bool whole = fd >= 0 && read(fd, head, sizeof head) == (ssize_t)sizeof head;
+
+    if (fd >= 0)
+        close(fd);
+    return whole && memcmp(head, MAGIC, sizeof MAGIC) == 0 && head[18] == EM_AVR;
+}
+
+static chip_status_t load(chip_t *chip, const char *image)
+{
+    elf_firmware_t firmware = {0};
+    chip_status_t status = CHIP_OK;
+
+    if (!is_avr_elf(image) || elf_read_firmware(image, &firmware) != 0 || firmware.flashsize == 0)
+        return CHIP_BAD_IMAGE;
+    if (firmware.flashbase + firmware.flashsize > chip->avr->flashend + 1) {
+        status = CHIP_TOO_LARGE;
+    } else {
+        memset(chip->avr->fuse, 0xFF, sizeof chip->avr->fuse);
+        avr_load_firmware(chip->avr, &firmware);
+    }
+    forget(&firmware);
+    return status;
+}
+
+static void connect_hook(chip_t *chip)
+{
+    chip->hook = (avr_io_t){.kind = "brickpilot", .reset = after_reset};
+    avr_register_io(chip->avr, &chip->hook);
+}
+
+chip_status_t chip_open(chip_t *chip, const wiring_t *wiring, const char *image, const char *trace)
+{
+    chip_status_t status;
+
+    avr_global_logger_set(say_nothing);
+    *chip = (chip_t){.wiring = wiring, .supply_v = REGULATED_V};
+    chip->avr = avr_make_mcu_by_name(wiring->chip);
+    if (chip->avr == NULL)
+        return CHIP_UNKNOWN;
+    avr_init(chip->avr);
+    status = load(chip, image);
+    if (status != CHIP_OK)
+        return status;
+    chip->avr->frequency = CHIP_HZ;
+    chip->avr->vcc = chip->avr->avcc = chip->avr->aref = (uint32_t)(REGULATED_V * 1e3);
+    chip->avr->custom.data = chip;
+    chip->avr->sleep = do_not_sleep;
+    chip->avr->run = run;
+    random_start(&chip->random, 1);
+    find_devices(chip);
+    connect_hook(chip);
+    pins_connect(chip);
+    line_connect(chip);
+    choose_stride(chip);
+    return trace == NULL || trace_open(chip, trace) ? CHIP_OK : CHIP_BAD_TRACE;
+}
+
+void chip_every(chip_t *chip, uint32_t step_cycles, void (*on_step)(void *owner), void *owner)
+{
+    chip->step_cycles = step_cycles;
+    chip->on_step = on_step;
+    chip->owner = owner;
+    chip->next_step = chip->avr->cycle + step_cycles;
+    await(chip, chip->next_step, step, chip);
+}
+
+void chip_close(chip_t *chip)
+{
+    if (chip->avr == NULL)
+        return;
+    trace_close(chip);
+    avr_terminate(chip->avr);
+    free(chip->avr);
+    chip->avr = NULL;
+}
+
+bool chip_has_stopped(const chip_t *chip)
+{
+    return chip->avr->state != cpu_Running && chip->avr->state != cpu_Sleeping;
+}
+
+/* Time passes without instructions; timers go on. */
+static void idle(avr_t *avr)
+{
+    const avr_cycle_count_t cycles = avr_cycle_timer_process(avr);
+    if (avr->cycle_timers.timer != NULL && avr->cycle_timers.timer->when > avr->cycle)
+        avr->cycle += cycles;
+}
+
+void chip_run_step(chip_t *chip)
+{
+    avr_t *avr = chip->avr;
+    const uint64_t end = chip->next_step;
+
+    while (chip->next_step == end) {
+        if (avr->run == run && (chip->unpowered || chip_has_stopped(chip)))
+            idle(avr);
+        else
+            avr->run(avr); /* `run`, or simavr's own reset by the watchdog */
+    }
+}
+
+/* The level of the detector, V, by the three low bits of the extended fuse byte; 0: it is off. */
+static double brown_out_level(const avr_t *avr)
+{
+    static const double LEVELS[] = {0, 0, 0, 0, 4.3, 2.7, 1.8, 0};
+    return LEVELS[avr->fuse[2] & 7];
+}
+
+void chip_supply(chip_t *chip, double battery_v)
+{
+    avr_t *avr = chip->avr;
+    const double given = battery_v - REGULATOR_DROP_V;
+    const double volts = given > REGULATED_V ? REGULATED_V : given > 0 ? given : 0;
+    const double level = brown_out_level(avr);
+    const bool detected = volts < level;
+    const bool was_unpowered = chip->unpowered;
+
+    chip->supply_v = volts;
+    avr->vcc = avr->avcc = (uint32_t)(volts * 1e3) > 0 ? (uint32_t)(volts * 1e3) : 1;
+    chip->unpowered = detected || volts < (level > 0 ? 0 : NEEDED_AT_16_MHZ_V);
+    if (detected && !was_unpowered)
+        avr_reset(avr);
+    if (was_unpowered && !chip->unpowered && level > 0)
+        avr_regbit_set(avr, avr->reset_flags.borf);
+    trace_reset(chip, detected);
+}
+
+void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)
+{
+    static const avr_regbit_t NEVER = {.reg = 0};
+    const bool was_stuck = chip->fault[CHIP_CONVERTER_STUCK] > 0;
+
+    chip->fault[fault] = value;
+    choose_stride(chip);
+    if (!was_stuck && chip->fault[CHIP_CONVERTER_STUCK] > 0) {
+        chip->converter_enable = chip->adc->aden; /* the end of a conversion looks at this bit */
+        chip->adc->aden = NEVER;
+    } else if (was_stuck && !(chip->fault[CHIP_CONVERTER_STUCK] > 0)) {
+        chip->adc->aden = chip->converter_enable;
+    }
+    if (fault == CHIP_ENCODER_NOISE)
+        pins_make_noise(chip);
+}
+
+bool queue_put(chip_queue_t *queue, uint8_t byte)
+{
+    if (queue->size == LINE_ROOM)
+        return false;
+    queue->bytes[(queue->first + queue->size++) % LINE_ROOM] = byte;
+    return true;
+}
+
+bool queue_take(chip_queue_t *queue, uint8_t *byte)
+{
+    if (queue->size == 0)
+        return false;
+    *byte = queue->bytes[queue->first];
+    queue->first = (queue->first + 1) % LINE_ROOM;
+    queue->size--;
+    return true;
+}

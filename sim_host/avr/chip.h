@@ -1,0 +1,135 @@
+/* chip.h: the processor, simulated by simavr, with what is soldered to its pins: two H-bridges, two rotation sensors, four analogue
+ * voltages, the host's line, the supply.
+ *
+ * All times are cycles of the processor since power-on. Every signal changes at its own cycle; the processor sees it at the end of the
+ * instruction under way. The same calls give the same bits. simavr 1.6 differs from the chips here and there; chip.c, pins.c and
+ * line.c name each difference where they undo it.
+ */
+#ifndef BRICKPILOT_SIM_AVR_CHIP_H
+#define BRICKPILOT_SIM_AVR_CHIP_H
+
+#include <simavr/avr_adc.h>
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_timer.h>
+#include <simavr/avr_uart.h>
+#include <simavr/sim_avr.h>
+#include <simavr/sim_vcd_file.h>
+
+#include "avr/bridge.h"
+#include "avr/quadrature.h"
+#include "avr/wiring.h"
+#include "sensors/random.h"
+
+enum { CHIP_HZ = 16000000, LINE_ROOM = 8192 };
+
+/* What may be wrong with the chip or its surroundings, besides the supply. */
+typedef enum {
+    CHIP_MAIN_HELD,       /* the main program stands still; interrupts are served */
+    CHIP_INTERRUPT_STUCK, /* the converter's interrupt comes again as soon as it has returned */
+    CHIP_CONVERTER_STUCK, /* a conversion never ends */
+    CHIP_LINE_OVERRUN,    /* share of the received bytes that come when the receiver is full */
+    CHIP_ENCODER_NOISE,   /* false pulses a second on one signal of each rotation sensor */
+    CHIP_FAULTS
+} chip_fault_t;
+
+typedef struct {
+    uint8_t bytes[LINE_ROOM];
+    uint32_t first, size;
+} chip_queue_t;
+
+typedef struct chip chip_t;
+
+/* One rotation sensor. */
+typedef struct {
+    chip_t *chip;
+    int side;
+    int64_t count;
+    quadrature_track_t track;
+    uint64_t began; /* cycle of the track's start */
+    bool noise;     /* A is turned over by a false pulse */
+} chip_encoder_t;
+
+struct chip {
+    avr_t *avr;
+    const wiring_t *wiring;
+    avr_io_t hook; /* in simavr's list of devices: tells of resets */
+    avr_ioport_t *port[26];
+    avr_timer_t *pwm_timer;
+    avr_uart_t *uart;
+    avr_adc_t *adc;
+    avr_regbit_t converter_enable; /* adc->aden, while a stuck converter hides it */
+
+    bridge_t bridge[SIDES];
+    bool compare[SIDES]; /* the timer's own output, before the port */
+    chip_encoder_t encoder[SIDES];
+    double volts[ANALOG_COUNT];
+
+    double supply_v; /* of the processor */
+    bool unpowered;
+    chip_queue_t in, out;
+    double fault[CHIP_FAULTS]; /* 0: absent */
+    random_t random;
+
+    uint32_t resets;   /* by the processor's watchdog or its brown-out detector */
+    uint32_t overruns; /* bytes that the receiver lost */
+    uint32_t lost_out; /* bytes to the host without room */
+
+    uint32_t step_cycles;
+    uint64_t next_step;
+    void (*on_step)(void *owner);
+    void *owner;
+
+    avr_vcd_t vcd;
+    avr_irq_t *traced; /* NULL: no trace */
+};
+
+typedef enum { CHIP_OK, CHIP_BAD_IMAGE, CHIP_UNKNOWN, CHIP_TOO_LARGE, CHIP_BAD_TRACE } chip_status_t;
+
+/* Powers the processor with an image in ELF. `chip` must stay where it is until chip_close(), which follows even on failure.
+ *
+ * Every step_cycles `on_step(owner)` is called at exactly that cycle; bridges are counted up to there. `trace`: a file to which the
+ * signals are written as VCD; NULL: none. */
+chip_status_t chip_open(chip_t *chip, const wiring_t *wiring, const char *image, const char *trace);
+void chip_every(chip_t *chip, uint32_t step_cycles, void (*on_step)(void *owner), void *owner);
+void chip_close(chip_t *chip);
+
+/* Runs until the next step has been done. */
+void chip_run_step(chip_t *chip);
+
+/* The wheel turns on from here, in the time until the next step. */
+void chip_turn(chip_t *chip, int side, const quadrature_track_t *track);
+
+/* Sets the battery's voltage behind the robot's 5 V regulator. Below the level of the brown-out detector, the processor stays in
+ * reset; without detector it stops where it is, with its pins and timers as they are. */
+void chip_supply(chip_t *chip, double battery_v);
+
+void chip_set_fault(chip_t *chip, chip_fault_t fault, double value);
+
+/* Whether the processor has stopped: an invalid instruction, or asleep with interrupts off. Only its watchdog brings it back. */
+bool chip_has_stopped(const chip_t *chip);
+
+bool queue_put(chip_queue_t *queue, uint8_t byte); /* false: no room */
+bool queue_take(chip_queue_t *queue, uint8_t *byte);
+
+/* pins.c */
+void pins_connect(chip_t *chip);
+void pins_after_reset(chip_t *chip);
+void pins_look(chip_t *chip); /* the bridges follow the pins */
+void pins_encoder(chip_t *chip, int side);
+void pins_convert(chip_t *chip);
+void pins_make_noise(chip_t *chip);
+
+/* line.c */
+void line_connect(chip_t *chip);
+void line_keep_time(chip_t *chip);
+void line_send(chip_t *chip); /* what waits in `in` begins to travel */
+
+/* trace.c */
+bool trace_open(chip_t *chip, const char *file);
+void trace_signal(chip_t *chip, int side, int signal, uint32_t value);
+void trace_encoder(chip_t *chip, int side, bool a, bool b);
+void trace_analog(chip_t *chip, int input, uint32_t millivolts);
+void trace_reset(chip_t *chip, bool in_reset);
+void trace_close(chip_t *chip);
+
+#endif

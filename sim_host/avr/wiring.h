@@ -1,0 +1,35 @@
+/* wiring.h: hal/avr/board.h as data, for either chip: which pin leads where, and what a volt at an input means. */
+#ifndef BRICKPILOT_SIM_AVR_WIRING_H
+#define BRICKPILOT_SIM_AVR_WIRING_H
+
+#include <stdbool.h>
+
+enum { LEFT, RIGHT, SIDES };
+enum { PIN_PWM, PIN_IN1, PIN_IN2, MOTOR_PINS };
+enum { ANALOG_GYRO, ANALOG_SURGE, ANALOG_SWAY, ANALOG_BATTERY, ANALOG_COUNT };
+
+typedef struct {
+    char port; /* 'A'.. */
+    int bit;
+} wiring_pin_t;
+
+/* A reading is zero + value / per_count counts of 1024. */
+typedef struct {
+    int input; /* of the converter */
+    double zero;
+    double per_count; /* rad/s, m/s^2 or V; negative: wired the other way round */
+} wiring_analog_t;
+
+typedef struct {
+    const char *chip; /* as simavr names it */
+    wiring_pin_t motor[SIDES][MOTOR_PINS];
+    wiring_pin_t encoder[SIDES][2];  /* A, B */
+    bool reversed[SIDES];            /* B leads A forward */
+    unsigned char pin_change_mask;   /* data address of the mask register of the encoders' port */
+    unsigned char pin_change_vector; /* and the number of its interrupt */
+    wiring_analog_t analog[ANALOG_COUNT];
+} wiring_t;
+
+extern const wiring_t WIRING_328P, WIRING_2560;
+
+#endif

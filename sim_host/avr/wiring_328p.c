@@ -1,0 +1,3 @@
+#include "avr/wiring_of_board.h"
+
+const wiring_t WIRING_328P = {.chip = "atmega328p", .pin_change_mask = 0x6D, .pin_change_vector = 5, WIRING_OF_BOARD};

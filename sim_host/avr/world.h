@@ -1,0 +1,40 @@
+/* world.h: the robot round the processor: plant, sensors, drives and battery. brickpilot_avr.h is the manual. */
+#ifndef BRICKPILOT_SIM_AVR_WORLD_H
+#define BRICKPILOT_SIM_AVR_WORLD_H
+
+#include "avr/chip.h"
+#include "plant/plant.h"
+#include "run/flight_log.h"
+#include "sensors/encoder.h"
+#include "sensors/imu.h"
+
+typedef struct {
+    chip_t chip;
+    plant_t plant;
+    bp_flight request;
+    int step;        /* control step that comes next */
+    int motor_steps; /* since power-on */
+    int status;      /* 0, or BP_E_ of the plant */
+    imu_t imu;
+    imu_config_t imu_config;
+    imu_reading_t noise; /* bias and noise of the control step */
+    encoder_config_t encoder_config;
+    double battery_v; /* of a fault; 0: the model's */
+    double output[OUTPUT_COUNT];
+    double duty[SIDES];     /* of the last motor step; NaN: coasted */
+    double duty_sum[SIDES]; /* of the control step */
+} world_t;
+
+/* Puts the robot round `world->chip`, which is open. Returns 0 or BP_E_. */
+int world_start(world_t *world, const bp_flight *request);
+
+/* Passes one motor step. Returns 0 or BP_E_. */
+int world_pass(world_t *world);
+
+/* Passes one control step and logs it. Returns 0 or BP_E_. */
+int world_fly(world_t *world);
+
+/* Sets the battery's voltage; 0: the model's. */
+void world_set_battery(world_t *world, double volts);
+
+#endif

@@ -1,0 +1,61 @@
+/* brickpilot_avr.h: a robot whose brick is an AVR: the plant, its sensors and drives, and an image on simavr. Python calls this
+ * through cffi.
+ *
+ * Time is simulated, and nothing depends on the clock of this machine: the same calls give the same bits. The plant is one motor step
+ * (0.3 ms) behind the processor: what the bridges did in a step moves it in the next. cffi reads this header as it stands, with
+ * that of the plant, so it holds plain declarations only.
+ */
+#ifndef BRICKPILOT_AVR_H
+#define BRICKPILOT_AVR_H
+
+#include "brickpilot_sim.h"
+
+typedef struct bp_avr bp_avr;
+
+enum { BP_AVR_E_IMAGE = -20, BP_AVR_E_CHIP = -21, BP_AVR_E_TOO_LARGE = -22, BP_AVR_E_TRACE = -23 };
+
+/* Powers the brick with an image (ELF), for a chip "atmega328p" or "atmega2560", wired as hal/avr/board.h says. `request` is that of
+ * a mission for bp_fly(), and is used as bp_loop_open() uses it; its model and arrays must outlive the brick. `trace`: a VCD file of
+ * the signals at the pins, or NULL. NULL: `status` holds a BP_E_ or BP_AVR_E_ code. */
+bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chip, const char *trace, int *status);
+void bp_avr_close(bp_avr *brick);
+
+/* Lets so many motor steps pass before the flight begins; nothing is logged. Returns 0 or BP_E_. */
+int bp_avr_wait(bp_avr *brick, int motor_steps);
+
+/* Flies one control step (3 ms) and fills its row of the request's log and motors: what the drives did in it. The controller's
+ * columns of the log stay 0. Returns 0, or BP_E_; BP_E_RANGE: the last step is over. */
+int bp_avr_fly(bp_avr *brick);
+
+/* The host's line. Bytes travel at the rate that the image has set. bp_avr_send() returns how many found room; bp_avr_receive()
+ * returns how many have come, at most `room`. */
+int bp_avr_send(bp_avr *brick, const unsigned char *bytes, int count);
+int bp_avr_receive(bp_avr *brick, unsigned char *bytes, int room);
+
+/* Faults, from now on. The value switches one on (not 0) or off (0), except where a unit stands here. */
+enum {
+    BP_AVR_MAIN_HELD = 0,       /* the main program stands still, interrupts are served */
+    BP_AVR_INTERRUPT_STUCK = 1, /* the converter's interrupt comes again as soon as it has returned */
+    BP_AVR_CONVERTER_STUCK = 2, /* a conversion never ends, also after the fault */
+    BP_AVR_LINE_OVERRUN = 3,    /* share of the bytes to the brick that its receiver loses, 0..1 */
+    BP_AVR_ENCODER_NOISE = 4,   /* false pulses of 20 us a second, on signal A of both rotation sensors */
+    BP_AVR_BATTERY = 5          /* V; 0: the model's */
+};
+int bp_avr_fault(bp_avr *brick, int fault, double value); /* 0, or BP_E_RANGE */
+
+/* What has happened since power-on. */
+typedef struct {
+    unsigned long long cycles;
+    unsigned int resets;   /* by the watchdog or the brown-out detector */
+    unsigned int overruns; /* bytes that the receiver lost */
+    unsigned int lost;     /* bytes to the host without room */
+    int stopped;           /* 1: the processor has stopped */
+    int unpowered;         /* 1: its supply is too low */
+    double duty[2];        /* of the drives in the last motor step, -1..1; NaN: they coasted */
+} bp_avr_report;
+void bp_avr_tell(const bp_avr *brick, bp_avr_report *report);
+
+/* Reads the processor's memory, for tests: returns 0, or BP_E_RANGE. Addresses are those of its data space. */
+int bp_avr_read(const bp_avr *brick, int address, unsigned char *bytes, int count);
+
+#endif
