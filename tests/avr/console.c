@@ -1,6 +1,5 @@
-/* console.c: the ends of a program that is no more than main(): its output goes to UART 0, and its status to tests/avr/run.c. */
+/* console.c: the output of a program that is no more than main(): UART 0. */
 #include <avr/io.h>
-#include <avr/sleep.h>
 #include <unistd.h>
 
 int write(int descriptor, const void *bytes, size_t size)
@@ -16,13 +15,4 @@ int write(int descriptor, const void *bytes, size_t size)
     }
     UCSR0A = 1U << TXC0;
     return (int)size;
-}
-
-/* exit() runs this. Its argument is in r24 still. To sleep with interrupts off ends the simulation, after the last byte has left. */
-__attribute__((naked, used, section(".fini8"))) static void end(void)
-{
-    __asm__ volatile("out %0, r24" ::"I"(_SFR_IO_ADDR(GPIOR0)));
-    while ((UCSR0A & 1U << UDRE0) == 0) {
-    }
-    __asm__ volatile("cli\n\tsleep");
 }

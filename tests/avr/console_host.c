@@ -1,4 +1,4 @@
-/* run CHIP PROGRAM.elf: runs a program of console.c on simavr's chip: atmega328p, atmega2560. Its UART 0 is the standard output.
+/* console_host CHIP PROGRAM.elf: runs a program of console.c on simavr's chip: atmega328p, atmega2560. Its UART 0 is the standard output.
  * The exit status is the program's own; 124 if it has not ended after an hour of its time, 125 if the chip crashed.
  */
 #include <stdarg.h>
@@ -62,7 +62,7 @@ int main(int argc, char **argv)
     int state;
 
     if (argc != 3 || (avr = start(argv[1], argv[2])) == NULL) {
-        fprintf(stderr, "run CHIP PROGRAM.elf: no such chip or program\n");
+        fprintf(stderr, "CHIP PROGRAM.elf: no such chip or program\n");
         return BAD_USE;
     }
     do

@@ -1,0 +1,33 @@
+/* mailbox.h: how a test on an AVR chip moves the world round the chip. The test writes the mailbox, then a request into WORLD_REQUEST; the
+ * world reads and writes the mailbox before the next instruction. Numbers have their lowest byte first, on both sides.
+ */
+#ifndef BRICKPILOT_TESTS_AVR_MAILBOX_H
+#define BRICKPILOT_TESTS_AVR_MAILBOX_H
+
+#include <stdint.h>
+
+enum { MAILBOX_INPUTS = 4, MAILBOX_BYTES = 16 };
+
+/* Requests. */
+enum {
+    WORLD_SHOW = 1, /* the inputs get `raw`, and the wheels turn to `counts` within the next ms */
+    WORLD_MEASURE =
+        2, /* the world measures the drives for 64 periods of the PWM, 4.1 ms; then `parts` holds what it found */
+    WORLD_SEND = 3,    /* `bytes` travel to the chip */
+    WORLD_RECEIVE = 4, /* `size` and `bytes`: what the chip has sent */
+    WORLD_FAULT = 5,   /* chip_fault_t `fault` gets the value `size` */
+    WORLD_TELL =
+        6 /* `parts[0]`: what the drives do now, as bridge_state_t; `size`: bytes lost in the receiver; `resets` */
+};
+
+typedef struct {
+    uint16_t raw[MAILBOX_INPUTS]; /* 1024ths of 5 V: gyro, acceleration forward, to the right, battery */
+    uint16_t counts[2];           /* of the rotation sensors, left and right */
+    int16_t parts[2];             /* 1024ths of full duty, left and right */
+    uint8_t fault;
+    uint8_t resets;
+    uint8_t size;
+    uint8_t bytes[MAILBOX_BYTES];
+} mailbox_t;
+
+#endif
