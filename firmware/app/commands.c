@@ -225,16 +225,16 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 }
 
 static const FLASH struct row {
-    uint16_t id, reply_id;
+    uint16_t id; /* that of the reply is the next one */
     request_t *take;
     uint8_t status_at;  /* in the reply */
     bool beside_number; /* the status stands in the upper bits of the byte that holds the number */
 } REQUESTS[] = {
-    {WIRE_OPEN_FRAME_ID, WIRE_HELLO_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT, false},
-    {WIRE_MODE_COMMAND_FRAME_ID, WIRE_MODE_REPLY_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT, false},
-    {WIRE_PARAMETER_REQUEST_FRAME_ID, WIRE_PARAMETER_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT, true},
-    {WIRE_WAYPOINT_REQUEST_FRAME_ID, WIRE_WAYPOINT_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT, true},
-    {WIRE_ROUTE_REQUEST_FRAME_ID, WIRE_ROUTE_FRAME_ID, route, WIRE_ROUTE_STATUS_AT, false},
+    {WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT, false},
+    {WIRE_MODE_COMMAND_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT, false},
+    {WIRE_PARAMETER_REQUEST_FRAME_ID, parameter, WIRE_PARAMETER_STATUS_AT, true},
+    {WIRE_WAYPOINT_REQUEST_FRAME_ID, waypoint, WIRE_WAYPOINT_STATUS_AT, true},
+    {WIRE_ROUTE_REQUEST_FRAME_ID, route, WIRE_ROUTE_STATUS_AT, false},
 };
 enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
 
@@ -249,7 +249,7 @@ bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
             return false;
     if (!crc_holds(message) || !(commands->open || row == REQUESTS))
         return false;
-    message->id = row->reply_id;
+    message->id++;
     status = row->take(commands, loop, data);
     if (row->beside_number)
         status = (uint8_t)(number_of(data) | (uint8_t)(status << WIRE_PARAMETER_STATUS_SHIFT));

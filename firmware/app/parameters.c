@@ -63,7 +63,7 @@ int32_t parameters_read(const parameters_t *parameters, uint8_t number)
         return *(const uint8_t *)field;
     if (place->size == sizeof(int32_t))
         return *(const int32_t *)field;
-    if (place->range >= SETTINGS_SIGNED_RANGE)
+    if ((uint8_t)place->range >= SETTINGS_SIGNED_RANGE)
         return *(const int16_t *)field;
     return *(const uint16_t *)field;
 }

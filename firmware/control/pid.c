@@ -20,9 +20,7 @@ static void integrate(const pid_config_t *config, pid_state_t *state, const pid_
     const int32_t change_mv_q16 = (int32_t)((uint32_t)fix_share_q16(rate_mv_s_q10, factor_q14(input->period_ms)) << 2);
     const int8_t direction = change_mv_q16 < 0 ? -1 : 1;
 
-    if (change_mv_q16 != 0 && (direction == limited || direction == input->saturated))
-        state->held_steps = fix_count_u16(state->held_steps);
-    else
+    if (change_mv_q16 == 0 || (direction != limited && direction != input->saturated))
         state->integral_mv_q16 = fix_clamp_q16(fix_add32(state->integral_mv_q16, change_mv_q16), config->limit_mv);
 }
 
@@ -43,6 +41,6 @@ void pid_step(const pid_config_t *config, pid_state_t *state, const pid_input_t 
     output->integral_mv = (int16_t)fix_round_shift(state->integral_mv_q16, 16);
     asked_mv = fix_sat16(proportional_mv - damping_mv + fix_sum(output->integral_mv, input->feedforward_mv));
     output->output_mv = fix_clamp16(asked_mv, config->limit_mv);
-    output->limited = fix_excess(asked_mv, output->output_mv, &state->limited_steps);
+    output->limited = fix_excess(asked_mv, output->output_mv);
     integrate(config, state, input, output->limited);
 }

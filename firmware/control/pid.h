@@ -29,8 +29,6 @@ typedef struct {
 /* All zero is a controller at rest. */
 typedef struct {
     int32_t integral_mv_q16; /* within +-limit_mv */
-    uint16_t limited_steps;  /* steps in which limit_mv cut the output; stays at 65535 */
-    uint16_t held_steps;     /* steps in which the integral was held; stays at 65535 */
 } pid_state_t;
 
 typedef struct {
@@ -50,10 +48,10 @@ typedef struct {
 } pid_output_t;
 
 /* Sets the integral so that the next pid_step() with this input gives `output_mv`, within 1 mV and as far as limit_mv
- * allows (bumpless start). Keeps the counts. The loop does not need it: its runs start at rest. */
+ * allows (bumpless start). The loop does not need it: its runs start at rest. */
 void pid_start(const pid_config_t *config, pid_state_t *state, const pid_input_t *input, int16_t output_mv);
 
-/* Sets all outputs and the integral to 0. Keeps the counts. */
+/* Sets all outputs and the integral to 0. */
 void pid_stop(pid_state_t *state, pid_output_t *output);
 
 /* output = feedforward + kp error + integral - kd rate, limited. The integral advances after its use (forward Euler).

@@ -108,11 +108,10 @@ int32_t fix_share_q15(int32_t value, int16_t factor_q15)
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
-int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+int8_t fix_excess(int16_t asked, int16_t given)
 {
     if (asked == given)
         return 0;
-    *steps = fix_count_u16(*steps);
     return asked > given ? 1 : -1;
 }
 

@@ -90,9 +90,8 @@ uint8_t fix_bits(uint16_t count, uint8_t most);
 /* count + 1, at most 65535. */
 FIX_INLINE uint16_t fix_count_u16(uint16_t count);
 
-/* Returns 1 where less is given than asked, -1 where more, 0 where both are equal. Counts the first two in *steps, which
- * stays at 65535. */
-int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps);
+/* Returns 1 where less is given than asked, -1 where more, 0 where both are equal. */
+int8_t fix_excess(int16_t asked, int16_t given);
 
 /* a + b, at most 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);

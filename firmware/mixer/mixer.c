@@ -11,14 +11,12 @@ typedef struct {
     int16_t most_mv;
 } supply_t;
 
-static supply_t take_supply(const mixer_config_t *config, mixer_state_t *state)
+static supply_t take_supply(const mixer_config_t *config, const mixer_state_t *state)
 {
     supply_t supply = {.battery_mv = state->battery_mv};
 
-    if (supply.battery_mv < config->battery_floor_mv) {
-        state->battery_low_steps = fix_count_u16(state->battery_low_steps);
+    if (supply.battery_mv < config->battery_floor_mv)
         supply.battery_mv = config->battery_floor_mv;
-    }
     if (supply.battery_mv > VOLTAGE_MAX_MV)
         supply.battery_mv = VOLTAGE_MAX_MV;
     supply.most_mv = (int16_t)supply.battery_mv;
@@ -71,8 +69,8 @@ void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signal
     state->drive.right_mv = (int16_t)(surge_mv - yaw_mv);
     state->drive.left_q15 = 0;
     state->drive.right_q15 = 0;
-    state->drive.surge_saturated = fix_excess(effort->surge_mv, surge_mv, &state->surge_saturated_steps);
-    state->drive.yaw_saturated = fix_excess(effort->yaw_mv, yaw_mv, &state->yaw_saturated_steps);
+    state->drive.surge_saturated = fix_excess(effort->surge_mv, surge_mv);
+    state->drive.yaw_saturated = fix_excess(effort->yaw_mv, yaw_mv);
     if (surge_mv != 0 || yaw_mv != 0)
         drive_motors(&config->drive, &supply, estimate, &state->drive);
     bytes_copy(drive, &state->drive, sizeof *drive);

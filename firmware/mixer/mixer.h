@@ -3,7 +3,7 @@
  * left = surge + yaw, right = surge - yaw. Heading has priority: yaw gets the voltage that there is, surge gets the rest.
  * Exactly symmetric if the drive's sides are alike and have no offset: negate yaw, and the motors change places; negate
  * both efforts and the motion, and both outputs are negated.
- * Never fails: it saturates, reports that to the controllers, and counts.
+ * Never fails: it saturates, and reports that to the controllers.
  */
 #ifndef BRICKPILOT_MIXER_MIXER_H
 #define BRICKPILOT_MIXER_MIXER_H
@@ -16,13 +16,10 @@ typedef struct {
     drive_config_t drive;      /* all zero: the motors are those of the model */
 } mixer_config_t;
 
-/* All zero at the start. Counts are of steps and stay at 65535. */
+/* All zero at the start. */
 typedef struct {
     signals_drive_t drive; /* of the newest step, as mixer_correct() has corrected it */
     uint16_t battery_mv;   /* the newest reading: the duty is computed for it */
-    uint16_t surge_saturated_steps;
-    uint16_t yaw_saturated_steps;
-    uint16_t battery_low_steps; /* the reading was below the floor */
 } mixer_state_t;
 
 /* Corrects the voltages of state->drive. Their duty was computed for state->battery_mv; the new reading `battery_mv` says what the

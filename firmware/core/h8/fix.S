@@ -632,24 +632,17 @@ _fix_share16_q15:
 	sub.w	r0,r0
 	rts
 
-; int8_t fix_excess(int16_t asked, int16_t given, uint16_t *steps)
+; int8_t fix_excess(int16_t asked, int16_t given)
 	.align 1
 	.global _fix_excess
 _fix_excess:
 	cmp.w	r1,r0
 	beq	.Lin_full
-	mov.w	@r2,r3
-	adds	#1,r3
-	mov.w	r3,r3
-	beq	.Lexcess_counted
-	mov.w	r3,@r2
-.Lexcess_counted:
-	cmp.w	r1,r0
 	bgt	.Lmore
-	mov.w	#-1,r0
+	mov.b	#-1,r0l
 	rts
 .Lmore:
-	mov.w	#1,r0
+	mov.b	#1,r0l
 	rts
 .Lin_full:
 	sub.w	r0,r0

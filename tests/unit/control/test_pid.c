@@ -151,7 +151,6 @@ static void test_pid_integrator_stops_when_mixer_saturates_and_only_in_that_dire
     state.integral_mv_q16 = 1000L * 65536;
     step(&CONFIG, (pid_input_t){.error = 50, .saturated = 1, .period_ms = 3});
     TEST_ASSERT_EQUAL_INT32(1000L * 65536, state.integral_mv_q16);
-    TEST_ASSERT_EQUAL_UINT16(1, state.held_steps);
     step(&CONFIG, (pid_input_t){.error = -50, .saturated = 1, .period_ms = 3});
     TEST_ASSERT_LESS_THAN_INT32(1000L * 65536, state.integral_mv_q16);
     const int32_t shrunk = state.integral_mv_q16;
@@ -159,7 +158,6 @@ static void test_pid_integrator_stops_when_mixer_saturates_and_only_in_that_dire
     TEST_ASSERT_EQUAL_INT32(shrunk, state.integral_mv_q16);
     step(&CONFIG, (pid_input_t){.error = 50, .saturated = -1, .period_ms = 3});
     TEST_ASSERT_GREATER_THAN_INT32(shrunk, state.integral_mv_q16);
-    TEST_ASSERT_EQUAL_UINT16(2, state.held_steps);
 }
 
 static void test_pid_integrator_stops_when_its_own_limit_cuts(void)
@@ -170,7 +168,6 @@ static void test_pid_integrator_stops_when_its_own_limit_cuts(void)
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
     TEST_ASSERT_EQUAL_INT8(-1, step(&CONFIG, (pid_input_t){.error = -20000, .period_ms = 3}).limited);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
-    TEST_ASSERT_EQUAL_UINT16(2, state.limited_steps);
 }
 
 static void test_pid_integral_alone_stays_within_the_limit(void)
@@ -179,15 +176,6 @@ static void test_pid_integral_alone_stays_within_the_limit(void)
     for (int i = 0; i < 1000; i++)
         step(&config, (pid_input_t){.error = INT16_MIN, .period_ms = 20});
     TEST_ASSERT_EQUAL_INT32(-20000L * 65536, state.integral_mv_q16);
-}
-
-static void test_pid_counts_stay_at_their_end(void)
-{
-    state.limited_steps = UINT16_MAX;
-    state.held_steps = UINT16_MAX;
-    step(&CONFIG, (pid_input_t){.error = 20000, .period_ms = 3});
-    TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.limited_steps);
-    TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.held_steps);
 }
 
 static void test_pid_starts_without_a_bump(void)
@@ -208,10 +196,10 @@ static void test_pid_start_keeps_the_integrator_within_the_limit(void)
     TEST_ASSERT_EQUAL_INT32(9000L * 65536, state.integral_mv_q16);
 }
 
-static void test_pid_stop_empties_the_integrator_and_keeps_the_counts(void)
+static void test_pid_stop_empties_the_integrator(void)
 {
     pid_output_t output = {.limited = 1, .output_mv = 1, .proportional_mv = 2, .integral_mv = 3, .derivative_mv = 4};
-    state = (pid_state_t){.integral_mv_q16 = 5, .limited_steps = 6, .held_steps = 7};
+    state = (pid_state_t){.integral_mv_q16 = 5};
     pid_stop(&state, &output);
     TEST_ASSERT_EQUAL_INT8(0, output.limited);
     TEST_ASSERT_EQUAL_INT16(0, output.output_mv);
@@ -219,8 +207,6 @@ static void test_pid_stop_empties_the_integrator_and_keeps_the_counts(void)
     TEST_ASSERT_EQUAL_INT16(0, output.integral_mv);
     TEST_ASSERT_EQUAL_INT16(0, output.derivative_mv);
     TEST_ASSERT_EQUAL_INT32(0, state.integral_mv_q16);
-    TEST_ASSERT_EQUAL_UINT16(6, state.limited_steps);
-    TEST_ASSERT_EQUAL_UINT16(7, state.held_steps);
 }
 
 static void test_pid_is_the_same_backward(void)
@@ -270,10 +256,9 @@ int main(void)
     RUN_TEST(test_pid_integrator_stops_when_mixer_saturates_and_only_in_that_direction);
     RUN_TEST(test_pid_integrator_stops_when_its_own_limit_cuts);
     RUN_TEST(test_pid_integral_alone_stays_within_the_limit);
-    RUN_TEST(test_pid_counts_stay_at_their_end);
     RUN_TEST(test_pid_starts_without_a_bump);
     RUN_TEST(test_pid_start_keeps_the_integrator_within_the_limit);
-    RUN_TEST(test_pid_stop_empties_the_integrator_and_keeps_the_counts);
+    RUN_TEST(test_pid_stop_empties_the_integrator);
     RUN_TEST(test_pid_is_the_same_backward);
     RUN_TEST(test_pid_takes_the_ends_of_every_range);
     return UNITY_END();

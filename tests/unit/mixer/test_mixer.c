@@ -117,9 +117,8 @@ static void test_mixer_takes_a_battery_below_the_floor_for_the_floor(void)
 {
     TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 3000, 0, 0).left_q15);
     TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 3000, 0, 5999).left_q15);
-    TEST_ASSERT_EQUAL_UINT16(2, state.battery_low_steps);
-    mix_with(&CONFIG, 3000, 0, 6000);
-    TEST_ASSERT_EQUAL_UINT16(2, state.battery_low_steps);
+    TEST_ASSERT_EQUAL_INT16(16384, mix_with(&CONFIG, 3000, 0, 6000).left_q15);
+    TEST_ASSERT_EQUAL_INT16(16381, mix_with(&CONFIG, 3000, 0, 6001).left_q15);
 }
 
 static void test_mixer_takes_a_battery_above_20_v_for_20_v(void)
@@ -142,16 +141,25 @@ static void test_mixer_never_passes_max_duty(void)
     }
 }
 
-static void test_mixer_counts_saturated_steps_and_stays_at_the_end(void)
+static void test_mixer_saturates_from_the_first_millivolt_that_is_not_there(void)
 {
-    mix(9001, 0);
-    mix(0, 9001);
-    mix(4500, 4500);
-    TEST_ASSERT_EQUAL_UINT16(1, state.surge_saturated_steps);
-    TEST_ASSERT_EQUAL_UINT16(1, state.yaw_saturated_steps);
-    state.surge_saturated_steps = UINT16_MAX;
-    mix(9001, 0);
-    TEST_ASSERT_EQUAL_UINT16(UINT16_MAX, state.surge_saturated_steps);
+    assert_flags(0, 0, mix(9000, 0));
+    assert_flags(1, 0, mix(9001, 0));
+    assert_flags(0, 1, mix(0, 9001));
+    assert_flags(0, 0, mix(4500, 4500));
+    assert_flags(1, 0, mix(4501, 4500));
+}
+
+static void test_mixer_gives_nothing_where_the_reserve_takes_the_whole_battery(void)
+{
+    mixer_config_t config = CONFIG;
+    config.drive.reserve_mv = 12000;
+    const signals_drive_t drive = mix_with(&config, 5000, -3000, BATTERY_MV);
+    assert_voltages(0, 0, drive);
+    assert_flags(1, -1, drive);
+    TEST_ASSERT_EQUAL_INT16(0, drive.left_q15);
+    TEST_ASSERT_EQUAL_INT16(0, drive.right_q15);
+    assert_voltages(0, 0, mix_with(&config, -5000, 3000, BATTERY_MV));
 }
 
 static const drive_config_t FRICTION = {
@@ -227,7 +235,8 @@ int main(void)
     RUN_TEST(test_mixer_takes_a_battery_below_the_floor_for_the_floor);
     RUN_TEST(test_mixer_takes_a_battery_above_20_v_for_20_v);
     RUN_TEST(test_mixer_never_passes_max_duty);
-    RUN_TEST(test_mixer_counts_saturated_steps_and_stays_at_the_end);
+    RUN_TEST(test_mixer_gives_nothing_where_the_reserve_takes_the_whole_battery);
+    RUN_TEST(test_mixer_saturates_from_the_first_millivolt_that_is_not_there);
     RUN_TEST(test_mixer_drives_what_the_motors_need_and_tells_the_model_what_it_wanted);
     RUN_TEST(test_mixer_keeps_the_drives_reserve);
     RUN_TEST(test_mixer_never_passes_max_duty_whatever_the_motors_need);

@@ -12,8 +12,6 @@ static void begin(pid_config_t *config, pid_state_t *state)
     config->kd_mv_q10 = draw_between(0, 32767);
     config->limit_mv = draw_between(0, 20000);
     state->integral_mv_q16 = 0;
-    state->limited_steps = draw_up_to(65535U);
-    state->held_steps = draw_up_to(65535U);
 }
 
 void vectors_feed(void)
@@ -41,7 +39,5 @@ void vectors_feed(void)
     else
         pid_step(&config, &state, &input, &output);
     hash_s32(state.integral_mv_q16);
-    hash_u16(state.limited_steps);
-    hash_u16(state.held_steps);
     hash_pid_output(&output);
 }

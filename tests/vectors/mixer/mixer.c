@@ -18,9 +18,6 @@ void vectors_feed(void)
         draw_drive_config(&config.drive);
         if (draw_rarely(1))
             bytes_clear(&config.drive, sizeof config.drive);
-        state.surge_saturated_steps = draw_up_to(65535U);
-        state.yaw_saturated_steps = draw_up_to(65535U);
-        state.battery_low_steps = draw_up_to(65535U);
     }
     effort.surge_mv = draw_s16();
     effort.yaw_mv = draw_s16();
@@ -32,7 +29,4 @@ void vectors_feed(void)
     state.battery_mv = draw_up_to(draw_rarely(3) ? 65535U : 12000);
     mixer_step(&config, &state, &effort, &estimate, &drive);
     hash_drive(&drive);
-    hash_u16(state.surge_saturated_steps);
-    hash_u16(state.yaw_saturated_steps);
-    hash_u16(state.battery_low_steps);
 }
