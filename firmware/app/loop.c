@@ -115,14 +115,13 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
     state->silent_ms = state->sensors.have != 0 ? 0 : fix_add_u16(state->silent_ms, elapsed_ms);
     if (state->step.mode.mode != MODE_RUN)
         return command;
-    if (state->silent_ms > config->silent_ms) {
-        state->aborted_silent = fix_count_u16(state->aborted_silent);
-        return MODE_CUT_SILENT;
-    }
-    if (elapsed_ms > config->watchdog_ms) {
-        state->aborted_late = fix_count_u16(state->aborted_late);
-        return MODE_CUT_LATE;
-    }
+    if (state->silent_ms > config->silent_ms)
+        command = MODE_CUT_SILENT;
+    else if (elapsed_ms > config->watchdog_ms || elapsed_ms > LONGEST_MS)
+        command = MODE_CUT_LATE;
+    else
+        return command;
+    state->aborted = fix_count_u16(state->aborted);
     return command;
 }
 

@@ -1,7 +1,8 @@
 /* loop.h: the control loop, and with serve.h the only caller of the HAL. A tick reads the sensors, runs the step and writes the motors.
  *
  * Call loop_tick() every STEP_MS. It measures the period itself, so that a late tick is integrated over its true length.
- * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off.
+ * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off. So is one later than
+ * 20 ms, the longest step that is integrated over its whole length, whatever watchdog_ms says.
  * A run also ends when neither a sensor nor a message has been heard for silent_ms. Only a reset and a new start drive
  * again.
  */
@@ -12,7 +13,7 @@
 
 typedef struct {
     step_config_t step;
-    uint16_t watchdog_ms;    /* longest period that a run survives, STEP_MS..20 */
+    uint16_t watchdog_ms;    /* longest period that a run survives, STEP_MS..20; more counts as 20 */
     uint16_t silent_ms;      /* a run ends after so long without any sensor reading and any message */
     uint8_t telemetry_every; /* every part of the telemetry is sent once in so many ticks; 0: never */
 } loop_config_t;
@@ -23,8 +24,7 @@ typedef struct {
     uint32_t tick;           /* since the start; wraps */
     uint32_t clock_ms;       /* of the newest tick */
     uint16_t late_ticks;     /* ticks more than a step late; stays at 65535 */
-    uint16_t aborted_late;   /* runs that the watchdog ended; stays at 65535 */
-    uint16_t aborted_silent; /* runs that silence ended; stays at 65535 */
+    uint16_t aborted;        /* runs that a late tick or silence ended; stays at 65535 */
     uint16_t silent_ms;      /* for so long has nothing been heard; stays at 65535 */
     uint8_t until_telemetry; /* ticks until its first part is due again */
     uint8_t next_part;

@@ -43,6 +43,8 @@ static uint8_t track_flags(const mode_state_t *mode, const signals_estimate_t *e
         flags |= 1U << WIRE_TELEMETRY_TRACK_AT_REST_SHIFT;
     if (estimate->valid)
         flags |= 1U << WIRE_TELEMETRY_TRACK_VALID_SHIFT;
+    if (estimate->bias_unknown)
+        flags |= 1U << WIRE_TELEMETRY_TRACK_BIAS_UNKNOWN_SHIFT;
     return flags;
 }
 
@@ -72,34 +74,26 @@ void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t 
 
     data[TICK_AT] = (uint8_t)state->clock_ms;
     data[LAST] = 0;
-    switch (part) {
-    case TELEMETRY_X:
+    if (part == TELEMETRY_X) {
         put16(put32(data, state->output.estimate.x_um), state->output.estimate.heading_bam16);
         data[LAST] = state->step.mode.los.waypoint;
-        break;
-    case TELEMETRY_Y:
+    } else if (part == TELEMETRY_Y) {
         put16(put32(data, state->output.estimate.y_um), (uint16_t)state->output.estimate.speed_mm_s_q4);
         data[LAST] = sat_u8(state->step.mode.los.overshoots);
-        break;
-    case TELEMETRY_TRACK:
+    } else if (part == TELEMETRY_TRACK) {
         put_three(data, state->output.estimate.yaw_rate_mrad_s, state->step.mode.los.cross_track_mm,
                   state->step.mode.los.heading_error_bam16);
         data[LAST] = track_flags(&state->step.mode, &state->output.estimate);
-        break;
-    case TELEMETRY_DEMAND:
+    } else if (part == TELEMETRY_DEMAND) {
         put_three(data, state->output.demand.speed_mm_s_q4, (int16_t)state->output.demand.heading_bam16,
                   (int16_t)state->step.mixer.battery_mv);
         data[LAST] = demand_flags(state->step.mode.fault, &state->output.drive);
-        break;
-    case TELEMETRY_SPEED:
+    } else if (part == TELEMETRY_SPEED) {
         put_pid(data, &state->output.speed_pid);
-        break;
-    case TELEMETRY_HEADING:
+    } else if (part == TELEMETRY_HEADING) {
         put_pid(data, &state->output.heading_pid);
-        break;
-    default:
+    } else {
         put_three(data, state->output.effort.surge_mv, state->output.effort.yaw_mv, 0);
-        break;
     }
 }
 
@@ -110,5 +104,5 @@ void telemetry_heartbeat(const loop_state_t *state, message_t *message)
 
     put16(put32(data, (int32_t)state->tick), state->late_ticks);
     data[WIRE_HEARTBEAT_MODE_AT] = (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT) | mode->mode;
-    data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(fix_add_u16(state->aborted_late, state->aborted_silent));
+    data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(state->aborted);
 }

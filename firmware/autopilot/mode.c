@@ -3,12 +3,15 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
+enum { WAIT_STEPS = 255 }; /* 4 blocks of the estimator or more: 0.8 s at 3 ms, 2.3 s at 9 ms */
+
 /* Enters a mode with the motors off. In RUN the same step may switch them on. */
 static void enter(mode_state_t *state, mode_name_t mode, mode_fault_t fault)
 {
     state->mode = mode;
     state->fault = fault;
     state->lost_ms = 0;
+    state->waited_steps = 0;
     state->demand.drive = false;
     state->demand.speed_mm_s_q4 = 0;
 }
@@ -31,6 +34,12 @@ static void obey(const route_t *route, mode_state_t *state, mode_command_t comma
     }
 }
 
+/* True while a run that has not driven yet rests, so that the gyro's bias can be learnt. */
+static bool waits_for_bias(mode_state_t *state, const signals_estimate_t *estimate)
+{
+    return estimate->bias_unknown && !state->demand.drive && state->waited_steps++ < WAIT_STEPS;
+}
+
 static void steer(const mode_config_t *config, const route_t *route, mode_state_t *state,
                   const signals_estimate_t *estimate)
 {
@@ -41,6 +50,8 @@ static void steer(const mode_config_t *config, const route_t *route, mode_state_
         return;
     }
     state->lost_ms = 0;
+    if (waits_for_bias(state, estimate))
+        return;
     state->demand.drive = true;
     los_step(&config->los, route, &state->los, estimate, &state->demand);
     if (state->los.status == LOS_ARRIVED)

@@ -4,7 +4,9 @@
  *                    '----any reason-----> FAULT
  *   ARRIVED, FAULT --reset--> IDLE
  *
- * Nothing but a reset leaves FAULT. Motors are off in every mode but RUN.
+ * Nothing but a reset leaves FAULT. Motors are off in every mode but RUN. A run whose gyro has no learnt bias yet begins with a rest
+ * of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, it drives without, and
+ * signals_estimate_t.bias_unknown says so.
  */
 #ifndef BRICKPILOT_AUTOPILOT_MODE_H
 #define BRICKPILOT_AUTOPILOT_MODE_H
@@ -46,9 +48,10 @@ typedef uint8_t mode_command_t;
 typedef struct {
     signals_demand_t demand; /* of the newest step */
     mode_name_t mode;
-    mode_fault_t fault; /* why FAULT was entered; cleared by a reset */
-    uint16_t lost_ms;   /* for so long has the estimate been invalid */
-    los_state_t los;    /* of the newest step in RUN */
+    mode_fault_t fault;   /* why FAULT was entered; cleared by a reset */
+    uint16_t lost_ms;     /* for so long has the estimate been invalid */
+    uint8_t waited_steps; /* of this run, at rest for the gyro's bias */
+    los_state_t los;      /* of the newest step in RUN */
 } mode_state_t;
 
 /* One step of estimate->period_ms. `command` acts where the diagram has an arrow for it (abort and cut: in RUN); elsewhere it is

@@ -92,6 +92,7 @@ typedef struct {
     uint8_t period_ms;       /* time since the step before, 1..20 */
     bool at_rest; /* wheels and body stand still: true from the end of the first quiet block until something moves */
     bool valid;   /* false: the estimate is too poor to steer by */
+    bool bias_unknown; /* the heading is that of a gyro whose bias has not been learnt */
 } signals_estimate_t;
 
 /* Autopilot -> control. */

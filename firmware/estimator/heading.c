@@ -3,7 +3,7 @@
 #include "core/fix.h"
 
 /* bam32 per mrad/s, ms and 2^-9: 2^32 / (2 pi 1e6 2^9) = 1.335089, less 1. */
-enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980, BLIND_LIMIT_MS = 65000 };
+enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980 };
 
 /* The gyro's rate, without the errors that the configuration knows. */
 static int16_t measured_mrad_s(const heading_config_t *config, int16_t gyro_mrad_s)
@@ -48,16 +48,21 @@ static bool quiet(const heading_config_t *config, heading_state_t *state, int16_
 static void watch_rest(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,
                        const signals_predicted_t *predicted, int16_t rate)
 {
-    if (!stands(config, state, sensors, predicted) || !SIGNALS_HAVE(sensors, SENSOR_GYRO) ||
-        !quiet(config, state, rate)) {
-        state->block_steps = 0;
-        state->at_rest = false;
-    } else if (++state->block_steps == HEADING_BLOCK_STEPS) {
-        bias_learn(&state->bias, fix_times(state->block_sum_mrad_s, 256 / HEADING_BLOCK_STEPS),
-                   config->slowest_weight_bits, HEADING_BIAS_LIMIT_MRAD_S * 256L);
-        state->block_steps = 0;
-        state->at_rest = true;
+    if (stands(config, state, sensors, predicted)) {
+        if (!SIGNALS_HAVE(sensors, SENSOR_GYRO))
+            return; /* a missing sample says nothing about the rest: the block goes on with the next one */
+        if (quiet(config, state, rate)) {
+            if (++state->block_steps == HEADING_BLOCK_STEPS) {
+                bias_learn(&state->bias, fix_times(state->block_sum_mrad_s, 256 / HEADING_BLOCK_STEPS),
+                           config->slowest_weight_bits, HEADING_BIAS_LIMIT_MRAD_S * 256L);
+                state->block_steps = 0;
+                state->at_rest = true;
+            }
+            return;
+        }
     }
+    state->block_steps = 0;
+    state->at_rest = false;
 }
 
 /* Turns the heading by the mean of this rate and the one before, without bias. Returns this rate, without bias. */
@@ -78,9 +83,7 @@ static int16_t take_rate(const heading_config_t *config, heading_state_t *state,
         state->blind_ms = 0;
         return measured_mrad_s(config, sensors->yaw_rate_mrad_s);
     }
-    state->blind_ms = (uint16_t)(state->blind_ms + sensors->period_ms);
-    if (state->blind_ms > BLIND_LIMIT_MS)
-        state->blind_ms = BLIND_LIMIT_MS;
+    state->blind_ms = fix_add_u16(state->blind_ms, sensors->period_ms);
     return fix_add16(fix_round16(predicted->motion.yaw_rate_mrad_s_q12, 12), fix_round16(state->bias.value, 8));
 }
 
@@ -91,7 +94,9 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
 
     watch_rest(config, state, sensors, predicted, rate);
     estimate->yaw_rate_mrad_s = integrate(state, sensors->period_ms, rate);
+    estimate->bias_unknown = state->bias.learnt == 0;
     if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE)) {
+        estimate->bias_unknown = false;
         state->heading_bam32 = (uint32_t)sensors->reference_heading_bam16 << 16;
         estimate->yaw_rate_mrad_s = sensors->reference_yaw_rate_mrad_s;
         state->blind_ms = 0;

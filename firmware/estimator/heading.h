@@ -1,8 +1,8 @@
 /* heading.h: heading and yaw rate from the gyro, without the bias that is learnt at rest.
  *
  * The bias is learnt from blocks of HEADING_BLOCK_STEPS samples in which nothing moves: both motors get 0 V, the model
- * has come to rest, the rotation sensors (if there are any) do not count, and the gyro's samples differ little. The
- * first block sets the bias. Later blocks are averaged in, each with less weight than the one before. A reference
+ * has come to rest, the rotation sensors (if there are any) do not count, and the gyro's samples differ little. A step
+ * without a sample makes the block longer and does not end it. The first block sets the bias. Later blocks are averaged in, each with less weight than the one before. A reference
  * overrides the gyro.
  * The rotation sensors' own heading is not used: one count is 2 degrees of heading, and an error of 1 % in half-track
  * or wheel radius turns the heading further than the gyro's bias does after a rest.
@@ -38,13 +38,13 @@ typedef struct {
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
-    uint16_t blind_ms; /* since the last gyro sample or reference */
+    uint16_t blind_ms; /* since the last gyro sample or reference; stays at 65535 */
     uint8_t block_steps;
     bool at_rest; /* true from the end of the first quiet block until something moves */
 } heading_state_t;
 
-/* One step of sensors->period_ms. Sets heading_bam16, yaw_rate_mrad_s, at_rest and valid of `estimate`; valid: not without gyro and
- * reference for longer than blind_ms. The heading is the integral of the mean of two samples: error below 2e-5 of the
+/* One step of sensors->period_ms. Sets heading_bam16, yaw_rate_mrad_s, at_rest, valid and bias_unknown of `estimate`; valid: not without
+ * gyro and reference for longer than blind_ms; bias_unknown: not with a reference, which needs no bias. The heading is the integral of the mean of two samples: error below 2e-5 of the
  * angle turned, and 2^-8 mrad/s of bias. */
 void heading_step(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,
                   const signals_predicted_t *predicted, signals_estimate_t *estimate);

@@ -300,11 +300,11 @@ def test_the_recipe_for_a_message_makes_one(tmp_path: Path) -> None:
     copy = Copy(tmp_path)
     copy.insert("hal/wire/brickpilot.dbc", "BO_ 384 HEARTBEAT", REQUEST)
     commands = "firmware/app/commands.c"
-    copy.insert(commands, "static const struct row {", OBEY)
+    copy.insert(commands, "static const FLASH struct row {", OBEY)
     copy.insert(
         commands,
         "};\nenum { REQUESTS_COUNT",
-        "    {WIRE_CLOCK_REQUEST_FRAME_ID, WIRE_CLOCK_FRAME_ID, clock_of_the_loop, WIRE_CLOCK_STATUS_AT, false},\n",
+        "    {WIRE_CLOCK_REQUEST_FRAME_ID, clock_of_the_loop, WIRE_CLOCK_STATUS_AT, false},\n",
     )
     copy.insert("tools/brickpilot/link/session.py", "    def command(self", ASK)
     test = "tests/unit/app/test_commands.c"

@@ -32,6 +32,7 @@ void draw_estimate(signals_estimate_t *estimate)
     estimate->accel_mm_s2 = draw_between(-32767, 32767);
     estimate->at_rest = draw_rarely(1);
     estimate->valid = !draw_rarely(4);
+    estimate->bias_unknown = draw_rarely(2);
 }
 
 void draw_estimate_about(signals_estimate_t *estimate, const route_waypoint_t *waypoint, uint16_t bearing_bam16)
@@ -48,6 +49,7 @@ void draw_estimate_about(signals_estimate_t *estimate, const route_waypoint_t *w
     estimate->speed_mm_s_q4 = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 3U);
     estimate->yaw_rate_mrad_s = draw_rarely(1) ? draw_between(-32767, 32767) : (int16_t)(draw_u16() & 15U);
     estimate->valid = !draw_rarely(4);
+    estimate->bias_unknown = draw_rarely(2);
 }
 
 void draw_route(route_t *route, route_waypoint_t waypoints[DRAWN_WAYPOINTS])

@@ -91,8 +91,49 @@ static void test_loop_aborts_when_the_watchdog_was_not_served(void)
     run(1, 3, MODE_NONE);
     TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
     TEST_ASSERT_EQUAL(MODE_LATE, state.step.mode.fault);
-    TEST_ASSERT_EQUAL_UINT16(1, state.aborted_late);
+    TEST_ASSERT_EQUAL_UINT16(1, state.aborted);
     TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+/* The mode after a run in which one tick came `period_ms` after the one before. */
+static mode_name_t mode_after_ms(uint16_t watchdog_ms, uint32_t period_ms)
+{
+    setUp();
+    config.watchdog_ms = watchdog_ms;
+    run(20, 3, MODE_START);
+    port.clock_ms += period_ms - 3;
+    run(1, 3, MODE_NONE);
+    return state.step.mode.mode;
+}
+
+static void test_loop_survives_the_watchdogs_time_and_no_more(void)
+{
+    TEST_ASSERT_EQUAL(MODE_RUN, mode_after_ms(12, 12));
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(12, 13));
+}
+
+static void test_loop_cuts_what_it_cannot_integrate_whatever_the_watchdog_allows(void)
+{
+    TEST_ASSERT_EQUAL(MODE_RUN, mode_after_ms(100, 20));
+    TEST_ASSERT_EQUAL(20, state.sensors.period_ms);
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(100, 21));
+    TEST_ASSERT_EQUAL(MODE_LATE, state.step.mode.fault);
+    TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
+}
+
+static void test_loop_takes_a_stall_of_more_than_16_bits_for_one(void)
+{
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 65536 + 4));
+    TEST_ASSERT_EQUAL(20, state.sensors.period_ms);
+    TEST_ASSERT_EQUAL_UINT16(1, state.late_ticks);
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 131072 + 4));
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 65535));
+}
+
+static void test_loop_integrates_at_least_a_millisecond(void)
+{
+    TEST_ASSERT_EQUAL(MODE_RUN, mode_after_ms(20, 0));
+    TEST_ASSERT_EQUAL(1, state.sensors.period_ms);
 }
 
 static void test_loop_survives_a_clock_that_wraps(void)
@@ -181,13 +222,25 @@ static void test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out(void)
     TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
     TEST_ASSERT_EQUAL(MODE_SILENT, state.step.mode.fault);
     TEST_ASSERT_EQUAL_INT16(0, port.left_q15);
-    TEST_ASSERT_EQUAL_UINT16(1, state.aborted_silent);
+    TEST_ASSERT_EQUAL_UINT16(1, state.aborted);
     all_sensors(HAL_OK);
     run(10, 3, MODE_START);
     TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
     run(2, 3, MODE_RESET);
     run(50, 3, MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+}
+
+static void test_loop_is_silent_only_beyond_the_time_allowed(void)
+{
+    config.silent_ms = 99;
+    run(200, 3, MODE_START);
+    all_sensors(HAL_STALE);
+    run(33, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(99, state.silent_ms);
+    TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_SILENT, state.step.mode.fault);
 }
 
 static void test_loop_takes_a_message_for_a_sign_of_life(void)
@@ -199,7 +252,7 @@ static void test_loop_takes_a_message_for_a_sign_of_life(void)
             loop_heard(&state);
         run(1, 3, MODE_NONE);
     }
-    TEST_ASSERT_EQUAL_UINT16(0, state.aborted_silent);
+    TEST_ASSERT_EQUAL_UINT16(0, state.aborted);
 }
 
 static void test_loop_begins_at_its_first_tick_where_nobody_started_it(void)
@@ -255,9 +308,36 @@ static void test_loop_tells_the_model_what_a_battery_below_its_floor_gave(void)
 
 static void test_loop_counters_do_not_wrap(void)
 {
-    state.late_ticks = 65535;
-    run(3, 9, MODE_NONE);
+    state.late_ticks = state.aborted = 65535;
+    run(3, 9, MODE_START);
+    port.clock_ms += 100;
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
     TEST_ASSERT_EQUAL_UINT16(65535, state.late_ticks);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.aborted);
+}
+
+static void only_the_gyro(void)
+{
+    all_sensors(HAL_ABSENT);
+    port.imu_status = HAL_OK;
+    port.imu.yaw_rate_mrad_s = 20;
+}
+
+static void test_loop_rests_before_a_run_until_the_gyros_bias_is_learnt(void)
+{
+    int steps = 0;
+    only_the_gyro();
+    run(1, 3, MODE_START);
+    while (port.left_q15 == 0 && ++steps < 1000) {
+        TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
+        TEST_ASSERT_TRUE(state.output.estimate.bias_unknown);
+        port.imu_status = steps % 2 ? HAL_STALE : HAL_OK; /* a starved link: every other sample is missing */
+        run(1, 3, MODE_NONE);
+    }
+    TEST_ASSERT_INT_WITHIN(2, 2 * HEADING_BLOCK_STEPS, steps);
+    TEST_ASSERT_FALSE(state.output.estimate.bias_unknown);
+    TEST_ASSERT_EQUAL_INT32(20 * 256, state.step.heading.bias.value);
 }
 
 int main(void)
@@ -269,16 +349,22 @@ int main(void)
     RUN_TEST(test_loop_counts_late_ticks_and_drives_on);
     RUN_TEST(test_loop_believes_the_same_way_at_any_period);
     RUN_TEST(test_loop_aborts_when_the_watchdog_was_not_served);
+    RUN_TEST(test_loop_survives_the_watchdogs_time_and_no_more);
+    RUN_TEST(test_loop_cuts_what_it_cannot_integrate_whatever_the_watchdog_allows);
+    RUN_TEST(test_loop_takes_a_stall_of_more_than_16_bits_for_one);
+    RUN_TEST(test_loop_integrates_at_least_a_millisecond);
     RUN_TEST(test_loop_survives_a_clock_that_wraps);
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);
     RUN_TEST(test_loop_takes_gyro_accelerometer_and_rotation_sensors);
     RUN_TEST(test_loop_takes_a_gyro_without_an_accelerometer);
     RUN_TEST(test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred);
     RUN_TEST(test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out);
+    RUN_TEST(test_loop_is_silent_only_beyond_the_time_allowed);
     RUN_TEST(test_loop_takes_a_message_for_a_sign_of_life);
     RUN_TEST(test_loop_begins_at_its_first_tick_where_nobody_started_it);
     RUN_TEST(test_loop_tells_the_model_what_a_sagging_battery_gave);
     RUN_TEST(test_loop_tells_the_model_what_a_battery_below_its_floor_gave);
     RUN_TEST(test_loop_counters_do_not_wrap);
+    RUN_TEST(test_loop_rests_before_a_run_until_the_gyros_bias_is_learnt);
     return UNITY_END();
 }

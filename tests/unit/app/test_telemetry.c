@@ -59,6 +59,13 @@ static void test_telemetry_carries_the_estimate(void)
     TEST_ASSERT_EQUAL_UINT8(LOS_TURN, track.phase);
     TEST_ASSERT_EQUAL_UINT8(1, track.at_rest);
     TEST_ASSERT_EQUAL_UINT8(0, track.valid);
+    TEST_ASSERT_EQUAL_UINT8(0, track.bias_unknown);
+    output->estimate = (signals_estimate_t){.bias_unknown = true};
+    pack();
+    wire_telemetry_track_unpack(&track, parts[2].data, 8);
+    TEST_ASSERT_EQUAL_UINT8(1, track.bias_unknown);
+    TEST_ASSERT_EQUAL_UINT8(0, track.valid);
+    TEST_ASSERT_EQUAL_UINT8(MODE_RUN, track.mode);
 }
 
 static void test_telemetry_carries_demands_and_efforts(void)
@@ -111,8 +118,7 @@ static void test_heartbeat_tells_mode_and_counts(void)
     state->mode.fault = MODE_COMMANDED;
     loop.tick = 0x01020304;
     loop.late_ticks = 500;
-    loop.aborted_late = 65000;
-    loop.aborted_silent = 1000;
+    loop.aborted = 256;
     telemetry_heartbeat(&loop, &message);
     TEST_ASSERT_EQUAL_UINT16(WIRE_HEARTBEAT_FRAME_ID, message.id);
     wire_heartbeat_unpack(&heartbeat, message.data, 8);

@@ -66,6 +66,18 @@ static void test_los_counts_an_overshoot_and_comes_back(void)
     TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
 }
 
+static void test_los_overshoots_only_beyond_the_distance_allowed(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    config.overshoot_mm = 150;
+    set_route(AHEAD, 1);
+    step_at(500.0, 0.0, 0.0);
+    step_at(1150.0, -120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(0, state.overshoots);
+    step_at(1151.0, -120.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(1, state.overshoots);
+}
+
 static void test_los_counts_an_overshoot_while_coasting_in_brake(void)
 {
     static const route_waypoint_t AHEAD[] = {{1000, 0}};
@@ -120,6 +132,7 @@ int main(void)
     RUN_TEST(test_los_skips_failed_legs_but_not_the_last);
     RUN_TEST(test_los_leg_after_a_skip_begins_where_the_robot_is);
     RUN_TEST(test_los_counts_an_overshoot_and_comes_back);
+    RUN_TEST(test_los_overshoots_only_beyond_the_distance_allowed);
     RUN_TEST(test_los_counts_an_overshoot_while_coasting_in_brake);
     RUN_TEST(test_los_too_many_overshoots_end_the_route);
     RUN_TEST(test_los_too_many_overshoots_skip_the_waypoint_where_told_to);

@@ -74,6 +74,66 @@ static void test_mode_passes_the_heading_on(void)
     TEST_ASSERT_UINT16_WITHIN(2, 1040, demand.heading_bam16);
 }
 
+static void test_mode_waits_at_rest_for_the_gyros_bias(void)
+{
+    estimate.bias_unknown = true;
+    step(MODE_START);
+    for (int i = 0; i < 100; i++) {
+        step(MODE_NONE);
+        TEST_ASSERT_EQUAL(MODE_RUN, state.mode);
+        TEST_ASSERT_FALSE(demand.drive);
+        TEST_ASSERT_EQUAL(LOS_BEGIN, state.los.phase);
+    }
+    estimate.bias_unknown = false;
+    step(MODE_NONE);
+    TEST_ASSERT_TRUE(demand.drive);
+    estimate.bias_unknown = true; /* a reference is missing: a run that drives does not stop for it */
+    step(MODE_NONE);
+    TEST_ASSERT_TRUE(demand.drive);
+}
+
+static void test_mode_drives_without_a_bias_after_255_steps_of_each_run(void)
+{
+    estimate.bias_unknown = true;
+    for (int run = 0; run < 2; run++) {
+        step(MODE_START);
+        for (int i = 1; i < 255; i++)
+            step(MODE_NONE);
+        TEST_ASSERT_FALSE(demand.drive);
+        step(MODE_NONE);
+        TEST_ASSERT_TRUE(demand.drive);
+        for (int i = 0; i < 600; i++)
+            step(MODE_NONE);
+        TEST_ASSERT_TRUE(demand.drive);
+        step(MODE_ABORT);
+        step(MODE_RESET);
+    }
+}
+
+static void test_mode_waits_afresh_after_a_run_that_was_aborted_at_rest(void)
+{
+    estimate.bias_unknown = true;
+    step(MODE_START);
+    for (int i = 0; i < 200; i++)
+        step(MODE_NONE);
+    step(MODE_ABORT);
+    step(MODE_RESET);
+    step(MODE_START);
+    for (int i = 0; i < 200; i++)
+        step(MODE_NONE);
+    TEST_ASSERT_FALSE(demand.drive);
+}
+
+static void test_mode_does_not_wait_for_a_bias_without_a_state(void)
+{
+    estimate.bias_unknown = true;
+    step(MODE_START);
+    estimate.valid = false;
+    for (int i = 0; i < 11; i++)
+        step(MODE_NONE);
+    assert_stopped(MODE_FAULT, MODE_STATE_LOST);
+}
+
 static void test_mode_arrives_at_the_last_waypoint_and_stays(void)
 {
     step(MODE_START);
@@ -215,6 +275,10 @@ int main(void)
     RUN_TEST(test_mode_idles_with_motors_off_until_started);
     RUN_TEST(test_mode_start_drives_in_the_same_step);
     RUN_TEST(test_mode_passes_the_heading_on);
+    RUN_TEST(test_mode_waits_at_rest_for_the_gyros_bias);
+    RUN_TEST(test_mode_drives_without_a_bias_after_255_steps_of_each_run);
+    RUN_TEST(test_mode_waits_afresh_after_a_run_that_was_aborted_at_rest);
+    RUN_TEST(test_mode_does_not_wait_for_a_bias_without_a_state);
     RUN_TEST(test_mode_arrives_at_the_last_waypoint_and_stays);
     RUN_TEST(test_mode_leg_time_out_is_a_fault);
     RUN_TEST(test_mode_overshoot_is_a_fault);

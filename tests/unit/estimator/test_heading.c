@@ -73,6 +73,59 @@ static void test_heading_learns_the_bias_of_the_first_quiet_block(void)
     TEST_ASSERT_EQUAL_INT16(0, estimate.yaw_rate_mrad_s);
 }
 
+static void test_heading_skips_samples_that_are_missing_from_a_block(void)
+{
+    for (int i = 0; i < HEADING_BLOCK_STEPS - 1; i++) {
+        sensors.have = SENSOR_GYRO;
+        run(20, 1);
+        sensors.have = 0;
+        run(9999, 2);
+    }
+    TEST_ASSERT_TRUE(estimate.bias_unknown);
+    sensors.have = SENSOR_GYRO;
+    run(20, 1);
+    TEST_ASSERT_FALSE(estimate.bias_unknown);
+    TEST_ASSERT_TRUE(estimate.at_rest);
+    TEST_ASSERT_EQUAL_INT32(20 * 256, state.bias.value);
+    sensors.have = 0;
+    run(0, 1);
+    TEST_ASSERT_TRUE(estimate.at_rest);
+    run_driven(0, 1);
+    TEST_ASSERT_FALSE(estimate.at_rest);
+}
+
+static void test_heading_begins_a_block_anew_where_something_moves_without_a_sample(void)
+{
+    run(20, HEADING_BLOCK_STEPS - 1);
+    sensors.have = 0;
+    run_driven(0, 1);
+    sensors.have = SENSOR_GYRO;
+    run(20, 1);
+    TEST_ASSERT_TRUE(estimate.bias_unknown);
+    run(20, HEADING_BLOCK_STEPS - 1);
+    TEST_ASSERT_FALSE(estimate.bias_unknown);
+}
+
+static void test_heading_needs_no_bias_with_a_reference(void)
+{
+    run(20, 1);
+    TEST_ASSERT_TRUE(estimate.bias_unknown);
+    sensors.have |= SENSOR_REFERENCE;
+    run(20, 1);
+    TEST_ASSERT_FALSE(estimate.bias_unknown);
+}
+
+static void test_heading_is_valid_for_as_long_as_blind_ms_says_and_no_longer(void)
+{
+    heading_config_t config = *CONFIG;
+    config.blind_ms = 99;
+    sensors.have = 0;
+    for (int i = 1; i <= 34; i++) {
+        heading_step(&config, &state, &sensors, &predicted, &estimate);
+        TEST_ASSERT_EQUAL(i <= 33, estimate.valid);
+    }
+}
+
 static void test_heading_averages_a_noisy_gyro_at_rest(void)
 {
     uint32_t seed = 7;
@@ -245,6 +298,10 @@ int main(void)
     RUN_TEST(test_heading_takes_the_mean_of_two_samples);
     RUN_TEST(test_heading_is_the_same_to_both_sides_bit_for_bit);
     RUN_TEST(test_heading_learns_the_bias_of_the_first_quiet_block);
+    RUN_TEST(test_heading_skips_samples_that_are_missing_from_a_block);
+    RUN_TEST(test_heading_begins_a_block_anew_where_something_moves_without_a_sample);
+    RUN_TEST(test_heading_needs_no_bias_with_a_reference);
+    RUN_TEST(test_heading_is_valid_for_as_long_as_blind_ms_says_and_no_longer);
     RUN_TEST(test_heading_averages_a_noisy_gyro_at_rest);
     RUN_TEST(test_heading_bias_follows_slowly_once_learnt);
     RUN_TEST(test_heading_does_not_drift_after_a_rest);

@@ -48,8 +48,7 @@ void vectors_feed(void)
     state.clock_ms = (uint32_t)draw_s32();
     state.tick = (uint32_t)draw_s32();
     state.late_ticks = draw_up_to(65535U);
-    state.aborted_late = draw_up_to(1000);
-    state.aborted_silent = draw_up_to(draw_rarely(3) ? 65535U : 10);
+    state.aborted = draw_up_to(draw_rarely(3) ? 65535U : 300);
     for (telemetry_part_t part = 0; part < TELEMETRY_PARTS; part++) {
         telemetry_part(part, &state, &message);
         hash(&message);
