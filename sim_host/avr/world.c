@@ -3,12 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "models/rcx_gen.h"
-
-enum {
-    STEP_CYCLES = (int)(CHIP_HZ * RCX_MOTOR_STEP + 0.5),
-    PER_CONTROL_STEP = (int)(RCX_BODY_STEP / RCX_MOTOR_STEP + 0.5)
-};
+enum { STEP_CYCLES = (int)(CHIP_HZ * RCX_MOTOR_STEP + 0.5) };
 _Static_assert(STEP_CYCLES == 4800, "a motor step is a whole number of cycles");
 static const double TURN = 6.283185307179586;
 
@@ -29,6 +24,18 @@ static double limited(double value, double range)
     return value > range ? range : value < -range ? -range : value;
 }
 
+/* An accelerometer shows the mean over a control step, as it does in bp_fly(): its band ends near 160 Hz. */
+static double mean_force(world_t *world, int axis, double now)
+{
+    double *last = world->specific_force[axis];
+    double sum = 0;
+
+    last[world->motor_steps % PER_CONTROL_STEP] = now;
+    for (int i = 0; i < PER_CONTROL_STEP; i++)
+        sum += last[i];
+    return sum / PER_CONTROL_STEP;
+}
+
 static void set_volts(world_t *world, int input, double value)
 {
     const wiring_analog_t *analog = &world->chip.wiring->analog[input];
@@ -43,9 +50,13 @@ static void sense(world_t *world)
     /* Output of the battery over its nominal value: what effects of the supply have taken. */
     const double supply = out[OUTPUT_BATTERY_VOLTAGE] / world->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 
-    set_volts(world, ANALOG_GYRO, limited(out[OUTPUT_YAW_RATE] + world->noise.yaw_rate, imu->gyro_range));
-    set_volts(world, ANALOG_SURGE, limited(out[OUTPUT_ACCEL_SURGE] + world->noise.accel_surge, imu->accel_range));
-    set_volts(world, ANALOG_SWAY, limited(out[OUTPUT_ACCEL_SWAY] + world->noise.accel_sway, imu->accel_range));
+    world->measured =
+        (imu_reading_t){.accel_surge = mean_force(world, 0, out[OUTPUT_ACCEL_SURGE]) + world->noise.accel_surge,
+                        .accel_sway = mean_force(world, 1, out[OUTPUT_ACCEL_SWAY]) + world->noise.accel_sway,
+                        .yaw_rate = out[OUTPUT_YAW_RATE] + world->noise.yaw_rate};
+    set_volts(world, ANALOG_GYRO, limited(world->measured.yaw_rate, imu->gyro_range));
+    set_volts(world, ANALOG_SURGE, limited(world->measured.accel_surge, imu->accel_range));
+    set_volts(world, ANALOG_SWAY, limited(world->measured.accel_sway, imu->accel_range));
     set_volts(world, ANALOG_BATTERY, battery(world) * supply);
 }
 
@@ -145,13 +156,10 @@ static void log_row(world_t *world, double *row)
     static const double NOT_YET[SIDES] = {0, 0};
     const double *out = world->output;
     sil_port_t port = {0};
-    const imu_reading_t measured = {.accel_surge = out[OUTPUT_ACCEL_SURGE] + world->noise.accel_surge,
-                                    .accel_sway = out[OUTPUT_ACCEL_SWAY] + world->noise.accel_sway,
-                                    .yaw_rate = out[OUTPUT_YAW_RATE] + world->noise.yaw_rate};
 
     port.rotation.left = (uint16_t)world->chip.encoder[LEFT].count;
     port.rotation.right = (uint16_t)world->chip.encoder[RIGHT].count;
-    flight_log_row(row, world->step * RCX_BODY_STEP, &world->plant, out, &measured, &port, NOT_YET, NULL);
+    flight_log_row(row, world->step * RCX_BODY_STEP, &world->plant, out, &world->measured, &port, NOT_YET, NULL);
 }
 
 static void log_drives(const world_t *world, double *row, short *motors)

@@ -3,10 +3,13 @@
 #define BRICKPILOT_SIM_AVR_WORLD_H
 
 #include "avr/chip.h"
+#include "models/rcx_gen.h"
 #include "plant/plant.h"
 #include "run/flight_log.h"
 #include "sensors/encoder.h"
 #include "sensors/imu.h"
+
+enum { PER_CONTROL_STEP = (int)(RCX_BODY_STEP / RCX_MOTOR_STEP + 0.5) };
 
 typedef struct {
     chip_t chip;
@@ -18,6 +21,8 @@ typedef struct {
     imu_t imu;
     imu_config_t imu_config;
     imu_reading_t noise; /* bias and noise of the control step */
+    imu_reading_t measured;
+    double specific_force[2][PER_CONTROL_STEP]; /* surge, sway: of the last motor steps */
     encoder_config_t encoder_config;
     double battery_v; /* of a fault; 0: the model's */
     double output[OUTPUT_COUNT];
