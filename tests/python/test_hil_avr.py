@@ -1,0 +1,149 @@
+"""The image for AVR chips flies on simavr, through its own drivers."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.errors import InputError
+from brickpilot.hil import avr_flight, avr_robot
+from brickpilot.hil import fly as over_a_link
+from brickpilot.hil.avr_robot import AVR_TARGETS, avr_image
+from brickpilot.vehicle import flight, flight_figures, scenario
+from brickpilot.vehicle.model import rcx
+from command import brickpilot
+
+ROOT = Path(__file__).parents[2]
+TELEMETRY_EVERY = 10
+
+
+def plan_of(sensors: str, seconds: float | None = None, seed: int = 0) -> flight.Plan:
+    mission = scenario.load(scenario.packaged()["mission"])
+    plan = flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed)
+    return plan if seconds is None else dataclasses.replace(plan, steps=round(seconds / 0.003))
+
+
+def fly(target: str, seconds: float, trace: Path | None = None) -> over_a_link.HilFlight:
+    plan = plan_of(AVR_TARGETS[target].sensors[0], seconds)
+    image = avr_image(target)
+    return avr_flight.fly(plan, target, image, telemetry_every=TELEMETRY_EVERY, progress=lambda *_: None, trace=trace)
+
+
+@pytest.fixture(autouse=True)
+def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Path) -> None:
+    """One whole flight: 8 of 8, in the run folder of every flight, and where the simulation with these sensors flies.
+
+    The tolerance is the spread of the simulation itself. Eight flights that differ in the seed of the noise alone are
+    up to 0.06 m (rms over the flight) from each other, because the gyro's error adds up in the heading; the chip's
+    converter and its order of samples give it other noise too. 3 mm come on top: at 0.5 m/s the way in the 6 ms from
+    a sample to its pulses. Steps of the converter (10 bits) are those of the simulation, and steps of the PWM are 9 mV.
+    """
+    done = brickpilot("hil", "--target", "avr:328p-imu", "--sensors", "imu", "--out", str(tmp_path), "--json", cwd=ROOT)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads(done.stdout)
+    assert (figures["waypoints_reached"], figures["final_mode"], figures["fault"]) == (8, "arrived", "none")
+    assert (figures["late_ticks"], figures["lost_frames"], figures["safe_stops"]) == (0, 0, 0)
+    assert (figures["link"], figures["pace"]) == ("avr:328p-imu", "simulated time")
+    assert {file.name for file in tmp_path.iterdir()} == {"log.csv", "ticks.csv", "summary.json", "report.html"}
+
+    log = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    track = np.stack([log["true_x_m"], log["true_y_m"]])
+    simulated = [flight.fly(plan_of("imu", seed=seed)) for seed in range(8)]
+    ways = [np.stack([one.log["true_x_m"], one.log["true_y_m"]])[:, : track.shape[1]] for one in simulated]
+    spread = max(_apart(a, b) for a in ways for b in ways)
+    assert spread < 0.06
+    assert _apart(track, ways[0]) < spread + 0.003
+
+    times = np.array([flight_figures.summary(one)["reached_at_s"] for one in simulated], dtype=float)
+    late = np.array(figures["reached_at_s"]) - times.mean(axis=0)
+    assert np.abs(late).max() < np.ptp(times, axis=0).max() + 0.006
+
+    again = fly("avr:328p-imu", 3.0)  # in another process: the same duties, of 32767
+    whole = np.stack([log["left_duty"], log["right_duty"]], axis=1)[: len(again.flight.motors)]
+    np.testing.assert_array_equal(again.flight.motors, np.rint(whole * 32767))
+    _edges_are_those_of_the_wheels(again)
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=0))))
+
+
+def _edges_are_those_of_the_wheels(flown: over_a_link.HilFlight) -> None:
+    """The counts of the sensors are those of the wheels' angles one motor step ago, rounded down."""
+    log = flown.flight.log
+    turned = np.cumsum(log["left_wheel_rad_s"]) * 0.003 * 48 / (2 * np.pi)
+    assert turned.max() > 10
+    assert np.abs(log["measured_left_counts"] - np.floor(turned)).max() <= 1
+
+
+@pytest.mark.parametrize("target", ["avr:328p-rotation", "avr:2560"])
+def test_the_other_images_reach_their_first_waypoint(target: str) -> None:
+    flown = fly(target, 5.5)
+    figures = flight_figures.summary(flown.flight)
+    assert (figures["waypoints_reached"], figures["fault"], flown.late_ticks, flown.lost_frames) == (1, "none", 0, 0)
+    _edges_are_those_of_the_wheels(flown)
+
+
+def test_a_flight_repeats_itself_to_the_bit_and_its_signals_are_traced(tmp_path: Path) -> None:
+    trace = tmp_path / "signals.vcd"
+    traced, bare = fly("avr:328p-imu", 1.5, trace), fly("avr:328p-imu", 1.5)
+    assert traced.flight.motors.tobytes() == bare.flight.motors.tobytes()
+    for name, column in traced.flight.log.items():
+        assert column.tobytes() == bare.flight.log[name].tobytes(), name
+    assert all(
+        traced.ticks.columns()[name].tobytes() == column.tobytes() for name, column in bare.ticks.columns().items()
+    )
+    text = trace.read_text()
+    names = {line.split()[4]: line.split()[3] for line in text.splitlines() if line.startswith("$var")}
+    assert {"left_pwm", "right_in2", "left_a", "gyro", "battery"} <= names.keys()
+    rises = text.count(f"\n1{names['left_pwm']}\n")
+    assert 0.4 * 15625 < rises < 0.6 * 15625 + 1  # pulses of 15.6 kHz in the half second that it drives
+
+
+def test_what_an_avr_cannot_do_is_said_in_one_line(tmp_path: Path) -> None:
+    def line(*options: str) -> str:
+        done = brickpilot("hil", "--target", "avr:328p-imu", *options, cwd=ROOT)
+        assert (done.returncode, done.stdout) == (2, "")
+        return done.stderr
+
+    assert line("--sensors", "ideal") == "brickpilot: --sensors ideal: avr:328p-imu flies with imu\n"
+    assert "has its own link" in line("--link", "tcp")
+    assert "runs in lockstep only" in line("--realtime")
+    assert "no recorded readings can be replayed" in line("--replay", "flight.log")
+    assert "only flies" in line("--settings")
+    assert "the image has the profile coupled alone" in line("--sensors", "imu", "--profile", "paper")
+    assert "cannot be written" in line("--sensors", "imu", "--trace", str(tmp_path / "no" / "folder.vcd"))
+    done = brickpilot("hil", "--link", "tcp", "--trace", "a.vcd", cwd=ROOT)
+    assert (done.returncode, done.stderr) == (2, "brickpilot: --trace: needs --target avr: only there are pins\n")
+
+
+def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
+    text = tmp_path / "image.elf"
+    text.write_text("not an image")
+    log, motors = np.zeros((1, 1)), np.zeros((1, 2), dtype=np.int16)
+    with (
+        pytest.raises(InputError, match=r"image.elf: is no image for an AVR: an ELF file is needed"),
+        avr_robot.open_robot(plan_of("imu", 0.003), text, "atmega328p", log, motors),
+    ):
+        pass
+    with (
+        pytest.raises(InputError, match="simavr does not know the chip"),
+        avr_robot.open_robot(plan_of("imu", 0.003), avr_image("avr:328p-imu"), "atmega9", log, motors),
+    ):
+        pass
+
+
+def test_a_build_without_simavr_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise FileNotFoundError(name)
+
+    monkeypatch.setattr("brickpilot.compiled.interface", missing)
+    with pytest.raises(InputError, match=r"this build has no simavr: sudo apt-get install libsimavr-dev libelf-dev"):
+        avr_robot.avr_interface()
