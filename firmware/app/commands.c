@@ -224,7 +224,7 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
     return status;
 }
 
-static const FLASH struct row {
+static const struct row {
     uint16_t id; /* that of the reply is the next one */
     request_t *take;
     uint8_t status_at;  /* in the reply */
@@ -241,7 +241,7 @@ enum { REQUESTS_COUNT = sizeof REQUESTS / sizeof REQUESTS[0] };
 bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message)
 {
     uint8_t *const data = message->data;
-    const FLASH struct row *row = REQUESTS;
+    const struct row *row = REQUESTS;
     uint8_t status;
 
     while (row->id != message->id)

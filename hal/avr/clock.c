@@ -45,22 +45,27 @@ uint32_t hal_clock_ms(void)
     return ms;
 }
 
-/* No interrupt comes between sei() and the instruction after it, so none is slept through. */
+/* Sleeps until an interrupt, as the manual of avr/sleep.h says: none comes between sei() and the instruction after it, so that none is slept
+ * through. Interrupts are off before and after. */
+static void sleep_until_interrupt(void)
+{
+    sleep_enable();
+    sei();
+    sleep_cpu();
+    sleep_disable();
+    cli();
+}
+
 uint8_t clock_wait(void)
 {
     uint8_t begun;
 
     set_sleep_mode(SLEEP_MODE_IDLE);
-    sleep_enable();
     cli();
-    while (ticks == 0) {
-        sei();
-        sleep_cpu();
-        cli();
-    }
+    while (ticks == 0)
+        sleep_until_interrupt();
     begun = ticks;
     ticks = 0;
     sei();
-    sleep_disable();
     return begun;
 }

@@ -49,9 +49,18 @@ static chip_t *chip_of(avr_t *avr)
     return avr->custom.data;
 }
 
+static void look(chip_t *chip, bool asleep)
+{
+    const avr_t *avr = chip->avr;
+    const uint16_t stack = (uint16_t)(avr->data[R_SPL] | avr->data[R_SPH] << 8);
+
+    profile_look(chip->profile, avr->cycle, avr->pc, stack, asleep);
+}
+
 static void run(avr_t *avr)
 {
     chip_t *chip = chip_of(avr);
+    const bool asleep = avr->state == cpu_Sleeping;
 
     if (chip->fault[CHIP_INTERRUPT_STUCK] > 0)
         avr_raise_interrupt(avr, &chip->adc->adc);
@@ -59,12 +68,14 @@ static void run(avr_t *avr)
         stand_still(avr);
     else
         avr_callback_run_raw(avr);
+    if (chip->profile != NULL)
+        look(chip, asleep);
 }
 
-/* simavr may do many instructions in one call, up to its next timer; with a fault that acts on each, one. */
+/* simavr may do many instructions in one call, up to its next timer; with a fault or a profile that looks at each, one. */
 static void choose_stride(chip_t *chip)
 {
-    const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0;
+    const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0 || chip->profile != NULL;
     chip->avr->run_cycle_limit = each ? 1 : RUN_AT_MOST;
 }
 
@@ -301,6 +312,14 @@ void chip_supply(chip_t *chip, double battery_v)
     if (was_unpowered && !chip->unpowered && level > 0)
         avr_regbit_set(avr, avr->reset_flags.borf);
     trace_reset(chip, detected);
+}
+
+void chip_profile(chip_t *chip, profile_t *profile)
+{
+    profile->lowest_stack = UINT16_MAX;
+    profile->now = chip->avr->cycle;
+    chip->profile = profile;
+    choose_stride(chip);
 }
 
 void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)

@@ -16,6 +16,7 @@
 #include <simavr/sim_vcd_file.h>
 
 #include "avr/bridge.h"
+#include "avr/profile.h"
 #include "avr/quadrature.h"
 #include "avr/wiring.h"
 #include "sensors/random.h"
@@ -74,6 +75,8 @@ struct chip {
     uint32_t overruns; /* bytes that the receiver lost */
     uint32_t lost_out; /* bytes to the host without room */
 
+    profile_t *profile; /* NULL: none; the owner's. chip_profile() sets it */
+
     uint32_t step_cycles;
     uint64_t next_step;
     void (*on_step)(void *owner);
@@ -102,6 +105,9 @@ void chip_turn(chip_t *chip, int side, const quadrature_track_t *track);
 /* Sets the battery's voltage behind the robot's 5 V regulator. Below the level of the brown-out detector, the processor stays in
  * reset; without detector it stops where it is, with its pins and timers as they are. */
 void chip_supply(chip_t *chip, double battery_v);
+
+/* Counts cycles from now on, into `profile`, which stays the caller's. */
+void chip_profile(chip_t *chip, profile_t *profile);
 
 void chip_set_fault(chip_t *chip, chip_fault_t fault, double value);
 

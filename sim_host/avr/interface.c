@@ -8,6 +8,7 @@
 
 struct bp_avr {
     world_t world;
+    profile_t profile;
 };
 
 _Static_assert((int)BP_AVR_MAIN_HELD == (int)CHIP_MAIN_HELD &&
@@ -119,7 +120,24 @@ void bp_avr_tell(const bp_avr *brick, bp_avr_report *report)
                               .lost = chip->lost_out,
                               .stopped = chip_has_stopped(chip),
                               .unpowered = chip->unpowered,
+                              .profiled = brick->profile.ended,
+                              .stack = chip->profile == NULL ? 0 : chip->avr->ramend - brick->profile.lowest_stack,
                               .duty = {brick->world.duty[LEFT], brick->world.duty[RIGHT]}};
+}
+
+int bp_avr_profile(bp_avr *brick, const bp_avr_function *functions, int count, unsigned int vectors_end,
+                   bp_avr_costs *rows, int room)
+{
+    if (count < 0 || count > PROFILE_FUNCTIONS || room < 0)
+        return BP_E_RANGE;
+    brick->profile = (profile_t){.functions = count, .vectors_end = vectors_end, .rows = rows, .room = room};
+    for (int i = 0; i < count; i++) {
+        if (functions[i].part < 0 || functions[i].part >= BP_AVR_PARTS)
+            return BP_E_RANGE;
+        brick->profile.function[i] = functions[i];
+    }
+    chip_profile(&brick->world.chip, &brick->profile);
+    return 0;
 }
 
 int bp_avr_read(const bp_avr *brick, int address, unsigned char *bytes, int count)

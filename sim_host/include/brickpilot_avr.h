@@ -43,6 +43,27 @@ enum {
 };
 int bp_avr_fault(bp_avr *brick, int fault, double value); /* 0, or BP_E_RANGE */
 
+/* What the program's parts cost. A part has functions, given by their addresses (in bytes). From the entry of one of them to its return
+ * the cycles are the part's, with all that it calls. Part 0 is the control step: a part that it calls is counted apart. What
+ * other parts call is theirs. Interrupts are apart from all of them. */
+enum { BP_AVR_PARTS = 16 };
+typedef struct {
+    unsigned int entry;
+    int part; /* 0..BP_AVR_PARTS - 1 */
+} bp_avr_function;
+
+/* Cycles since the end of the control step before. */
+typedef struct {
+    unsigned int part[16]; /* BP_AVR_PARTS */
+    unsigned int interrupts;
+    unsigned int awake; /* all that the processor did not sleep */
+} bp_avr_costs;
+
+/* Counts from now on. Each control step fills one of `rows`, which must outlive the brick, as long as there is room; bp_avr_tell() says how
+ * many. `vectors_end` is the first address behind the interrupts' vectors. Returns 0, or BP_E_RANGE: a part, or too many functions. */
+int bp_avr_profile(bp_avr *brick, const bp_avr_function *functions, int count, unsigned int vectors_end,
+                   bp_avr_costs *rows, int room);
+
 /* What has happened since power-on. */
 typedef struct {
     unsigned long long cycles;
@@ -51,6 +72,8 @@ typedef struct {
     unsigned int lost;     /* bytes to the host without room */
     int stopped;           /* 1: the processor has stopped */
     int unpowered;         /* 1: its supply is too low */
+    int profiled;          /* rows of bp_avr_profile() that are filled */
+    int stack;             /* most bytes of stack since bp_avr_profile() */
     double duty[2];        /* of the drives in the last motor step, -1..1; NaN: they coasted */
 } bp_avr_report;
 void bp_avr_tell(const bp_avr *brick, bp_avr_report *report);

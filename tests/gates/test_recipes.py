@@ -300,7 +300,7 @@ def test_the_recipe_for_a_message_makes_one(tmp_path: Path) -> None:
     copy = Copy(tmp_path)
     copy.insert("hal/wire/brickpilot.dbc", "BO_ 384 HEARTBEAT", REQUEST)
     commands = "firmware/app/commands.c"
-    copy.insert(commands, "static const FLASH struct row {", OBEY)
+    copy.insert(commands, "static const struct row {", OBEY)
     copy.insert(
         commands,
         "};\nenum { REQUESTS_COUNT",

@@ -11,16 +11,18 @@ import numpy as np
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
+from brickpilot.hil.avr_robot import AVR_TARGETS
 
 
 @click.command()
 @click.option(
     "--target",
-    type=click.Choice(["host", "h8", "h8:imu", "h8:rotation"]),
+    type=click.Choice(["host", "h8", "h8:imu", "h8:rotation", "avr", *AVR_TARGETS]),
     default="host",
     help="host measures the speed on this machine beside a peer. h8 counts the instructions and states of a control "
     "step during a mission on the simulator of the RCX's processor. h8:imu and h8:rotation do the same with the "
-    "firmware that is built for an RCX with these sensors.",
+    "firmware that is built for an RCX with these sensors. avr:328p-imu, avr:328p-rotation and avr:2560 count the "
+    "cycles of the image for an ATmega328P or ATmega2560 on simavr, with drivers and interrupts; avr does all three.",
 )
 @click.option(
     "--profile", type=click.Choice(["coupled", "paper"]), help="With h8: the controller's constants; default coupled."
@@ -29,17 +31,19 @@ from brickpilot.errors import InputError
 @click.option(
     "--seconds",
     type=click.FloatRange(STEP_S),
-    help="With h8: fly this much of the mission; the default is all of it, which takes one or two minutes.",
+    help="With h8 and avr: fly this much of the mission; the default is all of it, which takes one or two minutes.",
 )
 @as_json
 def bench(target: str, profile: str | None, sensors: str | None, seconds: float | None, as_json: bool) -> None:
     """Measures speed: on this machine beside a peer, or on a brick's processor."""
+    if target.startswith("avr"):
+        _refuse("h8", profile=profile, sensors=sensors)
+        _avr([target] if target in AVR_TARGETS else list(AVR_TARGETS), seconds, as_json)
+        return
     if target != "host":
         _h8(target.replace("h8", "h8sim"), profile or "coupled", sensors or "imu+encoders", seconds, as_json)
         return
-    for name, value in (("profile", profile), ("sensors", sensors), ("seconds", seconds)):
-        if value is not None:
-            raise InputError("works only with --target h8", field=f"--{name}")
+    _refuse("h8", profile=profile, sensors=sensors, seconds=seconds)
     from brickpilot.benchmark import speed as bench_module
 
     figures = {name: dataclasses.asdict(figure) for name, figure in bench_module.host().items()}
@@ -48,6 +52,37 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
         return
     for name, figure in figures.items():
         click.echo(f"{name}: {figure['value']:.0f} {figure['unit']}, {figure['ratio']:.1f} times {figure['peer']}")
+
+
+def _refuse(target: str, **given: str | float | None) -> None:
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(f"works only with --target {target}", field=f"--{name}")
+
+
+def _avr(targets: list[str], seconds: float | None, as_json: bool) -> None:
+    from brickpilot.benchmark import avr_budget
+
+    for target in targets:
+        with progress_shown(not as_json) as progress:
+            found = avr_budget.as_dict(avr_budget.mission(target, seconds, progress))
+        if as_json:
+            click.echo(json.dumps(found))
+            continue
+        click.echo(f"{target:18} {'cycles, typical':>15} {'most':>7} {'most, ms':>9} {'share of the period':>20}")
+        for name, cycles in found["cycles"].items():
+            most = cycles["most"]
+            click.echo(
+                f"{name:18} {cycles['typical']:15d} {most:7d} {1e3 * most / found['clock_hz']:9.2f} "
+                f"{100 * most / found['period_cycles']:18.1f} %"
+            )
+        click.echo(f"{found['periods']} periods of {found['period_cycles']} cycles")
+        click.echo(f"flash: {found['flash_bytes']} of {found['flash_of']} bytes")
+        left = found["ram_of"] - found["ram_bytes"] - found["stack_bytes"]
+        click.echo(
+            f"RAM: {found['ram_bytes']} bytes of variables and at most {found['stack_bytes']} of stack, "
+            f"of {found['ram_of']}: {left} left"
+        )
 
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:

@@ -152,6 +152,28 @@ class AvrRobot:
         self._library.bp_avr_tell(self._brick, self._report)
         return self._report
 
+    def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
+        """Counts from now on what the program's parts cost: `bp_avr_profile`.
+
+        Args:
+            functions: entry and part of each.
+            vectors_end: the first address behind the interrupts' vectors.
+            room: control steps that are kept.
+        """
+        given = self._ffi.new("bp_avr_function[]", list(functions))
+        self._rows = self._ffi.new("bp_avr_costs[]", room)
+        if self._library.bp_avr_profile(self._brick, given, len(given), vectors_end, self._rows, room):
+            raise ValueError("too many functions or parts")
+
+    def profiled(self) -> tuple[NDArray[np.int64], int]:
+        """Returns the cycles of each control step since `profile`, and the most bytes of stack.
+
+        The first has the shape (steps, parts + 2): the parts, the interrupts, and all that was not slept.
+        """
+        told = self.tell()
+        rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
+        return rows[: told.profiled].astype(np.int64), int(told.stack)
+
     def read(self, address: int, count: int) -> bytes:
         """Returns bytes of the processor's memory."""
         room = self._ffi.new("unsigned char[]", count)
