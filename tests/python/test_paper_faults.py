@@ -13,6 +13,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State, simulate
 from scipy.integrate import solve_ivp
 
 SCENARIOS = Path(__file__).parents[2] / "sim_host" / "run" / "scenarios"
+MODEL = Path(__file__).parents[2] / "sim_host" / "models" / "rcx.toml"
 RPM = 2 * math.pi / 60
 
 
@@ -91,6 +92,17 @@ def test_fault_4_nothing_damps_the_yaw() -> None:
     spinning = State(yaw_rate=5.0)
     assert drive(robot("paper"), math.nan, math.nan, 5.0, spinning).final.yaw_rate == 5.0
     assert drive(robot("coupled"), math.nan, math.nan, 5.0, spinning).final.yaw_rate < 2.0
+
+
+def test_fault_4_takes_the_spin_of_fig_5_out_of_the_gyros_range_and_coupled_stays_within() -> None:
+    """The paper on half power: "The rotational velocity at full power is out with the range of the sensor"."""
+    gyro = tomllib.loads(MODEL.read_text(encoding="utf-8"))["sensors"]["imu"]["gyro_range"]["value"]
+    half, full = (abs(drive(robot("coupled"), v, -v, 7.0).final.yaw_rate) for v in (4.5, 9.0))
+    assert math.degrees(half) == pytest.approx(553, abs=1)
+    assert half < gyro < full
+    paper = np.abs(drive(robot("paper"), 4.5, -4.5, 7.0).outputs["yaw_rate"])
+    assert 0.003 * np.argmax(paper > gyro) == pytest.approx(4.3, abs=0.05)
+    assert math.degrees(paper[-1]) == pytest.approx(949, abs=1)
 
 
 def test_fault_5_the_smallest_voltage_turns_the_wheels() -> None:

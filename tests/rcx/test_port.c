@@ -222,6 +222,9 @@ static void test_port_display_tells_mode_and_waypoint(void)
     mode.fault = MODE_STATE_LOST;
     panel_show(&mode, false);
     shows("Err 3");
+    mode.fault = MODE_LATE; /* not that of Prgm, which is 4 */
+    panel_show(&mode, false);
+    shows("Err 7");
     mode.mode = MODE_ARRIVED;
     panel_show(&mode, false);
     shows("donE");
