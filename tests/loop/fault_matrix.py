@@ -18,9 +18,12 @@ import numpy as np
 from brickpilot.constants import STEP_S
 from brickpilot.hil import ends, fly
 from brickpilot.vehicle import flight, scenario
-from brickpilot.vehicle.faults import END_KINDS, KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
+from brickpilot.vehicle.faults import END_KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
 from brickpilot.vehicle.model import rcx
 from numpy.typing import NDArray
+
+KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)
+"""Those of any brick at the end of a link."""
 
 TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5

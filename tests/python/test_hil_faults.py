@@ -11,7 +11,7 @@ from brickpilot.errors import InputError
 from brickpilot.hil.faults import FLOOD, HELD_FOR, FaultyLink
 from brickpilot.link.links import Message
 from brickpilot.vehicle import scenario
-from brickpilot.vehicle.faults import KINDS, MESSAGE_KINDS, Fault
+from brickpilot.vehicle.faults import MESSAGE_KINDS, Fault
 
 MISSION = 'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n'
 
@@ -43,7 +43,7 @@ def through(kind: str, count: int = 40, rate: float = 1.0, seed: int = 0) -> lis
 
 @pytest.mark.realtime  # a reply has 30 ms to arrive
 @pytest.mark.parametrize("transport", fault_matrix.TRANSPORTS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", fault_matrix.KINDS)
 def test_no_fault_reaches_the_motors_over_any_transport(kind: str, transport: str) -> None:
     assert fault_matrix.run(kind, 0, transport).trouble == ""
 

@@ -23,6 +23,8 @@ def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     off, lost = _metres(figures["cross_track_rms_m"]), _metres(figures["position_estimate_error_m"])
     yield f"cross-track error   {off} rms: how far beside the straight line between two waypoints it drove"
     yield f"position error      {lost} rms: from where the controller takes the robot to be, to where it is"
+    if figures["started_without_gyro_bias"]:
+        yield "gyro bias           not learnt before the start: the heading drifts by what the gyro reads at rest"
     yield f"mode at the end     {figures['final_mode']}, fault: {figures['fault']}"
     seconds, times = figures["simulated_s"], figures["times_real_time"]
     rounded = f"{times:.0f}" if times >= 10 else f"{times:.1f}"

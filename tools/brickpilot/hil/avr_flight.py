@@ -97,6 +97,8 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
             run.broke_off = f"the brick was reset, {run.step * STEP_MS / 1e3:.3f} s into the flight"
             run.safe_stops += 1
             ends_at = min(ends_at, run.step + over_a_link.GIVE_UP_STEPS)
+        if run.broke_off is None and run.break_off_if_reset():
+            ends_at = min(ends_at, run.step + over_a_link.GIVE_UP_STEPS)
         run.end_step()
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.linked_flight import LinkedFlight, Progress
+from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress
 from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.hil.ticks import Ticks
 from brickpilot.link.links import LinkGoneError
@@ -78,10 +78,12 @@ def prepare(
     for name, raw in settings.items():
         session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
+    session.resets.begin()
 
 
 def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
     lost_since: int | None = None
+    gone = ""
     while run.step < run.plan.steps:
         run.begin_step()
         end.sense()
@@ -90,8 +92,10 @@ def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
                 run.session.command("start")
             replied = run.exchange(end, *((TRIES, run.reply_s) if lost_since is None else (1, STEP_MS * 1e-3)))
         except (LinkGoneError, NoReplyError) as error:
-            run.broke_off = str(error)
-            replied = False
+            gone, replied = str(error), False
+        if run.break_off_if_reset():
+            _coast(run, end, run.step + GIVE_UP_STEPS)
+            return
         if replied:
             lost_since = None
         elif lost_since is None:
@@ -99,8 +103,8 @@ def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
             run.safe_stops += 1
         if lost_since is not None:
             run.motors = (0, 0)
-            if run.broke_off or run.step - lost_since >= GIVE_UP_STEPS:
-                run.broke_off = f"{run.broke_off or 'no reply'}, {lost_since * STEP_MS / 1e3:.3f} s into the flight"
+            if gone or run.step - lost_since >= GIVE_UP_STEPS:
+                run.break_off(f"{LOST}: {gone or 'no reply'}", lost_since)
                 _coast(run, end, lost_since + GIVE_UP_STEPS)
                 return
         end.act(*run.motors)
@@ -141,6 +145,9 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
         run.late += -left > STEP_MS * 1e-3
         run.begin_step()
         end.sense()
+        if run.break_off_if_reset():
+            _coast(run, end, run.step + GIVE_UP_STEPS)
+            return
         run.sent_sequence = run.session.next_sequence()
         messages = end.messages(run.sent_sequence)
         if run.step >= run.plan.start_step and not run.started and (run.step - run.plan.start_step) % 20 == 0:
@@ -152,7 +159,7 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
         stopped = silent
         end.act(*((0, 0) if silent else run.motors))
         if run.step - run.commanded_at > GIVE_UP_STEPS:
-            run.broke_off = f"no reply, {run.commanded_at * STEP_MS / 1e3:.3f} s into the flight"
+            run.break_off(f"{LOST}: no reply", run.commanded_at)
             run.end_step()
             return
         run.end_step()
@@ -195,7 +202,7 @@ def fly(
         try:
             (_fly_realtime if pace == REALTIME else _fly_lockstep)(run, end)
         except LinkGoneError as error:
-            run.broke_off = f"{error}, {run.step * STEP_MS / 1e3:.3f} s into the flight"
+            run.break_off(f"{LOST}: {error}", run.step)
             run.safe_stops += 1
             _coast(run, end, run.step + GIVE_UP_STEPS)
     return flown(run, log, motors, time.perf_counter() - began)
@@ -218,6 +225,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
 def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
     """Returns the flight as far as it went: the plant's log with the columns that telemetry gives, and the counts."""
     done = run.step
+    run.break_off_if_reset()
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}
     columns |= run.telemetry.columns(done)
     columns["left_duty"], columns["right_duty"] = (motors[:done, side] / 32767.0 for side in (0, 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from brickpilot.constants import STEP_MS
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.faults import FaultyLink, controller_restarts
 from brickpilot.hil.plant_end import PlantEnd
@@ -16,6 +17,10 @@ from brickpilot.vehicle import flight
 
 SEQUENCE_AT = 4
 """Place of the sequence number in MOTORS; the tick follows it."""
+
+LOST = "the link was lost"
+RESET = "the brick was reset: it restarted, or took an OPEN that this session has not sent"
+"""Why a flight ends before its time."""
 
 MISSION_ENDED = {2, 3}
 """The modes arrived and fault: only a reset leads on."""
@@ -58,6 +63,7 @@ class LinkedFlight:
 
     def take(self, identifier: int, data: bytes) -> None:
         """Takes a message that is not the expected reply to a request."""
+        self.session.resets.take(identifier, data)
         if self.telemetry.take(identifier, data, self.step, lockstep=self.lockstep):
             return
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
@@ -70,6 +76,17 @@ class LinkedFlight:
         elif identifier in self._reports and len(data) == 8:
             layout = book().by_id[identifier]
             setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
+
+    def break_off(self, why: str, step: int) -> None:
+        """Notes why the flight ends before its time, and since which step."""
+        self.broke_off = f"{why}, {step * STEP_MS / 1e3:.3f} s into the flight"
+
+    def break_off_if_reset(self) -> bool:
+        """Breaks the flight off where the brick has begun anew. Returns whether it has."""
+        if self.session.resets.reset and self.broke_off is None:
+            self.break_off(RESET, self.step)
+            self.safe_stops += 1
+        return self.session.resets.reset
 
     def begin_step(self) -> None:
         """Applies the faults that restart the brick, at the beginning of a step."""

@@ -23,6 +23,7 @@ COLUMNS = {
     "mode": ("TELEMETRY_TRACK", "mode"),
     "phase": ("TELEMETRY_TRACK", "phase"),
     "at_rest": ("TELEMETRY_TRACK", "at_rest"),
+    "bias_unknown": ("TELEMETRY_TRACK", "bias_unknown"),
     "demand_speed_m_s": ("TELEMETRY_DEMAND", "speed"),
     "demand_heading_rad": ("TELEMETRY_DEMAND", "heading"),
     "fault": ("TELEMETRY_DEMAND", "fault"),

@@ -10,6 +10,7 @@ from functools import partial
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.link.links import Link, Message
 from brickpilot.link.messages import Layout, book, crc16
+from brickpilot.link.reset_watch import ResetWatch
 from brickpilot.vehicle.settings import named, settings
 
 REPLY_S = 0.25
@@ -49,6 +50,7 @@ class Session:
         self.other = other
         self.reply_s = reply_s
         self.repeated = 0  # requests that were sent again
+        self.resets = ResetWatch()  # its owner passes to it what comes to `other`
         self._book = book()
         self._sequence = 0
 
@@ -93,6 +95,7 @@ class Session:
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
         began = time.monotonic()
+        before = self.repeated
         try:
             hello = self._request("OPEN", "HELLO", values, OPEN_TRIES)
         except NoReplyError:
@@ -112,6 +115,7 @@ class Session:
                 }.get(status, f"the brick refuses: {status}"),
                 field=f"--link {self.spec}",
             )
+        self.resets.opened(self.repeated - before)
 
     def parameters(self) -> tuple[str, ...]:
         """Returns the names of the settings that can be read and written."""

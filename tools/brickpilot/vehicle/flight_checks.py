@@ -47,7 +47,7 @@ def failure(figures: Mapping[str, Any]) -> str | None:
 
 def _link(figures: Mapping[str, Any]) -> Check:
     broke_off = figures["broke_off"]
-    lost = None if broke_off is None else f"the link was lost: {broke_off}; the motors were stopped"
+    lost = None if broke_off is None else f"{broke_off}; the motors were stopped"
     return Check("link", lost, f"{figures['lost_frames']} lost frames")
 
 
@@ -96,4 +96,8 @@ def _believes(figures: Mapping[str, Any]) -> str:
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
         "idle": ": the mission was not started",
-    }.get(figures["final_mode"], "")
+    }.get(figures["final_mode"], "") + _drifts(figures)
+
+
+def _drifts(figures: Mapping[str, Any]) -> str:
+    return "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""

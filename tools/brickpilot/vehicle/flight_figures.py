@@ -17,7 +17,7 @@ from brickpilot.vehicle.flight import Flight
 
 Array = NDArray[np.float64]
 
-_RUN, _DRIVING = 1, 3  # codes in the columns mode and phase
+_RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
 _ENDED = 2  # this mode and those above it: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
 LATE = "late tick"  # later than the watchdog allows
@@ -141,12 +141,14 @@ def _mission_figures(flight: Flight) -> dict[str, Any]:
 def _final_figures(flight: Flight) -> dict[str, Any]:
     log = flight.log
     ended = np.flatnonzero(log["mode"] >= _ENDED)
+    steered = np.flatnonzero((log["mode"] == _RUN) & (log["phase"] > _WAITS))
     return {
         "saturated_steps": {
             "surge": int(np.count_nonzero(log["surge_saturated"])),
             "yaw": int(np.count_nonzero(log["yaw_saturated"])),
         },
         "overshoots": int(log["overshoots"][-1]),
+        "started_without_gyro_bias": bool(len(steered) and log["bias_unknown"][steered[0]]),
         "final_mode": _MODES[int(log["mode"][-1])],
         "fault": _FAULTS[int(log["fault"][-1])],
         "ended_at_s": float(log["time_s"][ended[0]]) if len(ended) else None,
