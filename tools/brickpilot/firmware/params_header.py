@@ -16,6 +16,11 @@ INT16, UINT16, UINT8 = 32767, 65535, 255
 TRAVEL_SCALE = "travel_scale_q15"
 """The compensation that has no field of its own: the travel per count holds it."""
 
+CURRENT_SHARES = tuple(2.0**power for power in range(10))
+"""Factors by which the model's currents may be smaller than those of the motors."""
+
+PER_CURRENT = ("resistance", "inductance", "torque_constant")
+
 SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
 
 
@@ -165,7 +170,28 @@ def render_own(
     Raises:
         QuantisationError: as `render`.
     """
-    return _header(_block("coupled", vehicle, (step,), settings, known))
+    return _header(_block("coupled", _with_room_for_currents(vehicle, step), (step,), settings, known))
+
+
+def _with_room_for_currents(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
+    """Returns the vehicle with motors whose currents fit the model's format, and that drive alike.
+
+    A motor of n times the resistance, inductance and torque per current has an n-th of the current, and the same
+    torque at each voltage and speed (eq. 12). The model's current is its own matter: nothing else reads it.
+    """
+    first: QuantisationError | None = None
+    for share in CURRENT_SHARES:
+        scaled = {name: vehicle["parameters"][name]["value"] * share for name in PER_CURRENT}
+        rows = {name: {**vehicle["parameters"][name], "value": value} for name, value in scaled.items()}
+        tried = {**vehicle, "parameters": {**vehicle["parameters"], **rows}}
+        try:
+            PROFILES["coupled"](plain(tried["parameters"]), step)
+        except QuantisationError as error:
+            first = first or error
+            continue
+        return tried
+    assert first is not None
+    raise first
 
 
 def _header(blocks: str) -> str:

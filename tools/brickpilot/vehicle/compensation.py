@@ -71,13 +71,16 @@ def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[st
     return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
 
-def from_model(model: Model, believed: Model | None = None) -> Compensation | None:
+def from_model(
+    model: Model, believed: Model | None = None, controller: Mapping[str, float] | None = None
+) -> Compensation | None:
     """Returns the compensation with which the firmware flies the robot of `model` like the one that it believes in.
 
     Args:
         model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
             `left_out`.
         believed: the robot from which the firmware's constants were made; default the packaged robot.
+        controller: the constants of its controllers, SI; default the packaged robot's.
 
     Returns:
         None where nothing can be undone, for a motor, for the profile `paper`, and for motors without torque. Where
@@ -95,7 +98,9 @@ def from_model(model: Model, believed: Model | None = None) -> Compensation | No
         *compensation_limits.of_settings(wanted, held, FORMATS, limited),
         *compensation_limits.of_effects(left_out),
         *compensation_limits.of_loads(plant.undoable(model)),
-        *compensation_limits.of_robot(compensation_values.nominal(model), compensation_values.nominal(believed)),
+        *compensation_limits.of_robot(
+            compensation_values.nominal(model), compensation_values.nominal(believed), controller
+        ),
     ]
     return Compensation(model.name, raw, _sources(model, believed, raw), left_out, limited, tuple(remarks))
 

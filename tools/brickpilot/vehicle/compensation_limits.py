@@ -30,7 +30,7 @@ def _controller() -> Values:
     return {name: float(entry["value"]) for name, entry in table.items()}
 
 
-def heading_damping(robot: Values, believed: Values) -> float:
+def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
     The difference of the voltages turns such a robot as if its motors had the believed push and hold, and the inertia
@@ -38,11 +38,12 @@ def heading_damping(robot: Values, believed: Values) -> float:
 
     Args:
         robot, believed: nominal parameters.
+        controller: the constants of the firmware's controllers, SI; None: the packaged robot's.
     """
     held = hold(believed, loss(believed))
     inertia = straight_inertia(believed) * difference_inertia(robot) / mean_inertia(robot)
     time_constant, arm = inertia / (push(believed) * held), held * robot["half_track"]
-    known = _controller()
+    known = controller or _controller()
     return (1 + known["heading_kd"] / arm) / (2 * math.sqrt(time_constant * known["heading_kp"] / arm))
 
 
@@ -74,17 +75,17 @@ def of_loads(found: Undoable) -> list[str]:
     ]
 
 
-def of_robot(robot: Values, believed: Values) -> list[str]:
+def of_robot(robot: Values, believed: Values, controller: Values | None = None) -> list[str]:
     """Returns a line for each nominal value that no setting undoes and that is too far off for the controllers."""
     lines = []
-    damping = heading_damping(robot, believed)
+    damping = heading_damping(robot, believed, controller)
     if damping < LEAST_DAMPING:
-        own = heading_damping(believed, believed)
+        own = heading_damping(believed, believed, controller)
         lines.append(
             f"yaw_inertia: {robot['yaw_inertia']:.3g} kg m^2 at a half-track of {robot['half_track']:.3g} m give turns "
             f"a damping ratio of {damping:.2f} (the believed robot: {own:.2f}); below {LEAST_DAMPING:g} they overshoot"
         )
-    battery, floor = robot["battery_voltage"], _controller()["battery_floor"]
+    battery, floor = robot["battery_voltage"], (controller or _controller())["battery_floor"]
     if not floor <= battery <= HIGHEST_BATTERY:
         lines.append(
             f"battery_voltage: {battery:.3g} V is outside the {floor:g} to {HIGHEST_BATTERY:g} V "

@@ -1,0 +1,116 @@
+"""The boards that firmware is built for: what each build needs, and what its report says of the image's size."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from brickpilot.errors import InputError, WorkFailedError
+
+Figures = dict[str, int]
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board.
+
+    Attributes:
+        name: for `--board`.
+        sensors: sensors of a scenario -> name of the build for them; the first is the default.
+        flags: prints the compiler's flags for such a build; empty: `own_flags`.
+        own_flags: the same, where no script prints them.
+        build: makes the image; empty: nothing is built beside the flight in simulation.
+        images: the files of a build that are kept, by their patterns.
+        sizes: reads bytes of the image off the folder of a build.
+        flashes: how the image gets onto the board.
+    """
+
+    name: str
+    sensors: Mapping[str, str]
+    flags: str
+    own_flags: tuple[str, ...]
+    build: str
+    images: tuple[str, ...]
+    sizes: Callable[[Path], Figures]
+    flashes: str
+
+
+def checkout() -> Path:
+    """Returns the checkout in this folder or above it, which holds the firmware's sources.
+
+    Raises:
+        InputError: there is none.
+    """
+    here = Path.cwd()
+    found = next((one for one in (here, *here.parents) if (one / "firmware/targets/host/build").exists()), None)
+    if found is None:
+        raise InputError("needs a checkout of the project in this folder or above it", field="firmware")
+    return found
+
+
+def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
+    """Returns the compiler's flags of the firmware on this board."""
+    if not board.flags:
+        return list(board.own_flags)
+    return run([str(root / board.flags), board.sensors[sensors]], root).split()
+
+
+def step_of(flags: list[str]) -> float:
+    """Returns the control step in s that the flags ask for; the firmware's own is 3 ms."""
+    found = next((re.fullmatch(r"-DSTEP_MS=(\d+)", flag) for flag in flags if flag.startswith("-DSTEP_MS=")), None)
+    return int(found[1]) / 1e3 if found else 0.003
+
+
+def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -> Figures:
+    """Builds the image in `folder` with the headers of `headers` in the place of the project's, and returns its sizes.
+
+    Raises:
+        WorkFailedError: the build fails; its last line says why.
+    """
+    if board.build:
+        command = [str(root / board.build), str(folder), board.sensors[sensors]]
+        run(command, root, {"OWN_HEADERS": str(headers)})
+    return board.sizes(folder)
+
+
+def run(command: list[str], root: Path, environment: Mapping[str, str] | None = None) -> str:
+    """Runs a script of the project and returns what it prints.
+
+    Raises:
+        WorkFailedError: it fails.
+    """
+    done = subprocess.run(
+        command, cwd=root, env={**os.environ, **(environment or {})}, capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        said = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+        raise WorkFailedError(f"{Path(command[0]).relative_to(root)} failed: {said[-1] if said else 'it said nothing'}")
+    return done.stdout
+
+
+def _rcx_sizes(folder: Path) -> Figures:
+    text = (folder / "brickpilot.txt").read_text()
+    linked = re.search(r"^linked +(\d+) +(\d+) +(\d+)", text, re.MULTILINE)
+    left = re.search(r"stacks and tasks (\d+), of (\d+): (\d+) bytes left", text)
+    assert linked is not None
+    assert left is not None
+    names = ("text", "data", "variables", "stacks", "memory", "left")
+    return dict(zip(names, map(int, (*linked.groups(), *left.groups())), strict=True))
+
+
+RCX = Board(
+    name="rcx",
+    sensors={"imu": "imu", "imu+encoders": "rotation"},
+    flags="firmware/targets/rcx/flags",
+    own_flags=(),
+    build="firmware/targets/rcx/build",
+    images=("*.lx", "*.srec", "*.txt", "*.map"),
+    sizes=_rcx_sizes,
+    flashes="brickpilot flash rcx brickpilot.lx",
+)
+
+BOARDS = {board.name: board for board in (RCX,)}

@@ -1,0 +1,118 @@
+"""Flies a robot with its own firmware, compiled for this machine, at the board's control step and with its sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import socket
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from brickpilot.constants import STEP_S
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.firmware import boards
+from brickpilot.firmware.robot import Robot, packaged
+from brickpilot.hil import ends, fly
+from brickpilot.link.links import StreamLink
+from brickpilot.link.session import LOCKSTEP
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.compensation import FORMATS
+from brickpilot.vehicle.scenario import Scenario
+from brickpilot.vehicle.setting_defaults import plain
+
+REST_S = 2.0
+"""Rest before the start, in which the gyro's bias is learnt: that of the programs in firmware/targets."""
+
+REPLY_S = 5.0
+SHORTEST_LEG = 3.0  # acceptance radii; the packaged mission's has 4.5
+SLACK = 1.5  # of the time that a scaled mission gets: turns do not scale
+LONGEST_S = 3600.0  # of a scenario
+FURTHEST_M = 30.0  # of a waypoint: the format of a route
+
+_DEVICES = {
+    "accel_noise_sd": "imu", "accel_range": "imu", "accel_bias_surge": "imu", "accel_bias_sway": "imu",
+    "gyro_noise_sd": "imu", "gyro_range": "imu", "gyro_bias": "imu", "bits": "imu", "counts_per_turn": "encoder",
+}  # fmt: skip
+
+
+def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
+    """Returns the scale of the packaged mission for a robot.
+
+    It is that of the robot's length. For a slower robot it is less, so that the mission lasts no longer, since the
+    error of a learnt gyro bias grows with time; but no leg becomes shorter than `SHORTEST_LEG` acceptance radii.
+    """
+    reference = packaged()
+    longer = robot.length / plain(reference["robot"])["length"]
+    slower = robot.value("controller", "coupled", "cruise") / plain(reference["controller"]["coupled"])["cruise"]
+    leg = min(math.dist(*ends_) for ends_ in zip(waypoints, waypoints[1:], strict=False))
+    return min(longer, max(slower, SHORTEST_LEG * robot.length / 2 / leg))
+
+
+def mission(robot: Robot, file: str | None) -> Scenario:
+    """Returns the mission of a robot: a file of the user's as it is, or the paper's, scaled to the robot.
+
+    Raises:
+        InputError: the file is bad, or no mission; the scaled mission is beyond what a route holds.
+    """
+    if file is not None:
+        found = scenario.load(scenario.find(file))
+        if found.kind != "mission":
+            raise InputError("is a manoeuvre; firmware flies missions", file=file, field="kind")
+        return found
+    found = scenario.load(scenario.packaged()["mission"])
+    reference = packaged()
+    scale = _scale(robot, found.waypoints)
+    if max(abs(one) for point in found.waypoints for one in point) * scale > FURTHEST_M:
+        raise InputError(
+            f"the packaged mission would be {scale:.3g} times as large; name one with --scenario", file=robot.toml.path
+        )
+    points = tuple((round(scale * x, 3), round(scale * y, 3)) for x, y in found.waypoints)
+    slower = plain(reference["controller"]["coupled"])["cruise"] / robot.value("controller", "coupled", "cruise")
+    duration = REST_S + SLACK * found.duration * max(scale * slower, 1.0)
+    duration = min(math.ceil(duration / STEP_S) * STEP_S, LONGEST_S)
+    exact = math.isclose(scale, 1.0, rel_tol=1e-6)
+    title = found.title if exact else f"{found.title}, {scale:.2f} times as large"
+    return dataclasses.replace(found, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=exact)
+
+
+def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
+    """Returns the plan of the flight. It sends no cruise speed and no compensation: the firmware has its own."""
+    made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
+    devices = {name: robot.value("sensors", place, name) for name, place in _DEVICES.items()}
+    return dataclasses.replace(
+        made,
+        cruise=0.0,
+        acceptance=robot.length / 2,
+        devices={**devices, "battery_resolution": robot.value("sensors", "battery", "resolution")},
+        start_step=round((REST_S if route.start_at is None else route.start_at) / STEP_S),
+    )
+
+
+def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Plan, folder: Path) -> fly.HilFlight:
+    """Compiles the firmware for this machine in `folder`, and flies the plan with it in lockstep.
+
+    Raises:
+        WorkFailedError: the compiler fails.
+        SimulationError: the plant diverges, or the firmware ends early.
+    """
+    program = folder / "brick"
+    boards.run([str(root / "firmware/targets/host/build"), str(program), f"-I{headers}", *flags], root)
+    ours, theirs = socket.socketpair()
+    with theirs:
+        brick = subprocess.Popen([program], stdin=theirs.fileno(), stdout=theirs.fileno())
+    link = StreamLink(ours)
+    try:
+        end = ends.Ends(link, None, REPLY_S)
+        flown = fly.fly(end, "firmware", planned, pace=LOCKSTEP, telemetry_every=1, progress=lambda *_: None)
+    finally:
+        link.close()
+        status = brick.wait(REPLY_S)
+    if status != 0 or flown.broke_off is not None:
+        raise SimulationError(f"the firmware on this machine ended: {flown.broke_off or f'status {status}'}")
+    return flown
+
+
+def undone(robot: Robot) -> dict[str, float]:
+    """Returns what the firmware knows of the robot's effects, SI, by setting."""
+    return {FORMATS[name].name: FORMATS[name].value(raw) for name, raw in robot.known.items() if raw}
