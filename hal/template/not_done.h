@@ -5,7 +5,8 @@
 /* Reports that the function that contains it is not done yet; `what` says what it has to do. */
 #define NOT_DONE(what) not_done(__func__, what)
 
-/* The contract suite defines it (tests/contract/port_template.c): it prints a line, and the test that got here fails. */
+/* The contract suite defines it (tests/contract/port_template.c): it prints a line, and the test that got here fails. So does
+ * firmware/targets/template/not_done.c, for a program on this machine. */
 void not_done(const char *function, const char *what);
 
 #endif

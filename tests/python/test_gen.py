@@ -106,9 +106,12 @@ def test_a_scale_of_one_or_more_is_refused(value: float) -> None:
         scale(value, "x")
 
 
-def test_a_scale_too_small_to_be_right_is_refused() -> None:
-    with pytest.raises(QuantisationError, match="became"):
-        scale(1.234e-13, "x")
+def test_a_scale_that_moves_no_count_is_zero_and_the_next_larger_is_right() -> None:
+    least = 2.0**-32  # of 2^31 counts: half a count
+    for value in (1.234e-13, -0.99 * least):
+        assert scale(value, "x") == Scale(0, 0)
+    for value in (1.01 * least, -1.3 * least):
+        assert scale(value, "x").factor == pytest.approx(value, rel=3.1e-5)
 
 
 def test_an_integer_outside_its_field_or_lost_is_refused() -> None:

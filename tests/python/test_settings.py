@@ -29,6 +29,9 @@ ROW = (
 
 # Where a setting's name may stand beside the table: each file gives a setting its value.
 NAMED = {
+    "firmware/tuning.py",  # the rules by which the gains of another robot follow
+    "firmware/ranges.py",  # the floor that the range of a battery depends on
+    "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/params_header.py",  # checks of one default against another
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not

@@ -14,6 +14,11 @@ def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: 
     return found or [CompletionItem(typed, type="file")]
 
 
+def model_files(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes files."""
+    return [CompletionItem(typed, type="file")]
+
+
 def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
     """Completes the kinds of log as the first word, and files where none begins so and behind it."""
     from brickpilot.importers import IMPORTERS

@@ -20,23 +20,27 @@ class Board:
 
     Attributes:
         name: for `--board`.
-        sensors: sensors of a scenario -> name of the build for them; the first is the default.
-        flags: prints the compiler's flags for such a build; empty: `own_flags`.
+        sensors: sensors of a scenario -> what `flags` and `build` are told of them; the first is the default.
+        flags: the script that prints the compiler's flags for such a build; empty: `own_flags`.
         own_flags: the same, where no script prints them.
-        build: makes the image; empty: nothing is built beside the flight in simulation.
+        build: the script that makes the image in a folder.
+        wiring: header of the port with the scales of its sensors; empty: it has none.
         images: the files of a build that are kept, by their patterns.
         sizes: reads bytes of the image off the folder of a build.
-        flashes: how the image gets onto the board.
+        flashes: how the image gets onto the board; empty: that is the user's matter.
+        library: whether it is also written as a library of Arduino.
     """
 
     name: str
-    sensors: Mapping[str, str]
+    sensors: Mapping[str, tuple[str, ...]]
     flags: str
     own_flags: tuple[str, ...]
     build: str
+    wiring: str
     images: tuple[str, ...]
     sizes: Callable[[Path], Figures]
     flashes: str
+    library: bool = False
 
 
 def checkout() -> Path:
@@ -56,7 +60,7 @@ def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
     """Returns the compiler's flags of the firmware on this board."""
     if not board.flags:
         return list(board.own_flags)
-    return run([str(root / board.flags), board.sensors[sensors]], root).split()
+    return run([str(root / board.flags), *board.sensors[sensors]], root).split()
 
 
 def step_of(flags: list[str]) -> float:
@@ -71,9 +75,7 @@ def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -
     Raises:
         WorkFailedError: the build fails; its last line says why.
     """
-    if board.build:
-        command = [str(root / board.build), str(folder), board.sensors[sensors]]
-        run(command, root, {"OWN_HEADERS": str(headers)})
+    run([str(root / board.build), str(folder), *board.sensors[sensors]], root, {"OWN_HEADERS": str(headers)})
     return board.sizes(folder)
 
 
@@ -102,15 +104,62 @@ def _rcx_sizes(folder: Path) -> Figures:
     return dict(zip(names, map(int, (*linked.groups(), *left.groups())), strict=True))
 
 
+def _avr_sizes(folder: Path) -> Figures:
+    text = (folder / "brickpilot.txt").read_text()
+    flash = re.search(r"^flash: (\d+) of (\d+) bytes", text, re.MULTILINE)
+    ram = re.search(r"^RAM: (\d+) of (\d+) bytes", text, re.MULTILINE)
+    assert flash is not None
+    assert ram is not None
+    names = ("flash", "flash_of", "ram", "ram_of")
+    return dict(zip(names, map(int, (*flash.groups(), *ram.groups())), strict=True))
+
+
+def _host_sizes(folder: Path) -> Figures:
+    *_, last = (folder / "brickpilot.txt").read_text().split("\n")[:-1]
+    return dict(zip(("text", "data", "variables"), map(int, last.split()[1:]), strict=True))
+
+
 RCX = Board(
     name="rcx",
-    sensors={"imu": "imu", "imu+encoders": "rotation"},
+    sensors={"imu": ("imu",), "imu+encoders": ("rotation",)},
     flags="firmware/targets/rcx/flags",
     own_flags=(),
     build="firmware/targets/rcx/build",
+    wiring="rcx/board.h",
     images=("*.lx", "*.srec", "*.txt", "*.map"),
     sizes=_rcx_sizes,
     flashes="brickpilot flash rcx brickpilot.lx",
 )
 
-BOARDS = {board.name: board for board in (RCX,)}
+
+def _avr(name: str, chip: str, both: str) -> Board:
+    return Board(
+        name=name,
+        sensors={"imu": (chip, "imu"), "imu+encoders": (chip, both)},
+        flags="firmware/targets/avr/flags",
+        own_flags=(),
+        build="firmware/targets/avr/build",
+        wiring="avr/board.h",
+        images=("*.hex", "*.elf", "*.txt", "*.map"),
+        sizes=_avr_sizes,
+        flashes="brickpilot flash avr brickpilot.hex",
+        library=True,
+    )
+
+
+TEMPLATE = Board(
+    name="template",
+    sensors={"imu+encoders": (), "imu": ()},
+    flags="",
+    own_flags=("-DBODY_WITHOUT_PAPER",),
+    build="firmware/targets/template/build",
+    wiring="",
+    images=("brickpilot", "*.txt"),
+    sizes=_host_sizes,
+    flashes="",
+)
+
+BOARDS = {
+    board.name: board for board in (RCX, _avr("avr", "328p", "rotation"), _avr("avr:2560", "2560", "all"), TEMPLATE)
+}
+"""`avr` is the ATmega328P, whose image has either the accelerometers or the rotation sensors."""

@@ -16,7 +16,7 @@ INT16, UINT16, UINT8 = 32767, 65535, 255
 TRAVEL_SCALE = "travel_scale_q15"
 """The compensation that has no field of its own: the travel per count holds it."""
 
-CURRENT_SHARES = tuple(2.0**power for power in range(10))
+CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0)
 """Factors by which the model's currents may be smaller than those of the motors."""
 
 PER_CURRENT = ("resistance", "inductance", "torque_constant")

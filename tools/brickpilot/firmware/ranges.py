@@ -24,8 +24,11 @@ from brickpilot.vehicle.settings import settings
 INT16 = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s
 ROUNDING = 0.005  # of the travel per count: the share of it by which the firmware may be off
 COUNT_UM_Q2 = 4e6  # counts of the format of the travel per count, per m
-_STEP, _FURTHEST = math.sqrt(2.0), 32  # a value is moved by factors of this, so many times
-_BISECTIONS = 20
+COUNT_MOST = 65535
+FLOOR = 1.0  # V: the least that the mixer reckons with
+FLOOR_AT = ("controller", "coupled", "battery_floor")
+_STEP, _FURTHEST = 2.0, 20  # a value is moved by factors of this, so many times
+_BISECTIONS = 12
 
 
 @dataclass(frozen=True)
@@ -76,18 +79,17 @@ def _prove(one: Robot) -> None:
 
 def _limits(one: Robot) -> Iterator[Limit]:
     imu, wheel = plain(one.vehicle["sensors"]["imu"]), one.value("parameters", "wheel_radius")
-    most = 2 * math.pi * wheel * COUNT_UM_Q2 * 2 * ROUNDING
-    yield Limit(
-        ("parameters", "battery_voltage"), one.value("parameters", "battery_voltage"), 1.0, VOLTAGE_LIMIT, "V",
-        "the model's voltages end there",
-    )  # fmt: skip
+    turn = 2 * math.pi * wheel * COUNT_UM_Q2
+    battery = one.value("parameters", "battery_voltage")
+    least = FLOOR if FLOOR_AT in one.stated else FLOOR * battery / one.value(*FLOOR_AT)
+    ends = "the model's voltages end there, and battery_floor follows it"
+    yield Limit(("parameters", "battery_voltage"), battery, least, VOLTAGE_LIMIT, "V", ends)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
         yield Limit(("sensors", "imu", name), imu[name], 0.1, INT16, unit, "a reading has 16 bits")
     yield Limit(("sensors", "imu", "bits"), imu["bits"], 1, 24, "", "the simulated converter has as many bits")
-    yield Limit(
-        ("sensors", "encoder", "counts_per_turn"), one.value("sensors", "encoder", "counts_per_turn"), 1.0, most, "",
-        f"beyond it the travel per count would be off by more than {ROUNDING:.1%}",
-    )  # fmt: skip
+    counts = one.value("sensors", "encoder", "counts_per_turn")
+    rounded = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
+    yield Limit(("sensors", "encoder", "counts_per_turn"), counts, turn / COUNT_MOST, turn * 2 * ROUNDING, "", rounded)
     own = constants(one.vehicle, "coupled")
     for setting in settings().values():
         place = ("controller", "coupled", setting.name)
@@ -172,7 +174,7 @@ def _edge(fits: Callable[[float], bool], good: float, bad: float) -> float:
 def _far_edge(fits: Callable[[float], bool], good: float, away: float) -> float:
     """Returns the other end of the range, in the direction of the factor `away`."""
     factor = _STEP if away > 1 else 1 / _STEP
-    for _ in range(_FURTHEST):
+    for _ in range(4 * _FURTHEST):
         if not fits(good * factor):
             return _edge(fits, good, good * factor)
         good *= factor

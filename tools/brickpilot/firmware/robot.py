@@ -11,6 +11,7 @@ import copy
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +75,14 @@ class Robot:
         return self.value("robot", "length")
 
 
+@cache
+def _file() -> Tables:
+    return TomlFile(RCX).data
+
+
 def packaged() -> dict[str, Any]:
     """Returns the tables of the packaged robot's file."""
-    return copy.deepcopy(TomlFile(RCX).data)
+    return copy.deepcopy(dict(_file()))
 
 
 def load(path: Path) -> Robot:

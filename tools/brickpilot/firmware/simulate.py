@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import socket
 import subprocess
@@ -26,7 +27,7 @@ REST_S = 2.0
 
 REPLY_S = 5.0
 SHORTEST_LEG = 3.0  # acceptance radii; the packaged mission's has 4.5
-SLACK = 1.5  # of the time that a scaled mission gets: turns do not scale
+SLACK = 1.25  # of the time that a scaled mission gets: turns do not scale
 LONGEST_S = 3600.0  # of a scenario
 FURTHEST_M = 30.0  # of a waypoint: the format of a route
 
@@ -45,8 +46,8 @@ def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
     reference = packaged()
     longer = robot.length / plain(reference["robot"])["length"]
     slower = robot.value("controller", "coupled", "cruise") / plain(reference["controller"]["coupled"])["cruise"]
-    leg = min(math.dist(*ends_) for ends_ in zip(waypoints, waypoints[1:], strict=False))
-    return min(longer, max(slower, SHORTEST_LEG * robot.length / 2 / leg))
+    shortest = min(math.dist(*leg) for leg in itertools.pairwise(waypoints))
+    return min(longer, max(slower, SHORTEST_LEG * robot.length / 2 / shortest))
 
 
 def mission(robot: Robot, file: str | None) -> Scenario:

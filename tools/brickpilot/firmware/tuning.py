@@ -27,6 +27,9 @@ from brickpilot.vehicle.coefficients import difference_inertia, loss, mean_inert
 FASTEST = 2.0
 """The packaged robot's poles, times this, are as fast as a control step of 9 ms follows: 0.2 of a radian a step."""
 
+NOTHING = 0.01
+"""A loop gain that changes no damping."""
+
 FASTEST_CRUISE = 1.6
 """m/s: four fifths of what the format of a speed holds."""
 
@@ -78,12 +81,17 @@ def _pace(own: Motion, accelerates: float, damping: float) -> float:
     return min(max(slowed, 1 / (own.time * damping)), FASTEST)
 
 
+def _loop_gain(wanted: float) -> float:
+    """Returns a loop gain without what is below `NOTHING`, or negative: there the robot's own damping is enough."""
+    return wanted if wanted > NOTHING else 0.0
+
+
 def _speed_gains(own: Motion, packaged: Motion, gains: Values, accelerates: float) -> dict[str, float]:
     damping = (1 + packaged.gain * gains["speed_kp"]) / packaged.time
     pace = _pace(own, accelerates, damping)
     stiffness = packaged.gain * gains["speed_ki"] / packaged.time * pace**2
     return {
-        "speed_kp": max(pace * damping * own.time - 1, 0.0) / own.gain,
+        "speed_kp": _loop_gain(pace * damping * own.time - 1) / own.gain,
         "speed_ki": stiffness * own.time / own.gain,
     }
 
@@ -95,7 +103,7 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: fl
     return {
         "heading_kp": gains["heading_kp"] * factor * pace**2,
         "heading_ki": gains["heading_ki"] * factor * pace**3,
-        "heading_kd": max(pace * damping * own.time - 1, 0.0) / own.gain,
+        "heading_kd": _loop_gain(pace * damping * own.time - 1) / own.gain,
     }
 
 

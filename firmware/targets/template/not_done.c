@@ -1,0 +1,11 @@
+/* not_done.c: what a port and its main program do not do yet, on this machine's screen. Delete this file with hal/template/not_done.h. */
+#include "template/not_done.h"
+
+#include <stdio.h>
+
+void not_done(const char *function, const char *what)
+{
+    fputs(function, stdout);
+    fputs(": not done yet: ", stdout);
+    puts(what);
+}

@@ -1,0 +1,261 @@
+"""`brickpilot firmware`: robots that are not the packaged one get constants that fit them, an image, and a flight."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.constants import RCX
+from brickpilot.errors import InputError
+from brickpilot.firmware import params_header, ranges, robot, tuning
+from brickpilot.vehicle import model
+from brickpilot.vehicle.coefficients import coupled
+from brickpilot.vehicle.setting_defaults import plain
+from command import brickpilot
+
+ROOT = Path(__file__).parents[2]
+HEAD = 'vehicle = "diff_drive"\nprofile = "coupled"\n'
+OWN = {
+    # A small robot on toy motors: fast lag, coarse gyro, a finer encoder.
+    "small": """
+[parameters]
+mass = 0.3
+yaw_inertia = 0.0006
+half_track = 0.045
+wheel_radius = 0.021
+wheel_inertia = 4e-6
+resistance = 6.0
+inductance = 0.002
+emf_constant = 0.12
+torque_constant = 0.1
+battery_voltage = 7.4
+[sensors.encoder]
+counts_per_turn = 120
+[sensors.imu]
+gyro_range = { value = 17.45, unit = "rad/s", basis = "1000 degrees/s" }
+""",
+    # A gear motor of 1.4 ohm: its currents are beyond the model's format, and friction is known.
+    "middle": """
+[parameters]
+mass = 2.4
+yaw_inertia = 0.03
+half_track = 0.1
+wheel_radius = 0.035
+wheel_inertia = 3e-4
+resistance = 1.4
+inductance = 0.001
+emf_constant = 0.3
+torque_constant = 0.24
+battery_voltage = 12.0
+[effects.coulomb_friction]
+torque = 0.06
+""",
+    "heavy": """
+[parameters]
+mass = 8.0
+yaw_inertia = 0.2
+half_track = 0.14
+wheel_radius = 0.055
+wheel_inertia = 4e-3
+resistance = 4.0
+inductance = 0.003
+emf_constant = 0.6
+torque_constant = 0.5
+battery_voltage = 12.0
+[robot]
+length = 0.32
+[effects.gyro_scale]
+error = 0.05
+""",
+}
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(f'name = "{name}"\n{HEAD}{text}')
+    return path
+
+
+def header(path: Path, step: float = 0.009) -> str:
+    return ranges.header(robot.load(path), step)
+
+
+def make(folder: Path, path: Path, board: str, *more: str) -> subprocess.CompletedProcess[str]:
+    return brickpilot(
+        "firmware", "--model", str(path), "--board", board, "--out", str(folder), "--json", *more, cwd=ROOT
+    )
+
+
+@pytest.mark.parametrize("text", [RCX.read_text(), model.render(model.rcx())], ids=["whole file", "parameters alone"])
+def test_the_packaged_robot_gets_its_own_constants(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "rcx.toml"
+    path.write_text(text)
+    made = header(path)
+    packaged = (ROOT / "firmware/app/params_gen.h").read_text()
+    (wanted,) = re.findall(r"#elif STEP_MS == 9\n(.*?)#else", packaged, re.DOTALL)
+    (found,) = re.findall(r"#if STEP_MS == 9\n(.*?)#else", made, re.DOTALL)
+    assert found == wanted
+
+
+def poles(motion: tuning.Motion, kp: float, ki: float, kd: float, *, angle: bool) -> np.ndarray:
+    """The roots of the closed loop, from the equations in state space: lag, integral, and the angle where there is one.
+
+    u = kp (r - y) + ki int(r - y) - kd v, dv/dt = (gain u - v) / time, and y is v or its integral.
+    """
+    gain, time = motion.gain, motion.time
+    if angle:  # states v, y, integral
+        matrix = [[-(1 + gain * kd) / time, -gain * kp / time, gain * ki / time], [1, 0, 0], [0, -1, 0]]
+    else:
+        matrix = [[-(1 + gain * kp) / time, gain * ki / time], [-1, 0]]
+    return np.sort_complex(np.linalg.eigvals(np.array(matrix)))
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_the_loops_have_the_packaged_poles_at_one_pace(name: str, tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, name, OWN[name]))
+    values, reference = plain(own.vehicle["parameters"]), model.rcx().parameters
+    gains, known = (plain(one["controller"]["coupled"]) for one in (own.vehicle, robot.packaged()))
+    for motion, loop, angle in ((tuning.straight, "speed", False), (tuning.turn, "heading", True)):
+        names = [f"{loop}_{part}" for part in ("kp", "ki", "kd")]
+        mine = poles(motion(values), *(gains[one] for one in names), angle=angle)
+        packaged = poles(motion(reference), *(known[one] for one in names), angle=angle)
+        paces = np.sort(np.abs(mine)) / np.sort(np.abs(packaged))
+        if gains[f"{loop}_{'kd' if angle else 'kp'}"] == 0:  # the robot damps itself more than the loop asks for
+            assert 1 / motion(values).time > tuning.FASTEST * -np.sum(packaged).real * 0.999
+            continue
+        np.testing.assert_allclose(paces, paces[0], rtol=1e-6)
+        mine_faster = motion(values).acceleration(values["battery_voltage"])
+        packaged_faster = motion(reference).acceleration(reference["battery_voltage"])
+        assert min(1.0, np.sqrt(mine_faster / packaged_faster)) - 1e-9 <= paces[0] <= tuning.FASTEST
+
+
+def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, "middle", OWN["middle"]))
+    with pytest.raises(ValueError, match="current may reach"):
+        coupled(plain(own.vehicle["parameters"]), 0.009)
+    held = params_header._with_room_for_currents(own.vehicle, 0.009)
+    factors = {name: held["parameters"][name]["value"] / own.value("parameters", name) for name in held["parameters"]}
+    assert {name for name, factor in factors.items() if factor != 1} == set(params_header.PER_CURRENT)
+
+    def top_and_lag(tables: dict[str, object]) -> tuple[float, float]:
+        motion = tuning.straight(plain(tables["parameters"]))  # type: ignore[arg-type]
+        return motion.gain, motion.time
+
+    np.testing.assert_allclose(top_and_lag(dict(held)), top_and_lag(own.vehicle), rtol=1e-12)
+
+
+REFUSED = {
+    "parameters.resistance": ("[parameters]\nmass = 2.0\nresistance = 1e-4\n", "ohm"),
+    "parameters.battery_voltage": ("[parameters]\nbattery_voltage = 24.0\n", "V"),
+    "parameters.emf_constant": ("[parameters]\nemf_constant = 0.05\n", "V s/rad"),
+    "parameters.wheel_radius": ("[parameters]\nwheel_radius = 0.002\n", "m"),
+    "sensors.encoder.counts_per_turn": ("[parameters]\nmass = 1.0\n[sensors.encoder]\ncounts_per_turn = 2e5\n", ""),
+    "sensors.imu.gyro_range": ("[parameters]\nmass = 1.0\n[sensors.imu]\ngyro_range = 35.0\n", "rad/s"),
+    "controller.coupled.speed_kp": ("[parameters]\nmass = 1.0\n[controller.coupled]\nspeed_kp = 900.0\n", "V s/m"),
+}
+
+
+@pytest.mark.parametrize("field", REFUSED)
+def test_a_value_beyond_its_format_is_named_with_its_range_and_the_range_holds(field: str, tmp_path: Path) -> None:
+    text, unit = REFUSED[field]
+    path = write(tmp_path, "wrong", text)
+    name = field.rpartition(".")[2]
+    line = 1 + path.read_text().splitlines().index(next(one for one in path.read_text().splitlines() if name in one))
+    with pytest.raises(InputError) as caught:
+        header(path)
+    found = re.fullmatch(
+        rf"{path}:{line}: {re.escape(field)}: (\S+) is outside (\S+?)\.\.(\S+?)(?: (\D.*?))?: (.+)", str(caught.value)
+    )
+    assert found, str(caught.value)
+    low, high = float(found[2]), float(found[3])
+    assert (found[4] or "") == unit
+    assert low < high
+    for value, fits in ((1.02 * low, True), (0.98 * high, True), (1.02 * high, False)):
+        path.write_text(re.sub(rf"{name} = \S+", f"{name} = {value:.6g}", path.read_text()))
+        if fits:
+            header(path)
+        else:
+            with pytest.raises(InputError):
+                header(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[parameters]\nmass = 1.0\n[robot]\nsize = 0.3\n", r"robot.size: unknown key"),
+        ('[controller.coupled]\nspeed_kp = { value = 9, unit = "V" }\n', r"speed_kp.unit: 'V' should be 'V s/m'"),
+        ("[sensors.encoder]\ncounts_per_turn = 0\n", r"counts_per_turn"),
+        ('[sensors.imu]\nbits = "ten"\n', r"sensors.imu.bits: 'ten' is not a number"),
+        ("[sensors]\nimu = 3\n", r"sensors.imu: 3 is not a table"),
+    ],
+)
+def test_a_wrong_file_is_one_line_and_leaves_nothing(text: str, message: str, tmp_path: Path) -> None:
+    done = make(tmp_path / "made", write(tmp_path, "wrong", text), "rcx")
+    assert done.returncode == 2
+    assert re.search(message, done.stderr)
+    assert done.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["wrong.toml"]
+
+
+def test_other_files_in_the_folder_stay(tmp_path: Path) -> None:
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made/thesis.txt").write_text("mine")
+    done = make(tmp_path / "made", write(tmp_path, "small", OWN["small"]), "template")
+    assert (done.returncode, "holds other files, such as thesis.txt" in done.stderr) == (2, True)
+    assert [path.name for path in (tmp_path / "made").iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize(("name", "sensors"), [("small", "imu+encoders"), ("middle", "imu"), ("heavy", "imu+encoders")])
+def test_a_robot_of_ones_own_flies_all_waypoints_with_its_rcx_image(name: str, sensors: str, tmp_path: Path) -> None:
+    folder = tmp_path / "made"
+    done = make(folder, write(tmp_path, name, OWN[name]), "rcx", "--sensors", sensors)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads(done.stdout)
+    assert figures == json.loads((folder / "firmware.json").read_text())
+    flight = figures["flight"]
+    assert (flight["waypoints_reached"], flight["final_mode"]) == (8, "arrived")
+    assert figures["step_s"] == 0.009
+    assert figures["bytes"]["left"] > 0
+    assert bool(figures["compensation"]) == (name != "small")
+    made = tomllib.loads((folder / "robot.toml").read_text())
+    assert made["robot"]["length"]["value"] == pytest.approx(figures["acceptance_m"] * 2)
+    assert "8 of 8 waypoints" in (folder / "README.md").read_text()
+    if name == "small":  # 34.9 rad/s over 1024 counts are 34 + 21 / 256 mrad/s
+        assert "BOARD_GYRO = {512, 34, 21, false}" in (folder / "include/rcx/board.h").read_text()
+        again = subprocess.run(["sh", folder / "build.sh", ROOT], capture_output=True, text=True, check=False)
+        assert again.returncode == 0, again.stderr
+        for file in ("brickpilot.lx", "brickpilot.srec"):
+            assert (folder / "image" / file).read_bytes() == (folder / file).read_bytes()
+
+
+def test_robot_toml_makes_the_same_constants_again(tmp_path: Path) -> None:
+    folder = tmp_path / "made"
+    assert make(folder, write(tmp_path, "small", OWN["small"]), "template").returncode == 0
+    (once,) = re.findall(r"#ifndef BODY.*", (folder / "include/app/params_gen.h").read_text(), re.DOTALL)
+    (again,) = re.findall(r"#ifndef BODY.*", header(folder / "robot.toml", 0.003), re.DOTALL)
+    assert again == once
+
+    done = subprocess.run(["make", "-s"], cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([folder / "brickpilot"], capture_output=True, text=True, timeout=20, check=False).stdout
+    assert "hal_motors_write: not done yet" in said
+    assert "wait_for_tick: not done yet" in said
+
+
+def test_a_mission_that_is_not_flown_is_told_and_its_folder_stays(tmp_path: Path) -> None:
+    blind = dataclasses.replace(model.rcx(), effects={"wheel_slip": {}}, name="blind")
+    route = tmp_path / "far.toml"
+    route.write_text('name = "far"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[1, 0], [9, 0]]\n')
+    path = tmp_path / "blind.toml"
+    path.write_text(model.render(dataclasses.replace(blind, effects={})))
+    done = make(tmp_path / "made", path, "template", "--scenario", str(route))
+    assert done.returncode == 1
+    assert re.fullmatch(r"brickpilot: blind: 1 of 2 waypoints reached: waypoint 2 was missed by .*\n", done.stderr)
+    assert json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["waypoints_reached"] == 1
+    assert "was not flown" in (tmp_path / "made/README.md").read_text()

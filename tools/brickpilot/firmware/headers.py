@@ -1,0 +1,69 @@
+"""The headers that stand in the place of the project's when an image is built for a robot of one's own."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from brickpilot.errors import InputError
+from brickpilot.firmware import ranges
+from brickpilot.firmware.boards import Board
+from brickpilot.firmware.robot import Robot
+from brickpilot.vehicle.scenario import Scenario
+
+MILLI = 1e3
+
+_AXIS = re.compile(
+    r"(static const board_axis_t BOARD_(GYRO|SURGE|SWAY) = \{\d+, )\d+, \d+(, (?:true|false)\};)(?: /\* range: .*\*/)?"
+)
+_PER_COUNT_Q8 = re.compile(r"(#define BOARD_(GYRO|SURGE|SWAY)_PER_COUNT_Q8 )\d+(?: /\*.*\*/)?")
+_RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
+
+
+def write(robot: Robot, mission: Scenario, board: Board, step: float, folder: Path, root: Path) -> None:
+    """Writes the headers of a robot into `folder`: constants, route, and the board's wiring with this robot's scales.
+
+    Raises:
+        InputError: a value that a format cannot hold.
+    """
+    texts = {"app/params_gen.h": _named(ranges.header(robot, step), robot), "app/mission.h": _mission(mission)}
+    if board.wiring:
+        texts[board.wiring] = _wiring((root / "hal" / board.wiring).read_text(encoding="utf-8"), robot)
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def _named(constants: str, robot: Robot) -> str:
+    return f"/* Made by `brickpilot firmware` of robot.toml, for {robot.model.name}. */\n{constants}"
+
+
+def _mission(mission: Scenario) -> str:
+    points = ",\n".join(f"    {{{round(x * MILLI)}, {round(y * MILLI)}}}" for x, y in mission.waypoints)
+    return f"""/* mission.h: the route that a brick flies until a host uploads another one. */
+#ifndef BRICKPILOT_APP_MISSION_H
+#define BRICKPILOT_APP_MISSION_H
+
+#include "app/commands.h"
+
+/* {mission.title}, in mm. */
+static const route_waypoint_t MISSION[] = {{
+{points}}};
+
+#endif
+"""
+
+
+def _wiring(text: str, robot: Robot) -> str:
+    """Returns the header of a port with the scales of this robot's sensors.
+
+    A count is one of 1024, over twice the range. The RCX's header has it as a whole part and 256ths, that of the AVR
+    chips in 256ths.
+    """
+    counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
+    q8 = {axis: round(count * 256) for axis, count in counts.items()}
+    found = set(_AXIS.findall(text)) | set(_PER_COUNT_Q8.findall(text))
+    if len(found) != len(_RANGES) or max(q8.values()) > 65535:
+        raise InputError("has no scales that can be written for another robot", file="board.h")
+    text = _AXIS.sub(lambda axis: f"{axis[1]}{q8[axis[2]] // 256}, {q8[axis[2]] % 256}{axis[3]}", text)
+    return _PER_COUNT_Q8.sub(lambda axis: f"{axis[1]}{q8[axis[2]]}", text)
