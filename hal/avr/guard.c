@@ -6,12 +6,15 @@
 
 #include "avr/motors.h"
 
-/* What avrdude burns: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V, which the sensors' 5 V need. */
+/* What avrdude burns: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V, which the sensors' 5 V need. A library of Arduino has
+ * none: a boot loader cannot write them. */
+#ifndef BRICKPILOT_LIBRARY
 FUSES = {
     .low = 0xFF,
     .high = FUSE_SPIEN & FUSE_BOOTSZ0 & FUSE_BOOTSZ1,
     .extended = FUSE_BODLEVEL0 & FUSE_BODLEVEL1,
 };
+#endif
 
 #define CANARY 0xA5C3U
 

@@ -31,6 +31,7 @@ ROW = (
 NAMED = {
     "firmware/tuning.py",  # the rules by which the gains of another robot follow
     "firmware/ranges.py",  # the floor that the range of a battery depends on
+    "cli/firmware.py",  # the cruise speed that the image has
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/params_header.py",  # checks of one default against another
     "vehicle/setting_defaults.py",  # defaults that follow from other values
