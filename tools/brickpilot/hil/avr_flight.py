@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.constants import STEP_MS
+from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil import fly as over_a_link
 from brickpilot.hil.avr_robot import AVR_TARGETS, AvrRobot, open_robot
@@ -28,6 +28,9 @@ REPLY_S = 2.0
 
 START_EVERY = 20
 """The command to start is sent again after so many steps without its reply."""
+
+RESET_STEPS = round(2.5 / STEP_S)
+"""A flight ends so many steps after a reset. The image rests for 2 s before it drives by itself, which it must not."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses at a rotation sensor where `encoder_noise` has a rate of 1."""
@@ -79,7 +82,7 @@ def fly(
 
 
 def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None]) -> None:
-    """Flies until a second after the mission's end, or two seconds after a reset of the brick."""
+    """Flies until a second after the mission's end, or until it is plain what the robot does after a reset."""
     ends_at = run.plan.steps
     resets = robot.tell().resets
     while run.step < ends_at and run.over_for() < over_a_link.REST_STEPS:
@@ -94,11 +97,11 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
         for message in run.link.receive(0.0):
             run.take(*message)
         if robot.tell().resets > resets and run.broke_off is None:
-            run.broke_off = f"the brick was reset, {run.step * STEP_MS / 1e3:.3f} s into the flight"
+            run.break_off("the brick was reset by its watchdog or its brown-out detector", run.step)
             run.safe_stops += 1
-            ends_at = min(ends_at, run.step + over_a_link.GIVE_UP_STEPS)
+            ends_at = min(ends_at, run.step + RESET_STEPS)
         if run.broke_off is None and run.break_off_if_reset():
-            ends_at = min(ends_at, run.step + over_a_link.GIVE_UP_STEPS)
+            ends_at = min(ends_at, run.step + RESET_STEPS)
         run.end_step()
 
 
