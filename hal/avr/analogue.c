@@ -91,8 +91,10 @@ void analogue_begin(void)
 {
     if (age < 255)
         age++;
-    if (at != READINGS)
+    if (at != READINGS) {
         count_fault();
+        ADCSRA = 0; /* ends a conversion that hangs */
+    }
     for (uint8_t i = 0; i < ANALOGUE_SUMS; i++)
         sums[i] = 0;
     at = 0;

@@ -57,10 +57,17 @@ static void look(chip_t *chip, bool asleep)
     profile_look(chip->profile, avr->cycle, avr->pc, stack, asleep);
 }
 
+/* simavr begins to sleep in the call that does the instruction. */
+static bool sleeps(const avr_t *avr)
+{
+    enum { SLEEP_LOW = 0x88, SLEEP_HIGH = 0x95 };
+    return avr->state == cpu_Sleeping || (avr->flash[avr->pc] == SLEEP_LOW && avr->flash[avr->pc + 1] == SLEEP_HIGH);
+}
+
 static void run(avr_t *avr)
 {
     chip_t *chip = chip_of(avr);
-    const bool asleep = avr->state == cpu_Sleeping;
+    const bool asleep = sleeps(avr);
 
     if (chip->fault[CHIP_INTERRUPT_STUCK] > 0)
         avr_raise_interrupt(avr, &chip->adc->adc);

@@ -17,7 +17,8 @@ enum {
     WORLD_RECEIVE = 4, /* `size` and `bytes`: what the chip has sent */
     WORLD_FAULT = 5,   /* chip_fault_t `fault` gets the value `size` */
     WORLD_TELL =
-        6 /* `parts[0]`: what the drives do now, as bridge_state_t; `size`: bytes lost in the receiver; `resets` */
+        6 /* `parts[0]`: what the drives do now, as bridge_state_t; `bytes`: what they did just before the newest
+                        * reset; `size`: bytes lost in the receiver; `resets` */
 };
 
 typedef struct {

@@ -18,6 +18,9 @@ typedef struct {
     chip_t chip;
     mailbox_t *mailbox; /* in the chip's memory */
     int64_t counts[SIDES];
+    uint32_t resets;                    /* up to the ms before */
+    bridge_state_t in_ms[SIDES];        /* what the drives did at the end of the ms before */
+    bridge_state_t before_reset[SIDES]; /* ... at the end of the last ms before the newest reset */
 } world_t;
 
 /* Shows a reading of `raw` counts: the volts in its middle. */
@@ -76,8 +79,10 @@ static void receive(world_t *world)
 
 static void tell(world_t *world)
 {
-    for (int side = 0; side < SIDES; side++)
+    for (int side = 0; side < SIDES; side++) {
         world->mailbox->parts[side] = (int16_t)world->chip.bridge[side].state;
+        world->mailbox->bytes[side] = (uint8_t)world->before_reset[side];
+    }
     world->mailbox->size = (uint8_t)world->chip.overruns;
     world->mailbox->resets = (uint8_t)world->chip.resets;
 }
@@ -119,11 +124,21 @@ static void on_text(avr_t *avr, avr_io_addr_t address, uint8_t byte, void *param
     putchar(byte);
 }
 
+static void remember_drives(world_t *world)
+{
+    if (world->resets != world->chip.resets)
+        memcpy(world->before_reset, world->in_ms, sizeof world->before_reset);
+    world->resets = world->chip.resets;
+    for (int side = 0; side < SIDES; side++)
+        world->in_ms[side] = world->chip.bridge[side].state;
+}
+
 /* A ms begins: the wheels turn to where they are to be, at a steady rate. */
 static void on_ms(void *owner)
 {
     world_t *world = owner;
 
+    remember_drives(world);
     for (int side = 0; side < SIDES; side++) {
         const double from = (double)world->chip.encoder[side].count + 0.5, to = (double)world->counts[side] + 0.5;
         const quadrature_track_t track = {

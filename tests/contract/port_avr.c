@@ -127,7 +127,15 @@ static bool put(volatile uint16_t *to, uint16_t value)
     return other;
 }
 
-/* A change of the world comes in the middle of a burst. So the next one is waited for, too. */
+static void wait_ms(uint8_t ms)
+{
+    const uint32_t began_ms = hal_clock_ms();
+
+    while (hal_clock_ms() - began_ms < ms) {
+    }
+}
+
+/* A change of the world comes in the middle of a burst. So the end of the next one is waited for, too. */
 void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_t *world)
 {
     const bool imu = (working & (PORT_IMU | PORT_GYRO)) != 0;
@@ -140,8 +148,10 @@ void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_
     other |= put(&mailbox.counts[0], world->rotation.left);
     other |= put(&mailbox.counts[1], world->rotation.right);
     port_ask(WORLD_SHOW);
-    if (other)
+    if (other) {
+        wait_ms(2 * BOARD_TICK_MS);
         (void)clock_wait();
+    }
     for (uint32_t passed = 0; passed < ms; passed += BOARD_TICK_MS)
         (void)clock_wait();
 }
@@ -149,14 +159,6 @@ void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_
 static int16_t q15_of(int16_t parts)
 {
     return parts >= 1024 ? 32767 : parts <= -1024 ? -32767 : (int16_t)(parts * 32);
-}
-
-static void wait_ms(uint8_t ms)
-{
-    const uint32_t began_ms = hal_clock_ms();
-
-    while (hal_clock_ms() - began_ms < ms) {
-    }
 }
 
 /* A new duty is in force from the PWM's next period on. */

@@ -1,0 +1,96 @@
+"""The port to AVR chips, on simavr with the board round it; and the images for these chips."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from command import brickpilot
+
+ROOT = Path(__file__).resolve().parents[2]
+PORT = ROOT / "hal/avr"
+IMAGES = [("328p", "imu"), ("328p", "rotation"), ("2560", "all")]
+
+# What the simulator, or the chip, cannot show: hal/avr/README.md says the same.
+ABSENT = "test_a_device_that_is_not_there_is_absent"
+SILENT = "test_a_silent_device_is_stale_and_recovers"
+CANNOT = {"imu": {ABSENT}, "rotation": {ABSENT, SILENT}, "all": {ABSENT, SILENT}}
+
+SHARE = 0.9
+"""The worst period may be so busy, with interrupts and commands: a tenth is left for what simavr does not charge."""
+STACK = 200
+"""Most bytes of stack. The build leaves 400 at least."""
+
+
+def run(name: str, chip: str, sensors: str, *port: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [ROOT / "tests/avr/run", name, chip, sensors, *port], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+@pytest.mark.parametrize(("chip", "sensors"), IMAGES)
+def test_the_port_keeps_the_contract(chip: str, sensors: str) -> None:
+    done = run("contract", chip, sensors)
+    told = dict(re.findall(r"^(test_\w+): (PASS|SKIP)", done.stdout, re.MULTILINE))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(told) == 9
+    assert {name for name, how in told.items() if how == "SKIP"} == CANNOT[sensors]
+
+
+@pytest.mark.parametrize(("chip", "sensors"), IMAGES)
+def test_the_port_counts_faults_and_stops_the_motors(chip: str, sensors: str) -> None:
+    done = run("port", chip, sensors)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("test_after_a_reset_the_motors_coast_and_the_cause_is_known: PASS") == 3
+    assert done.stdout.count(": PASS") == (6 if sensors == "imu" else 8)
+
+
+@pytest.mark.parametrize(
+    ("file", "of", "to", "name"),
+    [
+        ("motors.c", "(size + 16U)", "(size + 0U)", "contract"),
+        ("motors.c", "left - 1U", "left", "contract"),
+        ("clock.c", "until_tick = BOARD_TICK_MS;\n    if", "until_tick = BOARD_TICK_MS + 1;\n    if", "contract"),
+        ("analogue.c", "at = 0;", "at = 1;", "contract"),
+        ("rotation.c", "{0, -1, 1, ERROR,", "{0, 1, -1, ERROR,", "contract"),
+        ("serial.c", "if (put == in_taken) {\n        count_overrun();", "if (put == in_taken) {", "port"),
+        ("analogue.c", "if (age < 255)\n        age++;", "", "port"),
+        ("guard.c", "if (__heap_start == CANARY)", "", "port"),
+        ("guard.c", "    motors_coast();\n    for (;;)", "    for (; __heap_start != 1;)", "port"),
+    ],
+)
+def test_a_slip_in_a_driver_is_caught(file: str, of: str, to: str, name: str, tmp_path: Path) -> None:
+    shutil.copytree(PORT, tmp_path / "avr")
+    path = tmp_path / "avr" / file
+    text = path.read_text()
+    assert of in text
+    path.write_text(text.replace(of, to))
+    assert run(name, "328p", "rotation", tmp_path / "avr").returncode != 0
+
+
+@pytest.mark.parametrize(("chip", "sensors"), IMAGES)
+def test_an_image_is_elf_hex_and_sizes_with_the_fuses(chip: str, sensors: str, tmp_path: Path) -> None:
+    subprocess.run([ROOT / "firmware/targets/avr/build", tmp_path, chip, sensors], check=True, capture_output=True)
+    elf = tmp_path / "brickpilot.elf"
+    told = (tmp_path / "brickpilot.txt").read_text()
+    assert re.search(r"^RAM: \d+ of (2048|8192) bytes for variables, \d+ left for the stack$", told, re.MULTILINE)
+    for form, file in (("elf32-avr", elf), ("ihex", tmp_path / "brickpilot.hex")):
+        of_text = ["-R", ".fuse", "-R", ".comment"] if form == "elf32-avr" else []
+        command = ["avr-objcopy", "-I", form, "-O", "binary", *of_text, file, tmp_path / form]
+        subprocess.run(command, check=True)
+    assert (tmp_path / "ihex").read_bytes() == (tmp_path / "elf32-avr").read_bytes()
+    subprocess.run(["avr-objcopy", "-j", ".fuse", "-O", "binary", elf, tmp_path / "fuses"], check=True)
+    assert (tmp_path / "fuses").read_bytes() == bytes([0xFF, 0xD9, 0xFC])  # crystal; no boot loader; 4.3 V
+
+
+@pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
+def test_a_period_ends_in_time_and_the_stack_has_room(target: str) -> None:
+    found = json.loads(brickpilot("bench", "--target", target, "--seconds", "3", "--json", cwd=ROOT, fresh=True).stdout)
+    assert found["cycles"]["all"]["most"] <= SHARE * found["period_cycles"]
+    assert found["cycles"]["model"]["typical"] > 5000
+    assert 100 < found["stack_bytes"] <= STACK
+    assert found["ram_bytes"] + 2 * STACK <= found["ram_of"]
