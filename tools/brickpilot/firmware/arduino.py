@@ -68,7 +68,7 @@ def _properties(version: str) -> str:
     rows = {
         "name": NAME, "version": version, "author": f"{NAME} maintainers", "maintainer": f"{NAME} maintainers",
         "sentence": f"{_SENTENCE}.", "paragraph": f"{_PARAGRAPH}.", "category": "Device Control",
-        "url": "https://docs.arduino.cc/libraries/", "architectures": "avr", "includes": f"{NAME}.h",
+        "url": "", "architectures": "avr", "includes": f"{NAME}.h",
     }  # fmt: skip
     return "".join(f"{name}={value}\n" for name, value in rows.items())
 

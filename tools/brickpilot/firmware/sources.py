@@ -64,5 +64,9 @@ def _constants(flags: Iterable[str]) -> str:
 #define BRICKPILOT_BUILD_H
 
 {"".join(lines)}
+#ifdef __AVR__ /* core/flash.h says why */
+#pragma GCC optimize("no-ivopts")
+#endif
+
 #endif
 """

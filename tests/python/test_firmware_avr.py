@@ -1,0 +1,107 @@
+"""`brickpilot firmware --board avr`: a robot's image for an AVR chip, and the same as a library of Arduino."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import arduino_build
+import numpy as np
+import pytest
+from brickpilot.firmware import robot, simulate
+from brickpilot.hil import avr_flight
+from brickpilot.vehicle import flight
+from test_firmware import OWN, make, write
+
+SHORT_S = 3.2  # of a flight on simavr: the rest, and more than a second of driving
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the robot `middle` for the ATmega328P, with rotation sensors."""
+    parent = tmp_path_factory.mktemp("avr")
+    done = make(parent / "made", write(parent, "middle", OWN["middle"]), "avr", "--sensors", "imu+encoders")
+    assert (done.returncode, done.stderr) == (0, "")
+    return parent / "made"
+
+
+def plan(folder: Path) -> flight.Plan:
+    own = robot.load(folder.parent / "middle.toml")
+    planned = simulate.plan(own, simulate.mission(own, None), "imu+encoders", 0)
+    return dataclasses.replace(planned, steps=round(SHORT_S / 0.003))
+
+
+def fly(image: Path, planned: flight.Plan) -> flight.Flight:
+    flown = avr_flight.fly(planned, "avr:328p-rotation", image, telemetry_every=10, progress=lambda *_: None)
+    assert (flown.broke_off, flown.late_ticks) == (None, 0)
+    return flown.flight
+
+
+def test_the_robot_flies_all_waypoints_and_its_image_fits(made: Path) -> None:
+    figures = json.loads((made / "firmware.json").read_text())
+    assert figures["flight"]["waypoints_reached"] == 8
+    assert figures["step_s"] == 0.003
+    assert figures["bytes"]["flash"] < figures["bytes"]["flash_of"] == 32768
+    assert figures["bytes"]["ram"] < figures["bytes"]["ram_of"] == 2048
+    assert (made / "brickpilot.hex").read_text().startswith(":10000000")
+
+
+@pytest.fixture(scope="module")
+def arduino(made: Path) -> tuple[Path, Path]:
+    """The library's example, built by the recipes of Arduino's core: ELF and HEX."""
+    assert arduino_build.CORE.is_dir(), "needs arduino-core-avr: sh tests/run installs it"
+    library = made / "arduino/Brickpilot"
+    return arduino_build.build(library, library / "examples/Mission/Mission.ino", made.parent / "arduino")
+
+
+def test_the_library_is_built_by_arduinos_recipes_and_has_no_fuses(arduino: tuple[Path, Path]) -> None:
+    elf, image = arduino
+    sections = subprocess.run(["avr-size", "-A", elf], capture_output=True, text=True, check=True).stdout
+    sizes = {name: int(size) for name, size in re.findall(r"^\.(\w+) +(\d+)", sections, re.MULTILINE)}
+    assert "fuse" not in sizes
+    assert sizes["text"] + sizes["data"] < 32768 - 512  # the boot loader's
+    assert sizes["data"] + sizes["bss"] < 2048 - 400
+    types = [line[7:9] for line in image.read_text().split()]
+    assert types == ["00"] * (len(types) - 1) + ["01"]  # no address beyond 64 KB
+
+
+def test_the_image_and_the_library_drive_the_robot_on_simavr_as_the_simulation_does(
+    made: Path, arduino: tuple[Path, Path]
+) -> None:
+    planned = plan(made)
+    simulated = np.loadtxt(made / "flight/log.csv", delimiter=",", skiprows=1, max_rows=planned.steps)
+    names = (made / "flight/log.csv").read_text().split("\n", 1)[0].split(",")
+    ahead = simulated[:, names.index("true_x_m")], simulated[:, names.index("true_y_m")]
+    gone = np.hypot(ahead[0][-1], ahead[1][-1])
+    assert gone > 0.1
+    for image in (made / "brickpilot.elf", arduino[0]):
+        log = fly(image, planned).log
+        apart = np.hypot(log["true_x_m"] - ahead[0], log["true_y_m"] - ahead[1])
+        assert apart.max() < 0.1 * gone
+
+
+def test_the_librarys_layout_is_that_of_arduino_and_platformio(made: Path) -> None:
+    library = made / "arduino/Brickpilot"
+    rows = dict(line.split("=", 1) for line in (library / "library.properties").read_text().splitlines())
+    required = {"name", "version", "author", "maintainer", "sentence", "paragraph", "category", "url", "architectures"}
+    assert required <= rows.keys()
+    assert (rows["name"], rows["architectures"], rows["category"]) == ("Brickpilot", "avr", "Device Control")
+    assert re.fullmatch(r"\d+\.\d+\.\d+", rows["version"])
+    manifest = json.loads((library / "library.json").read_text())
+    assert (manifest["name"], manifest["version"]) == (rows["name"], rows["version"])
+    assert (manifest["frameworks"], manifest["platforms"]) == ("arduino", "atmelavr")
+    assert (library / "src" / manifest["headers"]).is_file()
+    assert (library / "src" / rows["includes"]).is_file()
+    for example in manifest["examples"]:
+        for name in example["files"]:
+            assert (library / example["base"] / name).is_file()
+            assert Path(name).stem == Path(example["base"]).name  # else the IDE does not open it
+    sources = [path for path in library.rglob("*.[ch]") if path.parent != library]
+    assert all(path.is_relative_to(library / "src") for path in sources)  # src/ is the only include path
+    known = {path.relative_to(library / "src").as_posix() for path in sources}
+    for path in sources:
+        for included in re.findall(r'^#include "([^"]+)"', path.read_text(), re.MULTILINE):
+            assert included in known, f"{path.name}: {included}"
