@@ -76,15 +76,14 @@ static void hold_back(void)
 /* Sleeps until the next tick is due. If that time is over already, lets the other tasks run. */
 static void wait(void)
 {
-    const int16_t left_ms = (int16_t)(due_ms - (uint16_t)hal_clock_ms());
+    int16_t left_ms = (int16_t)(due_ms - (uint16_t)hal_clock_ms());
 
-    due_ms = (uint16_t)(due_ms + STEP_MS);
-    if (left_ms > 0) {
-        (void)msleep((unsigned)left_ms);
-    } else {
+    if (left_ms < 0) {
         due_ms = (uint16_t)(due_ms - left_ms);
-        yield();
+        left_ms = 0;
     }
+    due_ms = (uint16_t)(due_ms + STEP_MS);
+    (void)msleep((unsigned)left_ms);
 }
 
 int main(int argc, char **argv)
@@ -100,11 +99,13 @@ int main(int argc, char **argv)
     now_ms = due_ms = (uint16_t)hal_clock_ms();
     start_soon();
     while (!shutdown_requested()) {
+        sensors_hold();
         now_ms = (uint16_t)hal_clock_ms();
         serve(&commands, &state);
         hold_back();
         loop_tick(&commands.parameters.config, &commands.route, &state, command_now());
         panel_show(&state.step.mode, starting);
+        sensors_release();
         wait();
     }
     hal_motors_write(0, 0);
