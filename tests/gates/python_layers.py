@@ -33,8 +33,13 @@ MAY: dict[str, set[str]] = {
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip
 
-# The only file of its room that may: it fetches a recording from the robot itself.
-ALSO = {"importers/rcx.py": {"link"}}
+# The only files of their rooms that may: one fetches a recording from the robot itself, one loads a program into a
+# simulated brick, and one writes the simulator's table of states.
+ALSO = {
+    "importers/rcx.py": {"link"},
+    "hil/rcx_flight.py": {"flash"},
+    "gen/h8_states_header.py": {"benchmark"},
+}
 
 
 def modules(package: Path) -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""The RCX's programs in brickOS's kernel, alone on the simulated processor: sent by the tools, run, ended."""
+"""The RCX's programs in brickOS's kernel, on the simulated brick: sent by the tools, run, ended."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def imu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def kernel() -> Iterator[Kernel]:
     with Kernel() as brick:
         brick.convert(NINE_VOLTS, LEVEL, LEVEL, LEVEL)
-        brick.run(500)
+        brick.run(1000)
         yield brick
 
 
@@ -74,7 +74,7 @@ def address(folder: Path, name: str) -> int:
 
 
 def periods(kernel: Kernel, clock: int) -> list[int]:
-    """From one step of the control loop to the next, ms, in a second of the kernel's own task switching."""
+    """From one step of the control loop to the next, ms by the kernel's clock, in a second."""
     times = []
     for _ in range(1000):
         kernel.run(1)
@@ -115,7 +115,9 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
     kernel.run(600)
     assert kernel.shows("run 1")
     assert kernel.driven != (0, 0)
-    assert set(periods(kernel, address(built, "_now_ms"))) == {STEP_MS}
+    taken = periods(kernel, address(built, "_now_ms"))
+    assert sum(taken) / len(taken) == pytest.approx(STEP_MS, abs=0.1)
+    assert max(taken) <= STEP_MS + 2
 
     with RcxBrick(device=kernel) as line:
         session = Session(InfraredLink(Tower(line.path, BYTE_S)), "infrared")

@@ -139,16 +139,15 @@ class RcxBrick:
             if self._stop_read in ready:
                 return
             data = os.read(self._master, 4096)
-            now = time.monotonic()
             idle = rcx_rom.IDLE_BYTES if self._in_rom else rcx_lnp.IDLE_BYTES
-            if now - last > idle * BYTE_S:
+            if time.monotonic() - last > idle * BYTE_S:
                 self._device.silence()
-            last = now
             if self._tower:
                 self._send(data)
             self.heard += len(data)
             if self._on and not self._away:
                 self._hear(data)
+            last = time.monotonic()  # a slow device makes no silence on the line
 
     @property
     def _away(self) -> bool:

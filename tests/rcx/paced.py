@@ -1,7 +1,7 @@
 """paced.py PATH: a simulated RCX before an infrared tower, in real time, at the serial port PATH, for an hour at most.
 
-Its kernel is brickOS's own (alone.c), and the line carries 2400 baud: what the tools take for a real brick, they take
-for this one, but for the program's own time, which the simulator does not count.
+Its kernel is brickOS's own, the line carries 2400 baud, and every instruction takes its time (hal/h8sim): what the
+tools take for a real brick, they take for this one.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ import tty
 from collections import deque
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
-
-from rcx_kernel import Kernel
+from brickpilot.hil.simulated_rcx import SimulatedRcx
 
 IDLE_MS = 4
 NINE_VOLTS, LEVEL = 319, 512
@@ -45,7 +43,7 @@ def heard(master: int) -> bytes | None:
         return None
 
 
-def serve(kernel: Kernel, path: Path) -> None:
+def serve(kernel: SimulatedRcx, path: Path) -> None:
     master, opened, waiting = new_port(path), False, deque[int]()
     began, began_ms = time.monotonic(), kernel.ms
     while True:
@@ -68,7 +66,7 @@ def serve(kernel: Kernel, path: Path) -> None:
 
 def main() -> None:
     path = Path(sys.argv[1])
-    with Kernel() as kernel:
+    with SimulatedRcx() as kernel:
         kernel.convert(NINE_VOLTS, LEVEL, LEVEL, LEVEL)
         try:
             serve(kernel, path)

@@ -4,6 +4,8 @@
 #include <dkey.h>
 #include <dmotor.h>
 #include <dsensor.h>
+#include <sys/h8.h>
+#include <sys/irq.h>
 #include <sys/lnp-logical.h>
 #include <sys/lnp.h>
 #include <sys/program.h>
@@ -15,7 +17,6 @@
 /* Not in brickOS's headers for programs; in its linker script. */
 extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[];
 extern volatile unsigned char motor_controller;
-extern const void *ad_vector;
 void mm_init(void);
 void dm_init(void);
 void ds_init(void);
@@ -97,12 +98,44 @@ void world_boot(void)
     world_exit(3);
 }
 
-/* One byte of the infrared line, in either direction. The brick hears itself. */
+void world_convert(uint8_t input, uint16_t raw)
+{
+    volatile unsigned *const converter = input == 0   ? &BATTERY
+                                         : input == 1 ? &SENSOR_1
+                                         : input == 2 ? &SENSOR_2
+                                                      : &SENSOR_3;
+    *converter = raw << 6;
+}
+
+void world_press(uint8_t keys)
+{
+    PORT4 = (unsigned char)((keys & KEY_ONOFF ? 0 : 2) | (keys & KEY_RUN ? 0 : 4));
+    PORT7 = (unsigned char)((keys & KEY_VIEW ? 0 : 0x40) | (keys & KEY_PRGM ? 0 : 0x80));
+}
+
+/* Lets the time of one byte pass on the line. True if the brick has sent a byte; it receives that byte itself. */
+static bool line(uint8_t *sent)
+{
+    if ((S_CR & SCR_TX_IRQ) != 0) {
+        S_SR = (unsigned char)(S_SR | SSR_TRANS_EMPTY);
+        world_interrupt(txi_vector);
+        if ((S_CR & SCR_TX_IRQ) == 0)
+            return false;
+        *sent = S_TDR;
+        S_RDR = disturbed ? (unsigned char)~S_TDR : S_TDR;
+        world_interrupt(rxi_vector);
+        return true;
+    }
+    if ((S_CR & SCR_TE_IRQ) != 0)
+        world_interrupt(tei_vector);
+    return false;
+}
+
 static void pass_byte(void)
 {
     uint8_t sent;
 
-    if (world_line(disturbed, &sent)) {
+    if (line(&sent)) {
         disturbed = false;
         if (air_size < AIR)
             air[air_size++] = sent;
@@ -111,11 +144,16 @@ static void pass_byte(void)
 
 void world_run(uint16_t ms)
 {
+    static bool second; /* buttons and motors have a timer of 2 ms */
+
     while (ms-- > 0) {
         world_interrupt(clock_handler);
-        world_interrupt(dkey_handler);
         pass_byte();
-        world_interrupt(dm_handler);
+        second = !second;
+        if (second) {
+            world_interrupt(dkey_handler);
+            world_interrupt(dm_handler);
+        }
         yield();
     }
 }
@@ -129,7 +167,7 @@ void world_converted(void)
 void world_pulses(int16_t *a, int16_t *c)
 {
     *a = *c = 0;
-    for (uint16_t ms = 0; ms < 256; ms++) {
+    for (uint16_t tick = 0; tick < 256; tick++) {
         world_interrupt(dm_handler);
         *a += (motor_controller & 0xC0) == 0x80 ? 1 : (motor_controller & 0xC0) == 0x40 ? -1 : 0;
         *c += (motor_controller & 0x03) == 0x02 ? 1 : (motor_controller & 0x03) == 0x01 ? -1 : 0;

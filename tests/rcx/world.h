@@ -1,7 +1,8 @@
 /* world.h: the surroundings of a program on the RCX, on gdb's H8/300 simulator. The kernel is Debian's brickOS itself. LEGO's ROM, the
  * interrupts, the converter and the other end of the infrared link are written here.
  *
- * Time passes only in world_run(). In each ms the interrupts come, and the other tasks run until they wait.
+ * Time passes only in world_run(). In each ms the interrupts come, and the other tasks run until they wait. tests/gates/test_rcx_time.py
+ * has the programs in simulated time.
  */
 #ifndef BRICKPILOT_RCX_WORLD_H
 #define BRICKPILOT_RCX_WORLD_H
@@ -24,7 +25,7 @@ void world_converted(void);
 /* Holds these buttons from now on, KEY_ bits. */
 void world_press(uint8_t keys);
 
-/* Counts the pulses of motors A and C in 256 ms, forward less backward: -256..256. */
+/* Counts the pulses of motors A and C in 256 of the kernel's ticks (2 ms), forward less backward: -256..256. */
 void world_pulses(int16_t *a, int16_t *c);
 
 /* Send and receive one whole packet of LNP, with its sum. Receiving waits up to 300 ms and returns the size, or 0 if none came. */
@@ -42,9 +43,6 @@ void world_forget(void);
 
 /* The size of the kernel's largest free block, measured before world_main(), with all tasks of the kernel running. */
 extern uint16_t world_room;
-
-/* Lets the time of one byte pass on the infrared line. True if the brick has sent a byte; it receives that byte itself. */
-bool world_line(bool disturbed, uint8_t *sent);
 
 /* Calls the interrupt handler that a vector of the kernel names. */
 void world_interrupt(const void *handler);

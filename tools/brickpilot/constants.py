@@ -33,5 +33,9 @@ ACCEPTANCE_M = _value("robot", "length") / 2
 SILENT_S = _value("controller", "coupled", "silent_time")
 """s without a command after which the motors stop."""
 
+ACCEL_RANGE = _value("sensors", "imu", "accel_range")
+GYRO_RANGE = _value("sensors", "imu", "gyro_range")
+"""m/s^2 and rad/s: what the IMU measures at most, in both directions."""
+
 COUNTS_PER_TURN = round(_value("sensors", "encoder", "counts_per_turn"))
 """Counts of a rotation sensor per turn of its wheel."""

@@ -16,11 +16,13 @@ Sources: the headers and the loader of brickOS 0.9.0, compared with the disassem
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
 from brickpilot.errors import InputError
 from brickpilot.flash.lx import Program
 from brickpilot.flash.tally import Progress, Tally
 from brickpilot.link import lnp
-from brickpilot.link.tower import Tower
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SLOTS = 8
@@ -39,6 +41,22 @@ _SILENT = 6
 """After so many failed tries in a row, the program may be complete; the line need not be bad."""
 
 
+T = TypeVar("T")
+
+
+class Line(Protocol):
+    """The line to a brick: a `link.tower.Tower`, or what stands for one."""
+
+    @property
+    def device(self) -> str: ...
+
+    def exchange(
+        self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
+    ) -> T | None: ...
+
+    def lost(self, done: str = "") -> TimeoutError: ...
+
+
 class Loader:
     """Speaks to the loader of a brick.
 
@@ -47,7 +65,7 @@ class Loader:
         host: the brick's LNP address, 0..15.
     """
 
-    def __init__(self, tower: Tower, host: int = 0) -> None:
+    def __init__(self, tower: Line, host: int = 0) -> None:
         self._tower = tower
         self._host = host
 

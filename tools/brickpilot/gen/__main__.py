@@ -12,6 +12,7 @@ from brickpilot.firmware import params_header
 from brickpilot.gen import (
     codecs,
     controllers_header,
+    h8_states_header,
     model_sets_header,
     plant_presets,
     settings_header,
@@ -23,12 +24,13 @@ from brickpilot.vehicle.settings import load
 VEHICLE = Path("sim_host/models/rcx.toml")
 MESSAGES = Path("hal/wire/brickpilot.dbc")
 SETTINGS = Path("hal/wire/settings.toml")
+STATES = Path("hal/h8sim/states.toml")
 
 
 def generate(root: Path) -> dict[Path, str]:
     """Returns the text of each generated file of the checkout at `root`, and of the DBC with the settings' names."""
     settings = load(root / SETTINGS)
-    inputs = {path: (root / path).read_bytes().decode("utf-8") for path in (VEHICLE, SETTINGS, MESSAGES)}
+    inputs = {path: (root / path).read_bytes().decode("utf-8") for path in (VEHICLE, SETTINGS, MESSAGES, STATES)}
     inputs[MESSAGES] = settings_header.name_in(inputs[MESSAGES], settings)
     vehicle = tomllib.loads(inputs[VEHICLE].replace("\r\n", "\n"))
     nominal = {name: float(entry["value"]) for name, entry in vehicle["parameters"].items()}
@@ -38,6 +40,7 @@ def generate(root: Path) -> dict[Path, str]:
         ("hal/wire/codecs_gen.h", [MESSAGES], codecs_header),
         ("hal/wire/codecs_gen.c", [MESSAGES], of_brick),
         ("tests/unit/link/host_codecs_gen.c", [MESSAGES], of_host),
+        ("hal/h8sim/states_gen.h", [STATES], h8_states_header.render(inputs[STATES])),
         ("firmware/app/settings_gen.h", [SETTINGS], settings_header.render(settings)),
         ("firmware/app/params_gen.h", [VEHICLE, SETTINGS], params_header.render(vehicle, settings)),
         ("sim_host/models/rcx_gen.h", [VEHICLE], plant_presets.render(vehicle)),

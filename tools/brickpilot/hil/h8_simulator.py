@@ -29,21 +29,41 @@ def h8_simulator(target: str) -> tuple[str, str]:
     Raises:
         InputError: no checkout is in this folder or above it, or a build fails.
     """
-    folder = next((folder for folder in _here_and_above() if (folder / "firmware/targets/h8sim/build").exists()), None)
-    if folder is None:
-        raise InputError("needs a checkout of the project in this folder or above it", field=f"--target {target}")
-
-    def output(*command: str) -> str:
-        done = subprocess.run([folder / command[0], *command[1:]], stdout=subprocess.PIPE, text=True, check=False)
-        if done.returncode != 0:
-            raise InputError(f"{command[0]} failed", field=f"--target {target}")
-        return done.stdout.strip()
-
     sensors = H8SIM_TARGETS[target]
     built = []
     if sensors is not None:
-        built = [str(folder / f"build/h8sim-{sensors}"), *output("firmware/targets/rcx/flags", sensors).split()]
-    return output("hal/h8sim/simulator"), output("firmware/targets/h8sim/build", *built)
+        folder = checkout(f"--target {target}")
+        flags = script_output("firmware/targets/rcx/flags", sensors, field=f"--target {target}").split()
+        built = [str(folder / f"build/h8sim-{sensors}"), *flags]
+    return (
+        script_output("hal/h8sim/simulator", field=f"--target {target}"),
+        script_output("firmware/targets/h8sim/build", *built, field=f"--target {target}"),
+    )
+
+
+def checkout(field: str | None = None) -> Path:
+    """Returns the checkout of the project in this folder or above it.
+
+    Raises:
+        InputError: there is none.
+    """
+    here = Path.cwd()
+    for folder in (here, *here.parents):
+        if (folder / "firmware/targets/h8sim/build").exists():
+            return folder
+    raise InputError("needs a checkout of the project in this folder or above it", field=field)
+
+
+def script_output(script: str, *arguments: str, field: str | None = None) -> str:
+    """Runs a script of the checkout, and returns what it prints.
+
+    Raises:
+        InputError: there is no checkout, or the script fails.
+    """
+    done = subprocess.run([checkout(field) / script, *arguments], stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        raise InputError(f"{script} failed", field=field)
+    return done.stdout.strip()
 
 
 def check_sensors(target: str, sensors: str) -> None:
@@ -52,11 +72,6 @@ def check_sensors(target: str, sensors: str) -> None:
         raise InputError(
             f"a brick has no ideal sensors; {target} flies with imu or imu+encoders", field=f"--sensors {sensors}"
         )
-
-
-def _here_and_above() -> tuple[Path, ...]:
-    here = Path.cwd()
-    return (here, *here.parents)
 
 
 def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:

@@ -37,6 +37,11 @@ class PlantEnd:
         self._step += 1
 
     @property
+    def readings(self) -> Any:
+        """The readings of this step, a ``bp_sensed``."""
+        return self._sensed
+
+    @property
     def tick_ms(self) -> int:
         """The low byte of the readings' time, which the reply carries too."""
         return int(self._sensed.time_ms) & 255

@@ -1,0 +1,196 @@
+/* console.h: the surroundings of a simulated RCX, controlled by commands on the simulator's standard input. Numbers are big-endian, and
+ * the number of bytes of each stands behind it:
+ *
+ *   r ms(2)                time passes
+ *   l byte(1) wrong(1)     the line brings the brick a byte, in the time of a byte; wrong, not 0: with a wrong parity
+ *   k keys(1)              these buttons are held: 1 On-Off, 2 Run, 4 View, 8 Prgm
+ *   a input(1) raw(2)      what the converter measures at input 1, 2 or 3, or, as input 0, at the battery: 0..1023
+ *   m address(2) size(2)   the reply is the content of the memory there
+ *   b address(2)           from now on keeps the time whenever the instruction at this address begins
+ *   e                      the reply is how many times have been kept (2), and these: states since the start (8 each). Forgets them
+ *   t                      the reply is the time since the start (8), and for each kind of chip.h how often it came (4) and how
+ *                          long it took (8), both since the start
+ *
+ * The reply to r and l is: how long motors A and C were driven in that time, forward less backward (us, 4 bytes each, signed), the number
+ * of bytes that the brick has sent (2), and those bytes. The program ends at the end of its input.
+ */
+#ifndef BRICKPILOT_H8SIM_CONSOLE_H
+#define BRICKPILOT_H8SIM_CONSOLE_H
+
+#include "chip.h"
+
+enum { MOTORS = 0xFF80, STATES_A_MS = 16000, STATES_A_US = 16, LINE_BYTE = 73333 }; /* 11 bits at 2400 baud */
+enum { SENT_MOST = 4096, KEPT_MOST = 4096 };
+
+static struct {
+    uint64_t until; /* then the next command is read */
+    bool replies, brings, wrong;
+    uint8_t brought;
+    uint8_t motors; /* the motor port since `settled` */
+    uint64_t settled;
+    int64_t driven_a, driven_c; /* states, forward less backward */
+    uint8_t sent[SENT_MOST];
+    uint16_t sent_size;
+    uint16_t kept_at;
+    uint64_t kept[KEPT_MOST];
+    uint16_t kept_size;
+} console;
+
+static int direction(unsigned forward, unsigned backward)
+{
+    return (forward != 0) - (backward != 0);
+}
+
+/* Both bits of a motor together short it; none lets it float. */
+static void settle_motors(void)
+{
+    const int64_t states = (int64_t)(chip.now - console.settled);
+
+    console.driven_a += states * direction(console.motors & 0x80, console.motors & 0x40);
+    console.driven_c += states * direction(console.motors & 0x02, console.motors & 0x01);
+    console.motors = chip.memory[MOTORS];
+    console.settled = chip.now;
+}
+
+static void take_sent(uint8_t byte)
+{
+    if (console.sent_size < SENT_MOST)
+        console.sent[console.sent_size++] = byte;
+}
+
+static void write_number(uint64_t number, int size)
+{
+    while (size-- > 0)
+        putchar((int)(number >> 8 * size & 0xFF));
+}
+
+static void reply(void)
+{
+    settle_motors();
+    write_number((uint64_t)(console.driven_a / STATES_A_US), 4);
+    write_number((uint64_t)(console.driven_c / STATES_A_US), 4);
+    write_number(console.sent_size, 2);
+    fwrite(console.sent, 1, console.sent_size, stdout);
+    console.driven_a = console.driven_c = 0;
+    console.sent_size = 0;
+}
+
+static uint16_t read_number(int size)
+{
+    uint16_t number = 0;
+
+    while (size-- > 0) {
+        const int byte = getchar();
+
+        if (byte == EOF)
+            exit(0);
+        number = (uint16_t)(number << 8 | byte);
+    }
+    return number;
+}
+
+/* A held button pulls its pin down. */
+static void hold(uint8_t keys)
+{
+    chip.memory[PORT4] = (uint8_t)((chip.memory[PORT4] & ~6) | (keys & 1 ? 0 : 2) | (keys & 2 ? 0 : 4));
+    chip.memory[PORT7] = (uint8_t)((keys & 4 ? 0 : 0x40) | (keys & 8 ? 0 : 0x80));
+}
+
+static void set_analogue(uint8_t input, uint16_t raw)
+{
+    chip.analogue[input == 0 ? 3 : (3 - input) & 3] =
+        raw & 1023; /* channels 0 to 3 are inputs 3, 2, 1 and the battery */
+}
+
+static void write_memory(uint16_t at, uint16_t size)
+{
+    while (size-- > 0)
+        putchar(chip.memory[at++]);
+}
+
+static void write_kept(void)
+{
+    write_number(console.kept_size, 2);
+    for (uint16_t i = 0; i < console.kept_size; i++)
+        write_number(console.kept[i], 8);
+    console.kept_size = 0;
+}
+
+static void write_tally(void)
+{
+    write_number(chip.now, 8);
+    for (int kind = 0; kind < KINDS; kind++) {
+        write_number(chip.count[kind], 4);
+        write_number(chip.spent[kind], 8);
+    }
+}
+
+/* Obeys a command. Returns false if time has to pass first. */
+static bool obey(int command)
+{
+    switch (command) {
+    case 'r':
+        console.until += (uint64_t)read_number(2) * STATES_A_MS;
+        console.replies = true;
+        return false;
+    case 'l':
+        console.brought = (uint8_t)read_number(1);
+        console.wrong = read_number(1) != 0;
+        console.until += LINE_BYTE;
+        console.replies = console.brings = true;
+        return false;
+    case 'k':
+        hold((uint8_t)read_number(1));
+        break;
+    case 'a': {
+        const uint8_t input = (uint8_t)read_number(1);
+        set_analogue(input, read_number(2));
+        break;
+    }
+    case 'm': {
+        const uint16_t at = read_number(2);
+        write_memory(at, read_number(2));
+        break;
+    }
+    case 'b':
+        console.kept_at = read_number(2);
+        break;
+    case 'e':
+        write_kept();
+        break;
+    case 't':
+        write_tally();
+        break;
+    case EOF:
+        exit(0);
+    default:
+        exit(5);
+    }
+    return true;
+}
+
+/* When the instruction at `pc` begins. */
+static void keep_time(uint16_t pc)
+{
+    if (pc == console.kept_at && console.kept_size < KEPT_MOST)
+        console.kept[console.kept_size++] = chip.now;
+}
+
+/* Replies and takes commands, if time has come up to there. */
+static void console_poll(void)
+{
+    if (chip.memory[MOTORS] != console.motors)
+        settle_motors();
+    if (chip.now < console.until)
+        return;
+    if (console.brings)
+        chip_receive(console.brought, console.wrong);
+    if (console.replies)
+        reply();
+    console.brings = console.replies = false;
+    do
+        fflush(stdout);
+    while (obey(getchar()));
+}
+
+#endif
