@@ -35,6 +35,7 @@ Both write a page, which `report` draws:
 `brickpilot bench`:
 
     speed.py           the simulator and the links, beside a peer in the same process
+    kernel_share.py    what kernel, interrupts and program take of the RCX's time, in simulated time
     step_budget.py     instructions, states, stack and bytes of a control step on the H8 simulator
     h8_states.py       states of each H8/300 instruction
 """

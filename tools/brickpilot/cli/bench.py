@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from typing import Any
 
 import click
 import numpy as np
@@ -12,6 +13,9 @@ from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.avr_robot import AVR_TARGETS
+
+_KERNEL_S = 8.0
+"""s of the mission in which the kernel's share is measured; it does not change later."""
 
 
 @click.command()
@@ -86,12 +90,19 @@ def _avr(targets: list[str], seconds: float | None, as_json: bool) -> None:
 
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
-    from brickpilot.benchmark import h8_states, step_budget
+    from brickpilot.benchmark import h8_states, kernel_share, step_budget
+    from brickpilot.hil import h8_simulator
 
+    built_for = h8_simulator.H8SIM_TARGETS[target]
     with progress_shown(not as_json) as progress:
         found = step_budget.mission(target, profile, sensors, seconds, progress)
+        kernel = None
+        if built_for is not None:
+            kernel = kernel_share.as_dict(
+                kernel_share.measure(built_for, min(seconds or _KERNEL_S, _KERNEL_S), progress)
+            )
     if as_json:
-        click.echo(json.dumps(step_budget.as_dict(found)))
+        click.echo(json.dumps(step_budget.as_dict(found) | ({} if kernel is None else {"kernel": kernel})))
         return
     click.echo(f"{'':10} {'instructions':>15}   {'states, all in external RAM':>30}   {'states, all on chip':>30}")
     click.echo(f"{'':10} {'typical':>7} {'most':>7}" + f"   {'typical':>7} {'most':>7} {'most, ms':>14}" * 2)
@@ -104,3 +115,18 @@ def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json:
     click.echo(f"{'bytes of':24} {'text':>6} {'data':>6} {'bss':>6}")
     for name, size in found.sizes.items():
         click.echo(f"{name:24} {size.text:6d} {size.data:6d} {size.bss:6d}")
+    if kernel is not None:
+        _kernel(kernel, kernel_share.LABELS)
+
+
+def _kernel(kernel: dict[str, Any], labels: dict[str, str]) -> None:
+    click.echo(f"of the processor's time, in {kernel['seconds']:.1f} s of the mission under brickOS:")
+    for kind, label in labels.items():
+        share = kernel["shares"][kind]
+        often = f"{share['per_s']:9.0f} per s of {share['states']:5.0f} states" if share["per_s"] else ""
+        click.echo(f"  {label:40} {100 * share['share']:5.1f} % {often}".rstrip())
+    tick = kernel["tick_ms"]
+    click.echo(
+        f"from a control step to the next: median {tick['median']:.1f}, p99 {tick['p99']:.1f}, "
+        f"most {tick['most']:.1f} ms"
+    )
