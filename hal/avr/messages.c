@@ -1,4 +1,7 @@
 /* messages.c: the link of hal.h, in frames (wire/frame.h) on the serial line. */
+#include "avr/analogue.h"
+#include "avr/guard.h"
+#include "avr/rotation.h"
 #include "avr/serial.h"
 #include "hal.h"
 #include "wire/codecs_gen.h"
@@ -61,11 +64,24 @@ static void send_faults(void)
     (void)send(&message);
 }
 
+static void send_board(void)
+{
+    message_t message = {.id = WIRE_BOARD_FRAME_ID, .size = WIRE_BOARD_LENGTH};
+
+    message.data[WIRE_BOARD_STARTED_BY_AT] = guard_cause();
+    message_put(&message.data[WIRE_BOARD_CONVERTER_AT], analogue_faults());
+    message_put(&message.data[WIRE_BOARD_EDGES_AT], rotation_errors());
+    message_put(&message.data[WIRE_BOARD_OVERRUNS_AT], serial_overruns());
+    (void)send(&message);
+}
+
 bool hal_link_write(const message_t *message)
 {
     if (!send(message))
         return false;
-    if (message->id == WIRE_HEARTBEAT_FRAME_ID)
+    if (message->id == WIRE_HEARTBEAT_FRAME_ID) {
         send_faults();
+        send_board();
+    }
     return true;
 }

@@ -100,6 +100,9 @@ static void test_lost_bytes_are_counted_and_told(void)
     TEST_ASSERT_EQUAL_HEX16(WIRE_FAULTS_FRAME_ID, message.id);
     TEST_ASSERT_EQUAL_UINT16(serial_overruns(), message_get(&message.data[WIRE_FAULTS_LOST_AT]));
     TEST_ASSERT_TRUE(message_get(&message.data[WIRE_FAULTS_BAD_AT]) > 0);
+    TEST_ASSERT_TRUE(port_host_receive(&message));
+    TEST_ASSERT_EQUAL_HEX16(WIRE_BOARD_FRAME_ID, message.id);
+    TEST_ASSERT_EQUAL_UINT16(serial_overruns(), message_get(&message.data[WIRE_BOARD_OVERRUNS_AT]));
 }
 
 #ifdef AVR_ROTATION
@@ -191,8 +194,16 @@ static void (*const ENDS[])(void) = {test_a_silent_program_is_reset, test_a_stac
                                      test_an_unexpected_interrupt_stops_the_motors_at_once};
 enum { ENDS_COUNT = sizeof ENDS / sizeof ENDS[0] };
 
-static void test_after_a_reset_the_motors_coast_and_the_cause_is_known(void)
+static void test_after_a_reset_the_motors_coast_and_the_cause_is_told(void)
 {
+    const message_t heartbeat = {.id = WIRE_HEARTBEAT_FRAME_ID, .size = 8};
+    message_t message;
+
+    TEST_ASSERT_TRUE(hal_link_write(&heartbeat));
+    for (uint8_t i = 0; i < 3; i++)
+        TEST_ASSERT_TRUE(port_host_receive(&message));
+    TEST_ASSERT_EQUAL_HEX16(WIRE_BOARD_FRAME_ID, message.id);
+    TEST_ASSERT_EQUAL_UINT8(GUARD_WATCHDOG, message.data[WIRE_BOARD_STARTED_BY_AT]);
     TEST_ASSERT_EQUAL_UINT8(GUARD_WATCHDOG, guard_cause());
     TEST_ASSERT_TRUE(guard_failed());
     drives_are(COASTS, COASTS);
@@ -208,7 +219,7 @@ int main(void)
     port_ask(WORLD_TELL);
     resets = mailbox.resets;
     if (resets > 0)
-        RUN_TEST(test_after_a_reset_the_motors_coast_and_the_cause_is_known);
+        RUN_TEST(test_after_a_reset_the_motors_coast_and_the_cause_is_told);
     if (resets == 0) {
         TEST_ASSERT_FALSE(guard_failed());
         RUN_TEST(test_motors_coast_until_they_are_written);

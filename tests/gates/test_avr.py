@@ -45,7 +45,7 @@ def test_the_port_keeps_the_contract(chip: str, sensors: str) -> None:
 def test_the_port_counts_faults_and_stops_the_motors(chip: str, sensors: str) -> None:
     done = run("port", chip, sensors)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("test_after_a_reset_the_motors_coast_and_the_cause_is_known: PASS") == 3
+    assert done.stdout.count("test_after_a_reset_the_motors_coast_and_the_cause_is_told: PASS") == 3
     assert done.stdout.count(": PASS") == (6 if sensors == "imu" else 8)
 
 

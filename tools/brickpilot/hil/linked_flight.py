@@ -49,6 +49,7 @@ class LinkedFlight:
         self.safe_stops = 0
         self.heartbeat: dict[str, int] = {}
         self.faults: dict[str, int] = {}
+        self.board: dict[str, int] = {}
         self.motors = (0, 0)
         self.commanded_at = 0  # the step of the last motor command
         self.sent_sequence = 0
@@ -59,7 +60,7 @@ class LinkedFlight:
         self.recorder = TickRecorder(plan.steps)
         by = book().by_name
         self._motors, self._reply = by["MOTORS"], by["MODE_REPLY"]
-        self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults"}
+        self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults", by["BOARD"].id: "board"}
 
     def take(self, identifier: int, data: bytes) -> None:
         """Takes a message that is not the expected reply to a request."""
