@@ -72,3 +72,27 @@ def test_the_recipe_makes_a_port_that_names_what_is_left(copy: Path) -> None:
     built = subprocess.run(commands[-1].split(), cwd=copy, capture_output=True, text=True, check=False)
     assert built.returncode != 0
     assert "undefined reference to `hal_motors_write'" in built.stdout + built.stderr
+
+
+def test_the_recipe_makes_a_main_program_for_this_machine_and_for_another_chip(tmp_path: Path) -> None:
+    for folder in ("firmware", "hal", "tests/contract", "sim_host/models", "tests/numeric"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    (tmp_path / "tools").mkdir()
+    shutil.copy(ROOT / "tools/check_generated", tmp_path / "tools")
+    readme = (ROOT / "hal/template/README.md").read_text()
+    (recipe,) = re.findall(r"^```sh\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    copies = [line for line in recipe.splitlines() if not re.match(r"cmake|build/", line)]
+    here, there = re.findall(r"^```shell\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+
+    def run(script: str) -> list[str]:
+        done = subprocess.run(["sh", "-ec", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        return done.stdout.splitlines()
+
+    told = run("\n".join(copies) + "\n" + here)
+    said = {line.partition(":")[0] for line in told if ": not done yet: " in line}
+    assert said == {*FUNCTIONS, "wait_for_tick"}
+
+    sizes = {line.split()[0]: [int(one) for one in line.split()[1:]] for line in run(there)[1:]}
+    assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # what the README says of RAM
+    assert 12_000 < sizes["brickpilot"][0] < 20_480  # and of flash

@@ -1,4 +1,4 @@
-/* main.c: the autopilot on a board of your own. Copy it with hal/template; hal/template/README.md is the recipe.
+/* main.c: the autopilot on a board of your own. Copy this folder together with the port; CONTRIBUTING.md says where the recipe is.
  *
  * After two seconds at rest, in which it learns the gyro's bias, the robot flies the route of app/mission.h, unless a host begins a
  * session over the link.
