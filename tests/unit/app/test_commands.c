@@ -140,7 +140,8 @@ static void test_open_says_who_is_there_and_what_differs(void)
 static void test_nothing_is_done_before_a_session_or_with_a_check_that_fails(void)
 {
     commands_start(&commands);
-    TEST_ASSERT_FALSE(send(WIRE_PARAMETER_REQUEST_FRAME_ID));
+    for (uint16_t id = WIRE_OPEN_FRAME_ID + 1; id <= WIRE_ROUTE_FRAME_ID; id++)
+        TEST_ASSERT_FALSE(send(id));
     open_with(sound_open());
     const struct wire_mode_command_t asked = {.command = MODE_START};
     wire_mode_command_pack(request.data, &asked, 8);
@@ -203,6 +204,10 @@ static void test_what_is_known_of_the_robot_is_written_setting_by_setting_and_no
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_BUSY,
                             parameter(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE, true, 1).status);
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, parameter(WIRE_PARAMETER_REQUEST_PARAMETER_SPEED_KP_CHOICE, true, 1).status);
+    loop.step.mode.mode = MODE_IDLE;
+    commands.pending = MODE_START; /* it drives from the next step on */
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_BUSY,
+                            parameter(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE, true, 1).status);
 }
 
 static void test_a_route_comes_into_force_at_once_or_not_at_all(void)
@@ -291,6 +296,25 @@ static void test_serving_answers_each_request_and_a_session_stops_the_motors(voi
     TEST_ASSERT_EQUAL_UINT16(0, state.silent_ms);
 }
 
+static void test_serving_takes_a_sound_request_for_a_sign_of_life(void)
+{
+    sil_port_t port = {.left_q15 = 5};
+    loop_state_t state = {.silent_ms = 90, .started = true};
+    sil_bind(&port);
+    port.link_in[0] = (message_t){.id = WIRE_ROUTE_REQUEST_FRAME_ID, .size = 8};
+    crc_seal(&port.link_in[0]);
+    port.link_in[0].data[0] ^= 1; /* damaged */
+    port.link_in_size = 1;
+    serve(&commands, &state);
+    TEST_ASSERT_EQUAL_UINT16(90, state.silent_ms);
+    crc_seal(&port.link_in[0]);
+    port.link_in_size = 1;
+    serve(&commands, &state);
+    sil_bind(NULL);
+    TEST_ASSERT_EQUAL_UINT16(0, state.silent_ms);
+    TEST_ASSERT_EQUAL_INT16(5, port.left_q15);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -303,6 +327,7 @@ int main(void)
     RUN_TEST(test_a_route_that_cannot_be_flown_leaves_the_old_one);
     RUN_TEST(test_a_waypoint_is_checked_when_written);
     RUN_TEST(test_a_mode_command_waits_for_the_next_step_and_acts_once);
+    RUN_TEST(test_serving_takes_a_sound_request_for_a_sign_of_life);
     RUN_TEST(test_serving_answers_each_request_and_a_session_stops_the_motors);
     return UNITY_END();
 }

@@ -186,18 +186,22 @@ static void test_loop_takes_a_gyro_without_an_accelerometer(void)
 
 static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred(void)
 {
-    int telemetry = 0, heartbeats = 0;
+    int telemetry = 0, heartbeats = 0, of_a_tick;
     config.telemetry_every = 10;
     for (int i = 0; i < 200; i++) {
         port.link_out_size = 0;
         loop_tick(&config, &route, &state, MODE_NONE);
         port.clock_ms += 3;
+        of_a_tick = 0;
         for (int k = 0; k < port.link_out_size; k++)
             if (port.link_out[k].id == WIRE_HEARTBEAT_FRAME_ID)
-                heartbeats++;
+                TEST_ASSERT_EQUAL_INT(100 * heartbeats++, i);
             else
-                telemetry++;
+                of_a_tick++;
+        TEST_ASSERT_LESS_OR_EQUAL_INT(1, of_a_tick); /* the link is not flooded */
+        telemetry += of_a_tick;
     }
+    TEST_ASSERT_EQUAL_UINT32(200, state.tick);
     TEST_ASSERT_EQUAL_INT(20 * TELEMETRY_PARTS, telemetry);
     TEST_ASSERT_EQUAL_INT(2, heartbeats);
     config.telemetry_every = 0;
@@ -262,6 +266,7 @@ static void test_loop_begins_at_its_first_tick_where_nobody_started_it(void)
     run(1, 3, MODE_START);
     TEST_ASSERT_EQUAL(MODE_RUN, state.step.mode.mode);
     TEST_ASSERT_EQUAL_UINT16(0, state.late_ticks);
+    TEST_ASSERT_EQUAL(STEP_MS, state.sensors.period_ms);
 }
 
 /* Current of the model's motors after a step in which the battery turns out to give `battery_mv`. */
@@ -315,6 +320,10 @@ static void test_loop_counters_do_not_wrap(void)
     TEST_ASSERT_EQUAL(MODE_FAULT, state.step.mode.mode);
     TEST_ASSERT_EQUAL_UINT16(65535, state.late_ticks);
     TEST_ASSERT_EQUAL_UINT16(65535, state.aborted);
+    all_sensors(HAL_STALE);
+    state.silent_ms = 65530;
+    run(3, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.silent_ms);
 }
 
 static void only_the_gyro(void)

@@ -107,6 +107,7 @@ static void test_telemetry_parts_have_ids_in_a_row_and_the_same_tick(void)
         TEST_ASSERT_EQUAL_UINT16(WIRE_TELEMETRY_X_FRAME_ID + i, parts[i].id);
         TEST_ASSERT_EQUAL_UINT8(8, parts[i].size);
         TEST_ASSERT_EQUAL_HEX8(TICK_MS, parts[i].data[6]);
+        TEST_ASSERT_EQUAL_HEX8(0, parts[i].data[7]); /* nothing is left of the message before */
     }
 }
 

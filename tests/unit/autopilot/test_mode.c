@@ -87,9 +87,11 @@ static void test_mode_waits_at_rest_for_the_gyros_bias(void)
     estimate.bias_unknown = false;
     step(MODE_NONE);
     TEST_ASSERT_TRUE(demand.drive);
-    estimate.bias_unknown = true; /* a reference is missing: a run that drives does not stop for it */
+    estimate.bias_unknown = true; /* a reference is missing: a run that drives goes on and is still guided */
     step(MODE_NONE);
     TEST_ASSERT_TRUE(demand.drive);
+    step_at_mm(0, 80);
+    TEST_ASSERT_EQUAL_INT16(80, state.los.cross_track_mm);
 }
 
 static void test_mode_drives_without_a_bias_after_255_steps_of_each_run(void)

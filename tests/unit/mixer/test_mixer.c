@@ -150,6 +150,13 @@ static void test_mixer_saturates_from_the_first_millivolt_that_is_not_there(void
     assert_flags(1, 0, mix(4501, 4500));
 }
 
+static void test_mixer_turns_on_the_spot_without_surge(void)
+{
+    const signals_drive_t drive = mix(0, 4500);
+    TEST_ASSERT_EQUAL_INT16(16384, drive.left_q15);
+    TEST_ASSERT_EQUAL_INT16(-16384, drive.right_q15);
+}
+
 static void test_mixer_gives_nothing_where_the_reserve_takes_the_whole_battery(void)
 {
     mixer_config_t config = CONFIG;
@@ -235,6 +242,7 @@ int main(void)
     RUN_TEST(test_mixer_takes_a_battery_below_the_floor_for_the_floor);
     RUN_TEST(test_mixer_takes_a_battery_above_20_v_for_20_v);
     RUN_TEST(test_mixer_never_passes_max_duty);
+    RUN_TEST(test_mixer_turns_on_the_spot_without_surge);
     RUN_TEST(test_mixer_gives_nothing_where_the_reserve_takes_the_whole_battery);
     RUN_TEST(test_mixer_saturates_from_the_first_millivolt_that_is_not_there);
     RUN_TEST(test_mixer_drives_what_the_motors_need_and_tells_the_model_what_it_wanted);
