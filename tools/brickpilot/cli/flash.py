@@ -83,6 +83,57 @@ def flash_rcx(
     )
 
 
+@flash.command("avr")
+@click.argument("file")
+@click.option(
+    "-P",
+    "--port",
+    envvar="AVRPORT",
+    show_envvar=True,
+    metavar="PORT",
+    help="The board's serial port, such as /dev/ttyACM0 or COM3.",
+)
+@click.option(
+    "-p",
+    "--part",
+    type=click.Choice(["328p", "2560"]),
+    default="328p",
+    show_default=True,
+    help="The chip: ATmega328P (Uno, Nano) or ATmega2560 (Mega).",
+)
+@click.option(
+    "-b",
+    "--baud",
+    type=click.IntRange(300, 2_000_000),
+    default=115200,
+    show_default=True,
+    help="The boot loader's rate.",
+)
+@click.option("-n", "--dry-run", is_flag=True, help="Do all but write: tell whether this board is there.")
+@as_json
+def flash_avr(file: str, port: str | None, part: str, baud: int, dry_run: bool, as_json: bool) -> None:
+    """Puts FILE (Intel HEX) on an Arduino Uno, Nano or Mega by its boot loader.
+
+    avrdude does the work (sudo apt-get install avrdude). FILE is checked first; it is written, read back and compared.
+    An old Nano has a boot loader at 57600 baud. `firmware/targets/avr/build` makes FILE.
+    """
+    from brickpilot.flash import avr
+
+    chip = avr.PARTS[part]
+    avr.read(Path(file), chip)
+    if port is None:
+        raise InputError(
+            "is missing: name the board's serial port here or in the environment as AVRPORT", field="--port"
+        )
+    done = avr.flash(Path(file), chip, port, baud=baud, dry=dry_run)
+    figures = {"file": file, "port": port, "part": chip.name, "bytes": done.size, "written": not dry_run}
+    if as_json:
+        click.echo(json.dumps(figures | {"seconds": round(done.seconds, 3)}))
+        return
+    what = "not written: a dry run" if dry_run else "written and compared"
+    click.echo(f"{file}: {done.size} bytes, {what}; {chip.name} at {port}, {done.seconds:.1f} s")
+
+
 def _given(device: str | None) -> str:
     if device is None:
         raise InputError("is missing: name the tower's serial port here or in the environment as RCXTTY", field="--tty")
