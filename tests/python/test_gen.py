@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import subprocess
 import sys
 import tomllib
@@ -150,6 +151,18 @@ def test_a_gain_that_its_field_cannot_hold_is_refused() -> None:
     vehicle["controller"]["coupled"]["speed_kp"]["value"] = 600.0
     with pytest.raises(QuantisationError, match="speed_kp"):
         params_header.render(vehicle, settings())
+
+
+def test_a_watchdog_that_allows_what_no_step_integrates_is_refused() -> None:
+    vehicle = tomllib.loads((ROOT / "sim_host/models/rcx.toml").read_text(encoding="utf-8"))
+    watchdog = vehicle["controller"]["coupled"]["watchdog_time"]
+    watchdog["value"] = 0.02
+    params_header.render(vehicle, settings())
+    watchdog["value"] = 0.021
+    with pytest.raises(QuantisationError, match="watchdog_time"):
+        params_header.render(vehicle, settings())
+    (longest,) = re.findall(r"LONGEST_MS = (\d+)", (ROOT / "firmware/app/loop.c").read_text(encoding="utf-8"))
+    assert int(longest) == params_header.LONGEST_STEP_MS
 
 
 def test_generated_files_are_fresh() -> None:

@@ -12,7 +12,10 @@ from brickpilot.vehicle.quantise import QuantisationError, integer
 from brickpilot.vehicle.setting_defaults import constants, default, plain
 from brickpilot.vehicle.settings import Setting
 
-INT16, UINT16, UINT8 = 32767, 65535, 255
+INT16, UINT16 = 32767, 65535
+LONGEST_STEP_MS = 20
+"""The longest step that firmware/app/loop.c integrates over its whole length: no watchdog may allow more."""
+
 TRAVEL_SCALE = "travel_scale_q15"
 """The compensation that has no field of its own: the travel per count holds it."""
 
@@ -106,7 +109,7 @@ def _loop(
             "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor")},
             "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
         },
-        "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, UINT8, "watchdog_time"),
+        "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, LONGEST_STEP_MS, "watchdog_time"),
     }
     if own["creep"] > own["cruise"] or own["align"] > own["pivot"]:
         raise QuantisationError("creep may not pass cruise, nor align pivot")
