@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import socket
 import subprocess
 import tomllib
 from pathlib import Path
@@ -13,7 +14,11 @@ import numpy as np
 import pytest
 from brickpilot.constants import RCX
 from brickpilot.errors import InputError
-from brickpilot.firmware import params_header, ranges, robot, tuning
+from brickpilot.firmware import boards, headers, params_header, ranges, robot, simulate, tuning
+from brickpilot.hil import ends, fly
+from brickpilot.hil.h8_simulator import H8SIM_REPLY_S
+from brickpilot.link.links import StreamLink
+from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import model
 from brickpilot.vehicle.coefficients import coupled
 from brickpilot.vehicle.setting_defaults import plain
@@ -234,6 +239,32 @@ def test_a_robot_of_ones_own_flies_all_waypoints_with_its_rcx_image(name: str, s
             assert (folder / "image" / file).read_bytes() == (folder / file).read_bytes()
 
 
+def test_the_firmware_of_a_robot_gives_the_same_commands_on_the_rcx_processor(tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, "middle", OWN["middle"]))
+    flags = boards.flags_of(boards.RCX, "imu", ROOT)
+    mission = simulate.mission(own, None)
+    headers.write(own, mission, boards.RCX, boards.step_of(flags), tmp_path / "own", ROOT)
+    plan = dataclasses.replace(simulate.plan(own, mission, "imu", 0), steps=1000)
+    here = simulate.fly_own(ROOT, tmp_path / "own", flags, plan, tmp_path).flight.motors
+    built = boards.run(
+        [str(ROOT / "firmware/targets/h8sim/build"), str(tmp_path / "h8"), f"-I{tmp_path}/own", *flags], ROOT
+    )
+    simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
+    ours, theirs = socket.socketpair()
+    command = ["stdbuf", "-o0", simulator, built.strip()]
+    with theirs:
+        brick = subprocess.Popen(
+            command, bufsize=0, stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=subprocess.DEVNULL
+        )
+    link = StreamLink(ours)
+    end = ends.Ends(link, None, H8SIM_REPLY_S)
+    there = fly.fly(end, "h8", plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None).flight.motors
+    link.close()
+    brick.wait(10.0)
+    np.testing.assert_array_equal(there, here)
+    assert np.abs(here).max() > 10_000
+
+
 def test_robot_toml_makes_the_same_constants_again(tmp_path: Path) -> None:
     folder = tmp_path / "made"
     assert make(folder, write(tmp_path, "small", OWN["small"]), "template").returncode == 0
@@ -249,13 +280,12 @@ def test_robot_toml_makes_the_same_constants_again(tmp_path: Path) -> None:
 
 
 def test_a_mission_that_is_not_flown_is_told_and_its_folder_stays(tmp_path: Path) -> None:
-    blind = dataclasses.replace(model.rcx(), effects={"wheel_slip": {}}, name="blind")
     route = tmp_path / "far.toml"
     route.write_text('name = "far"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[1, 0], [9, 0]]\n')
-    path = tmp_path / "blind.toml"
-    path.write_text(model.render(dataclasses.replace(blind, effects={})))
+    path = tmp_path / "short.toml"
+    path.write_text(model.render(dataclasses.replace(model.rcx(), name="short")))
     done = make(tmp_path / "made", path, "template", "--scenario", str(route))
     assert done.returncode == 1
-    assert re.fullmatch(r"brickpilot: blind: 1 of 2 waypoints reached: waypoint 2 was missed by .*\n", done.stderr)
+    assert re.fullmatch(r"brickpilot: short: 1 of 2 waypoints reached: waypoint 2 was missed by .*\n", done.stderr)
     assert json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["waypoints_reached"] == 1
     assert "was not flown" in (tmp_path / "made/README.md").read_text()
