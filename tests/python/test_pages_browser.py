@@ -16,14 +16,16 @@ import pytest
 from benchmark_results import quick_results
 from brickpilot.benchmark import page_content, real_logs, real_results, table
 from brickpilot.data import dataset
+from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
-from brickpilot.report import benchmark_page, run_page
+from brickpilot.report import benchmark_page, run_page, why_page, why_text
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
+from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
 from matplotlib.image import imread
 from pages import HOSTILE, assert_self_contained
@@ -33,6 +35,16 @@ STATED = "".join(
     f"{name} = {robot().parameters[name]}\n"
     for name in ("rolling_friction", "half_track", "wheel_radius", "wheel_inertia", "resistance", "viscous_friction")
 )
+FAULTY = """
+kind = "mission"
+duration_s = 4
+waypoints_m = [[0.3, 0]]
+[[faults]]
+kind = "corrupt"
+rate = 0.02
+from_s = 1.0
+to_s = 1.2
+"""
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PROBE = """<script>
 document.querySelectorAll("details").forEach(one => { one.open = true; });
@@ -95,7 +107,9 @@ NARROW = """<!doctype html><title>nothing</title><script>onmessage = event => { 
 def pages(tmp_path_factory):
     """Returns name -> page, for each kind of page; a data set and its runs have a script's tag as their name."""
     folder = tmp_path_factory.mktemp("pages")
-    found = {kind: page(one, COMMAND) for kind, one in all_verdicts(folder / "set").items()}
+    verdicts = all_verdicts(folder / "set")
+    found = {kind: page(one, COMMAND) for kind, one in verdicts.items()}
+    found["why"] = why(verdicts["named"])
     manoeuvres = {HOSTILE: (6.0, 6.0), "spin": (5.0, -5.0), "curve": (6.0, 2.0)}
     data = dataset.read(write(folder / "hostile", robot(), {"yaw_rate": 0.02}, STATED, manoeuvres=manoeuvres))
     data = dataclasses.replace(data, name=f"</script>{HOSTILE}")
@@ -104,11 +118,31 @@ def pages(tmp_path_factory):
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(dataclasses.replace(mission, title=HOSTILE), rcx(), sensors="imu+encoders"))
     found["run"] = run_page.page(flown, flight_figures.summary(flown), COMMAND)
+    found["hil"] = hil(folder)
     results = quick_results()
     found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
     kept = real_results.load(real_results.KEPT)
     found["benchmark real"] = benchmark_page.real_page(page_content.real(kept, real_logs.by_name()))
     return found
+
+
+def why(finding: Finding) -> str:
+    """Returns the page of `brickpilot why` for a finding, with a hostile name of the log."""
+    named = dataclasses.replace(finding, dataset=dataclasses.replace(finding.dataset, name=HOSTILE))
+    answer = why_text.answer(named, None)
+    constants = why_page.constants_of(named)
+    return why_page.page(
+        named, answer, constants, source=HOSTILE, files=["report.html"], command=HOSTILE, notes=[HOSTILE]
+    )
+
+
+def hil(folder: Path) -> str:
+    """Returns the page of a short flight over a pseudo-terminal, with damaged messages and a hostile title."""
+    faulty = f"name = {HOSTILE!r}\n{FAULTY}"
+    (folder / "faulty.toml").write_text(faulty, encoding="utf-8")
+    done = brickpilot("hil", "faulty.toml", "--link", "serial:pty", "--out", "hil", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return (folder / "hil" / "report.html").read_text(encoding="utf-8")
 
 
 def browse(folder: Path, html: str, *flags: str, scheme: str = "") -> tuple[str, str]:
@@ -130,7 +164,7 @@ def probed(dom: str) -> dict[str, Any]:
     return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
 
 
-KINDS = (*VERDICTS, "compare", "calibrate", "run", "benchmark discover", "benchmark real")
+KINDS = (*VERDICTS, "why", "compare", "calibrate", "run", "hil", "benchmark discover", "benchmark real")
 
 
 @pytest.mark.parametrize("kind", ["named", "run"])
@@ -154,7 +188,7 @@ def test_the_page_fits_a_narrow_screen_draws_all_figures_and_loads_nothing(pages
     dom, log = browse(tmp_path, NARROW, "--virtual-time-budget=10000", "--dump-dom")
     found = probed(dom)
     assert found["scrolled"] <= found["inner"] == 400
-    assert found["figures"] > 2
+    assert found["figures"] > 1  # as many as "why" has
     assert (found["empty"], found["loaded"]) == (0, 0)
     assert "CONSOLE" not in log
 

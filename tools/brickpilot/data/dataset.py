@@ -17,6 +17,7 @@ from scipy.ndimage import median_filter
 import brickpilot
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
+from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.input_timing import InputTiming, with_linear_inputs
@@ -50,7 +51,8 @@ class Run:
         name: unique in its data set.
         file: the text file it came from.
         role: None where the program chooses it.
-        time: s, strictly increasing, as logged: it need not begin at 0 nor be regular.
+        time: s, strictly increasing, as logged: it need not begin at 0 nor be regular. Rows faster than the plant's
+            motor step are taken together (`decimation`).
         inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: the same with the damaged samples as measured.
@@ -225,6 +227,7 @@ def _checked(
     """Returns the data set whose runs' columns `columns` reads, audited."""
     measured = [_run(entry, description, columns) for entry in description.runs]
     runs, faults, damage = _audited(measured, description)
+    runs, fewer = _decimated(runs)
     if description.input_timing == "linear":
         runs = tuple(with_linear_inputs(run) for run in runs)
     dataset = Dataset(
@@ -238,7 +241,7 @@ def _checked(
         runs=runs,
         gap_s=description.gap_s,
         faults=faults,
-        notes=(*description.notes, *damage),
+        notes=(*description.notes, *damage, *fewer),
         input_timing=description.input_timing,
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
@@ -320,6 +323,13 @@ def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...]
         for values in outputs.values():
             values.setflags(write=False)
     return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
+
+
+def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    """Returns the runs with no more rows than the plant can use, and a note if rows were taken together."""
+    fewer = tuple(decimated(run) for run in runs)
+    rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
+    return fewer, (decimation_note(rows, kept),) if kept < rows else ()
 
 
 def _to_si(columns: Columns, description: Description, signal: Signal) -> Vector:

@@ -52,6 +52,7 @@ def _figures(found: Finding) -> dict[str, Any]:
         "ranking": [dataclasses.asdict(rank) for rank in found.ranking],
         "roles": dict(found.roles),
         "frame": {"values": "FRD", "dataset": found.dataset.frame},
+        "input_timing": found.dataset.input_timing,
         "held_out_stretches": {name: list(span) for name, span in found.held_out_stretches.items()},
         "notes": list(found.notes),
         "elapsed_s": found.elapsed_s,
