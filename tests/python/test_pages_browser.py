@@ -99,6 +99,11 @@ setTimeout(() => {
   }, 100);
 }, 100);
 </script>"""
+WIDE_PAPER = """<script>
+dispatchEvent(new Event("beforeprint"));
+root.querySelector("main").style.width = "1000px"; // a wide table makes the browser lay the paper out so, and shrink it
+document.title = JSON.stringify(drawn.map(one => one.chart.width - one.holder.clientWidth));
+</script>"""
 NARROW = """<!doctype html><title>nothing</title><script>onmessage = event => { document.title = event.data; };</script>
 <iframe src="inner.html" style="border: 0; width: 400px; height: 900px"></iframe>"""
 
@@ -160,7 +165,7 @@ def browse(folder: Path, html: str, *flags: str, scheme: str = "") -> tuple[str,
     return done.stdout, done.stderr
 
 
-def probed(dom: str) -> dict[str, Any]:
+def probed(dom: str) -> Any:
     return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
 
 
@@ -236,3 +241,10 @@ def test_the_page_prints(pages, tmp_path, kind, least, most):
     assert pdf.startswith(b"%PDF")
     assert "CONSOLE" not in log
     assert least <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= most
+
+
+@pytest.mark.parametrize("kind", ["named", "benchmark real"])
+def test_figures_side_by_side_fit_on_paper(pages, tmp_path, kind):
+    html = pages[kind].replace("</body>", f"{WIDE_PAPER}</body>")
+    dom, _ = browse(tmp_path, html, "--window-size=800,900", "--virtual-time-budget=10000", "--dump-dom")
+    assert max(probed(dom)) <= 0
