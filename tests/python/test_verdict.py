@@ -29,7 +29,7 @@ def test_what_an_explanation_is_without_its_undetermined_effect_is_a_rival(monke
     found = verdict._determined(prepared, nothing, nap, [pair, nap], None)
     assert [one.names for one in found] == [("friction",), ("nap",)]
 
-    monkeypatch.setattr(verdict, "passes_gates", lambda _, __, one, ___: one is not friction)
+    monkeypatch.setattr(verdict, "passes_gates", lambda _, __, ___, one, ____: one is not friction)
     assert verdict._determined(prepared, nothing, nap, [pair, nap], None) == [nap]
 
 

@@ -34,7 +34,8 @@ def drop_undetermined(error: BinnedOutputError, found: FittedModel, jobs: int) -
         if not shorter:
             return found
         unbounded = estimates[f"{candidate.effect}.{name}"].ci95 is None
-        if unbounded and shorter[0].penalised_cost > INDISPENSABLE * found.penalised_cost:
+        least = max(found.penalised_cost, error.floor_cost())
+        if unbounded and shorter[0].penalised_cost > INDISPENSABLE * least:
             indispensable |= {(candidate.effect, name), (candidate.effect, doubted)}
             continue
         found = shorter[0]

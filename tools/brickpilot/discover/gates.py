@@ -146,7 +146,8 @@ UNEXPLAINED = 1.6
 """Above so many times the cost of noise something is missing, even if no effect takes it away: `unknown`."""
 
 INDISPENSABLE = 1.25
-"""A size without an interval stays if the cost without it is so many times as high: only its unit is unknown."""
+"""A size without an interval stays if the cost without it is so many times as high, and as high above the model-error
+floor: then only its unit is unknown."""
 
 PREDICTABLE = 0.02
 """Where no explanation was found and the error is above noise, this share of it has to be predictable for `unknown`."""

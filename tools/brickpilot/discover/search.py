@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brickpilot.discover.backward import prune
+from brickpilot.discover.backward import explains_more, prune
 from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.deadline import Deadline
 from brickpilot.discover.fitting import (
@@ -26,15 +26,9 @@ from brickpilot.discover.fitting import (
     unfitted,
     without,
 )
-from brickpilot.discover.gates import (
-    GAIN_SHARE_OF_EARLIER,
-    PRIOR_STRAINED_SD,
-    STRAIN_RELEASED,
-    STRUCTURED,
-    gains_enough,
-)
+from brickpilot.discover.gates import STRUCTURED
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.search_round import Source, largest_prior_shift, try_candidates
+from brickpilot.discover.search_round import Source, try_candidates
 from brickpilot.fit.parameters import Free, Plan
 
 Tell = Callable[[str], None]
@@ -100,7 +94,7 @@ def search(
             break
     tell(f"removing needless {word}s")
     if _added(base, current) > 1 and deadline.allows(f"the removal of needless {word}s on the coarse grid"):
-        current = prune(error, current, jobs, kept=len(base.chosen))
+        current = prune(error, base, current, jobs)
     return Searched(base, current, tuple(rounds))
 
 
@@ -123,31 +117,18 @@ def _search_wider(
     """
     error, jobs, added = prepared.coarse, prepared.jobs, _added(base, current)
     structured = STRUCTURED * error.noise_cost()
-    taken = bool(tried) and _is_accepted(error, base, current, tried[0])
+    taken = bool(tried) and explains_more(error, base, current, tried[0])
     if source.pairs and added == 1 and (taken or current.cost > structured) and not deadline.passed:
         tried += _fit_pairs(error, base, rounds[-1].tried, jobs, deadline)
         if tried and min(one.cost for one in tried) > structured:
             for other in _near_ties(rounds[-1].tried):
                 tried += try_candidates(error, source, other, jobs, deadline)
         tried = best_first(tried)
-        taken = bool(tried) and _is_accepted(error, base, current, tried[0])
+        taken = bool(tried) and explains_more(error, base, current, tried[0])
     if not taken and added > 1 and current.cost > structured and not deadline.passed:
         tried = best_first(tried + _exchange(prepared, source, current, len(base.chosen), deadline))
-        taken = bool(tried) and _is_accepted(error, base, current, tried[0])
+        taken = bool(tried) and explains_more(error, base, current, tried[0])
     return tried, taken
-
-
-def _is_accepted(error: BinnedOutputError, nominal: FittedModel, current: FittedModel, found: FittedModel) -> bool:
-    """Returns whether `found` gains enough over `current`, and more than a slightly wrong law of `current` leaves.
-
-    Where `current` strains a nominal value and `found` does not, the gain is not of that kind.
-    """
-    gain = current.penalised_cost - found.penalised_cost
-    released = (
-        largest_prior_shift(error, current) > PRIOR_STRAINED_SD > STRAIN_RELEASED * largest_prior_shift(error, found)
-    )
-    least = 0.0 if released else GAIN_SHARE_OF_EARLIER * (nominal.cost - current.cost)
-    return gains_enough(current.penalised_cost, found.penalised_cost, error.floor_cost()) and gain > least
 
 
 def _fit_pairs(

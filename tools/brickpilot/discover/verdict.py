@@ -100,8 +100,8 @@ def judge(prepared: Prepared, searched: Searched) -> Verdict:
             return Verdict("ambiguous", nominal, rivals[0], others, rivals, noise, confidence, nominal_rivals=rivals)
         return Verdict(nothing, nominal, nominal, (), rivals, noise, 1.0, nominal_rivals=rivals)
     best = _first(refine(error, [searched.best], jobs), searched.best)
-    best = drop_undetermined(error, prune(error, best, jobs, held_out), jobs)
-    stays = bool(best.chosen) and passes_gates(error, nominal, best, held_out)
+    best = drop_undetermined(error, prune(error, nominal, best, jobs, held_out), jobs)
+    stays = bool(best.chosen) and passes_gates(error, nominal, nominal, best, held_out)
     near = _near_best(searched, best if stays else None)
     refitted = refine(error, near, jobs) if near and prepared.until(JUDGED).allows(RIVALS) else []
     found = [one for one in [best, *refitted] if one.chosen]
@@ -212,7 +212,7 @@ def _determined(
     error, jobs = prepared.fine, prepared.jobs
 
     def passes(one: FittedModel) -> bool:
-        return bool(one.chosen) and _is_possible(prepared, one) and passes_gates(error, nominal, one, held_out)
+        return bool(one.chosen) and _is_possible(prepared, one) and passes_gates(error, nominal, nominal, one, held_out)
 
     passing = [one for one in ranked if passes(one)]
     left = [one if one is best else drop_undetermined(error, one, jobs) for one in passing]

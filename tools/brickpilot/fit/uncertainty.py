@@ -34,6 +34,7 @@ _STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not sm
 _SLOPE_ERROR = 1e-2  # relative: of finite differences of a plant with dry friction
 _LARGEST_LOG = 700.0  # of a double; an interval ends at the parameter's range long before
 _FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
+_MOST_SHARE = 0.999  # of what is known of a direction, from one stretch: what is left of the others' may be rounding
 _STRETCHES = 20  # of time, at least, whose spread gives the intervals
 
 
@@ -175,36 +176,44 @@ def _covariance(problem: OutputError, model: Model, linear: _Linear) -> tuple[Ar
     in_units = linear.slopes * linear.sizes
     weighted = in_units * linear.stiffness[:, np.newaxis]
     curvature = np.linalg.pinv(linear.data_information + np.diag(prior), hermitian=True)
-    spread, degrees = _score_spread(problem, in_units * linear.pull[:, np.newaxis], in_units, weighted, curvature)
+    covariance, degrees = _scatter(problem, in_units * linear.pull[:, np.newaxis], in_units, weighted, curvature)
     for moved in problem.start_errors(model):
-        shift = problem.by_run(weighted * moved[:, np.newaxis])
-        spread += shift.T @ shift
-    covariance = curvature @ (spread + np.diag(prior)) @ curvature
+        shift = problem.by_run(weighted * moved[:, np.newaxis]) @ curvature
+        covariance += shift.T @ shift
+    covariance += curvature @ np.diag(prior) @ curvature
     covariance += np.diag((problem.matched * linear.reach * linear.values / linear.sizes) ** 2)
     return covariance, degrees
 
 
-def _score_spread(
+def _scatter(
     problem: OutputError, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
 ) -> tuple[Array, int]:
-    """Returns the covariance of the summed score and its degrees of freedom.
+    """Returns how the estimate scatters, as a covariance in the parameters' sizes, and its degrees of freedom.
 
-    The covariance comes from sums over stretches of time, so the residual may be correlated in time and between
+    The scatter comes from sums over stretches of time, so the residual may be correlated in time and between
     signals. Each stretch counts as far as the estimate would move without it (the jackknife CV3 of MacKinnon, Nielsen
     & Webb 2023, J. Econometrics 232(2)): the fit follows a stretch that alone tells a parameter, so its residual is
     too small there.
     """
     parameters = scores.shape[1]
     numbers, count = problem.stretches(_STRETCHES + 2 * parameters)
+    root = _root(curvature)
     sums = np.array([np.bincount(numbers, column, count) for column in scores.T]).T
     order = np.argsort(numbers, kind="stable")
     ends = np.searchsorted(numbers[order], np.arange(count + 1))
-    moved = np.empty_like(sums)
+    shifts = np.empty_like(sums)
     for number in range(count):
         rows = order[ends[number] : ends[number + 1]]
-        without = np.eye(parameters) - slopes[rows].T @ weighted[rows] @ curvature
-        moved[number] = np.linalg.solve(without, sums[number])
-    return moved.T @ moved * (count - 1) / count, max(count - parameters, 1)
+        share, axes = np.linalg.eigh(root @ (slopes[rows].T @ weighted[rows]) @ root)
+        kept = 1 - np.minimum(share, _MOST_SHARE)
+        shifts[number] = root @ (axes @ ((axes.T @ (root @ sums[number])) / kept))
+    return shifts.T @ shifts * (count - 1) / count, max(count - parameters, 1)
+
+
+def _root(positive: NDArray[np.floating]) -> Array:
+    """Returns the symmetric root of a matrix that has no negative eigenvalue but by rounding."""
+    values, axes = np.linalg.eigh(positive)
+    return np.asarray((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
 
 
 def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
