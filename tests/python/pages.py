@@ -9,6 +9,18 @@ from typing import Any
 HOSTILE = "<script>alert(1)<!--"
 """A name that is no file name by its slash, and markup by all else."""
 
+FAULTY = """
+kind = "mission"
+duration_s = 4
+waypoints_m = [[0.3, 0]]
+[[faults]]
+kind = "corrupt"
+rate = 0.02
+from_s = 1.0
+to_s = 1.2
+"""
+"""A scenario, but for its name: a short flight with damaged messages."""
+
 _PLOT = re.compile(r'<div class="plot"[^>]*aria-label="([^"]*)"[^>]*><script type="application/json">(.*?)</script>')
 
 

@@ -10,19 +10,7 @@ import pytest
 from brickpilot.hil.ticks import TROUBLES, TickRecorder
 from brickpilot.report import link_figures
 from command import brickpilot
-from pages import assert_self_contained, curves, figures
-
-FAULTY = """
-name = "s"
-kind = "mission"
-duration_s = 4
-waypoints_m = [[0.3, 0]]
-[[faults]]
-kind = "corrupt"
-rate = 0.02
-from_s = 1.0
-to_s = 1.2
-"""
+from pages import FAULTY, assert_self_contained, curves, figures
 
 
 def columns(steps: int = 1000, **changes: np.ndarray) -> dict[str, np.ndarray]:
@@ -59,7 +47,7 @@ def test_a_reply_to_a_set_of_an_earlier_tick_counts_for_that_tick() -> None:
 
 
 def test_the_command_writes_every_tick_and_draws_them(tmp_path: Path) -> None:
-    (tmp_path / "s.toml").write_text(FAULTY, encoding="utf-8")
+    (tmp_path / "s.toml").write_text(f'name = "s"\n{FAULTY}', encoding="utf-8")
     done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

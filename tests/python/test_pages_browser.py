@@ -28,23 +28,13 @@ from brickpilot.vehicle.model import rcx
 from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
 from matplotlib.image import imread
-from pages import HOSTILE, assert_self_contained
+from pages import FAULTY, HOSTILE, assert_self_contained
 from synthetic import robot, write
 
 STATED = "".join(
     f"{name} = {robot().parameters[name]}\n"
     for name in ("rolling_friction", "half_track", "wheel_radius", "wheel_inertia", "resistance", "viscous_friction")
 )
-FAULTY = """
-kind = "mission"
-duration_s = 4
-waypoints_m = [[0.3, 0]]
-[[faults]]
-kind = "corrupt"
-rate = 0.02
-from_s = 1.0
-to_s = 1.2
-"""
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PROBE = """<script>
 document.querySelectorAll("details").forEach(one => { one.open = true; });
