@@ -26,6 +26,12 @@ HOLD = bytes.fromhex("7fe87260")
 """bclr #6,@0xffe8: the step holds the converter's interrupt."""
 NO_OPERATION = bytes(4)
 
+COUNT_MS, COUNTS = 8, 200
+"""125 counts per second, 0.67 m/s: two thirds above cruise."""
+REST_MS = 2500
+LEFT_COUNT, RIGHT_COUNT = 0xADA8, 0xADA4
+"""Addresses in Debian's kernel."""
+
 CLOCK_STATES = 188
 """Of the interrupt of each ms, added up by hand from Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
 
@@ -73,6 +79,21 @@ def test_without_the_held_converter_no_mission_is_flown(image: Image, sensors: s
     assert flown.reached.count == 0
     assert np.percentile(flown.ticks_ms, 99) > P99_MS
     assert flown.ticks_ms.max() > watchdog_ms()
+
+
+def test_fast_wheels_lose_no_count(tmp_path: Path) -> None:
+    levels = rcx_flight.ROTATION_LEVELS
+    with SimulatedRcx() as brick:
+        brick.convert(319, levels[0], 512, levels[0])
+        rcx_flight.start(brick, rcx_flight.build("rotation", tmp_path))
+        brick.run(REST_MS)
+        assert brick.shows("run 1")
+        for count in range(1, COUNTS + 1):
+            brick.convert(319, levels[count % 4], 512, levels[-count % 4])
+            brick.run(COUNT_MS)
+        brick.run(30)
+        assert brick.word(LEFT_COUNT) == COUNTS
+        assert brick.word(RIGHT_COUNT) == 0x10000 - COUNTS
 
 
 def test_the_kernel_alone_is_interrupted_as_an_independent_emulator_says() -> None:
