@@ -1,8 +1,8 @@
 # libbrickpilot_avr: the plant and simavr in one process. Without simavr's library it is left out, and `hil --target avr` says so.
 
 # What needs no simavr, and is tested by itself.
-add_library(avr_drive STATIC avr/bridge.c avr/quadrature.c)
-target_include_directories(avr_drive PUBLIC .)
+add_library(avr_drive STATIC avr/bridge.c avr/profile.c avr/quadrature.c)
+target_include_directories(avr_drive PUBLIC . include)
 target_link_libraries(avr_drive PUBLIC m)
 
 find_path(SIMAVR_INCLUDE simavr/sim_avr.h)
@@ -14,7 +14,7 @@ if(NOT (SIMAVR_INCLUDE AND SIMAVR_LIBRARY AND ELF_INCLUDE AND ELF_LIBRARY))
   return()
 endif()
 file(GLOB avr_sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_LIST_DIR}/*.c)
-list(FILTER avr_sources EXCLUDE REGEX "/(bridge|quadrature)\\.c$")
+list(FILTER avr_sources EXCLUDE REGEX "/(bridge|profile|quadrature)\\.c$")
 add_library(brickpilot_avr SHARED ${avr_sources})
 set_target_properties(brickpilot_avr PROPERTIES PREFIX lib INSTALL_RPATH "$ORIGIN")
 target_include_directories(brickpilot_avr PUBLIC . include ../firmware ../hal ../hal/include)
