@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,18 @@ STAGES = (
     "commands", "interrupts", "all",
 )  # fmt: skip
 WHAT = {"step": "**a control step**", "commands": "requests of the host", "all": "**all that is not slept**"}
+
+
+def _taken(kernel: Mapping[str, Any]) -> str:
+    """Returns the mean share of the processor that neither the program has, nor nobody."""
+    return f"{1 - sum(kernel['shares'][kind]['share'] for kind in ('idle', 'program')):.0%}"
+
+
+OF_THE_KERNEL: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
+    "brickOS and its interrupts, mean": _taken,
+    "idle, mean": lambda kernel: f"{kernel['shares']['idle']['share']:.0%}",
+    "from one step to the next, p99 and most": lambda kernel: "{p99:.1f} and {most:.1f} ms".format(**kernel["tick_ms"]),
+}
 
 
 def bench(target: str, seconds: float | None) -> dict[str, Any]:
@@ -77,7 +89,7 @@ def memory(target: str, found: Mapping[str, Any]) -> dict[str, str]:
         program = found["program"]
         held = program["text"] + 2 * program["data"] + program["variables"]
         return {
-            "flash": f"{program['text']:,} of text, in RAM",
+            "flash": f"{program['text']:,}, in RAM",
             "RAM for the program": f"{held + program['stacks']:,} of {program['memory']:,}, text included",
             "variables": f"{program['data'] + program['variables']:,}",
             "stack of a step": f"{found['stack_bytes']}",
@@ -105,9 +117,9 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     for stage in STAGES:
         row = " | ".join(cycles(target, results[target], stage) for target in targets)
         lines.append(f"| {WHAT.get(stage, stage)} | {row} |")
-    kernel = [results[target].get("kernel") for target in targets]
-    ticks = " | ".join("-" if one is None else f"{one['tick_ms']['p99']:.1f} ms" for one in kernel)
-    lines.append(f"| tick under brickOS, p99 | {ticks} |")
+    for name, cell in OF_THE_KERNEL.items():
+        kernels = (results[target].get("kernel") for target in targets)
+        lines.append(f"| {name} | " + " | ".join("-" if one is None else cell(one) for one in kernels) + " |")
     return "\n".join(lines) + "\n"
 
 
