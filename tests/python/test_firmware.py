@@ -218,7 +218,7 @@ def test_other_files_in_the_folder_stay(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "sensors"), [("small", "imu+encoders"), ("middle", "imu"), ("heavy", "imu+encoders")])
 def test_a_robot_of_ones_own_flies_all_waypoints_with_its_rcx_image(name: str, sensors: str, tmp_path: Path) -> None:
-    folder = tmp_path / "made"
+    folder = tmp_path / "its firmware"
     done = make(folder, write(tmp_path, name, OWN[name]), "rcx", "--sensors", sensors)
     assert (done.returncode, done.stderr) == (0, "")
     figures = json.loads(done.stdout)

@@ -40,7 +40,10 @@ _BUILD = """#!/bin/sh
 # Change include/ first: {wiring}the constants, the route.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-OWN_HEADERS=$here/include exec "$1/{build}" "${{2:-$here/image}}" {words}
+own=$(mktemp -d) # a path without spaces, for the compiler's flags
+trap 'rm -rf "$own"' EXIT
+cp -r "$here/include/." "$own"
+OWN_HEADERS=$own "$1/{build}" "${{2:-$here/image}}" {words}
 """
 
 
