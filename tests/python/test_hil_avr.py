@@ -51,6 +51,9 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Pat
     assert (figures["waypoints_reached"], figures["final_mode"], figures["fault"]) == (8, "arrived", "none")
     assert (figures["late_ticks"], figures["lost_frames"], figures["safe_stops"]) == (0, 0, 0)
     assert (figures["link"], figures["pace"]) == ("avr:328p-imu", "simulated time")
+    page = (tmp_path / "report.html").read_text()
+    assert "Flown over avr:328p-imu in simulated time" in page
+    assert "No reply came" not in page
     assert {file.name for file in tmp_path.iterdir()} == {"log.csv", "ticks.csv", "summary.json", "report.html"}
 
     log = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)

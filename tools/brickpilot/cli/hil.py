@@ -207,7 +207,12 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     figures = _figures(flown, session) | {"realtime_priority": priority}
     failure = figures["failure"] = flight_checks.failure(figures)
     ticks = flown.ticks.columns()
-    page = run_page.page(flown.flight, figures, command, link_figures.shown(ticks, realtime=not session.lockstep))
+    page = run_page.page(
+        flown.flight,
+        figures,
+        command,
+        link_figures.shown(ticks, realtime=not session.lockstep, replies=not session.avr),
+    )
     run_folder.write(flown.flight, figures, page, folder, ticks)
     _write_junit(session, junit.text(plan.scenario.name, flight_checks.checks(figures), command))
     if session.as_json:

@@ -27,14 +27,19 @@ _KINDS: dict[str, tuple[str, Colour]] = {
 }
 
 
-def shown(ticks: Mapping[str, Array], *, realtime: bool) -> dict[str, Any]:
+def shown(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = True) -> dict[str, Any]:
     """Returns what the page shows of the ticks: figures with the sentences above them; a figure may be None.
 
     Args:
         ticks: the columns of ticks.csv, each (n,).
         realtime: ticks follow a clock, so that they can be unpunctual.
+        replies: each set of readings gets a motor command; a brick with its own sensors and motors sends none.
     """
-    return {"trouble": trouble(ticks), "round_trip": round_trip(ticks), "jitter": jitter(ticks) if realtime else None}
+    return {
+        "trouble": trouble(ticks),
+        "round_trip": round_trip(ticks) if replies else None,
+        "jitter": jitter(ticks) if realtime else None,
+    }
 
 
 def trouble(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
