@@ -31,11 +31,6 @@ SLACK = 1.25  # of the time that a scaled mission gets: turns do not scale
 LONGEST_S = 3600.0  # of a scenario
 FURTHEST_M = 30.0  # of a waypoint: the format of a route
 
-_DEVICES = {
-    "accel_noise_sd": "imu", "accel_range": "imu", "accel_bias_surge": "imu", "accel_bias_sway": "imu",
-    "gyro_noise_sd": "imu", "gyro_range": "imu", "gyro_bias": "imu", "bits": "imu", "counts_per_turn": "encoder",
-}  # fmt: skip
-
 
 def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
     """Returns the scale of the packaged mission for a robot.
@@ -77,15 +72,24 @@ def mission(robot: Robot, file: str | None) -> Scenario:
     return dataclasses.replace(found, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=exact)
 
 
+def _devices(robot: Robot) -> dict[str, float]:
+    """Returns field of `bp_devices` -> value, SI: [sensors.imu] and [sensors.encoder] have the same names."""
+    sensors = robot.vehicle["sensors"]
+    return {
+        **plain(sensors["imu"]),
+        **plain(sensors["encoder"]),
+        "battery_resolution": robot.value("sensors", "battery", "resolution"),
+    }
+
+
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
     """Returns the plan of the flight. It sends no cruise speed and no compensation: the firmware has its own."""
     made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
-    devices = {name: robot.value("sensors", place, name) for name, place in _DEVICES.items()}
     return dataclasses.replace(
         made,
         cruise=0.0,
         acceptance=robot.length / 2,
-        devices={**devices, "battery_resolution": robot.value("sensors", "battery", "resolution")},
+        devices=_devices(robot),
         start_step=round((REST_S if route.start_at is None else route.start_at) / STEP_S),
     )
 
