@@ -195,7 +195,10 @@ def test_a_value_beyond_its_format_is_named_with_its_range_and_the_range_holds(f
     [
         ("[parameters]\nmass = 1.0\n[robot]\nsize = 0.3\n", r"robot.size: unknown key"),
         ('[controller.coupled]\nspeed_kp = { value = 9, unit = "V" }\n', r"speed_kp.unit: 'V' should be 'V s/m'"),
-        ("[sensors.encoder]\ncounts_per_turn = 0\n", r"counts_per_turn"),
+        ("[sensors.encoder]\ncounts_per_turn = 0\n", r":\d+: sensors.encoder.counts_per_turn: 0 is outside 1e-06\.\."),
+        ("[sensors.imu]\nbits = 1e6\n", r":\d+: sensors.imu.bits: 1000000.0 is outside 1\.\.24"),
+        ("[robot]\nlength = 0\n", r":\d+: robot.length: 0 is outside"),
+        ("[controller.coupled]\ncruise = 0\n", r":\d+: controller.coupled.cruise: 0 is outside"),
         ('[sensors.imu]\nbits = "ten"\n', r"sensors.imu.bits: 'ten' is not a number"),
         ("[sensors]\nimu = 3\n", r"sensors.imu: 3 is not a table"),
     ],

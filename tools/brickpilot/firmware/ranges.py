@@ -86,7 +86,6 @@ def _limits(one: Robot) -> Iterator[Limit]:
     yield Limit(("parameters", "battery_voltage"), battery, least, VOLTAGE_LIMIT, "V", ends)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
         yield Limit(("sensors", "imu", name), imu[name], 0.1, INT16, unit, "a reading has 16 bits")
-    yield Limit(("sensors", "imu", "bits"), imu["bits"], 1, 24, "", "the simulated converter has as many bits")
     counts = one.value("sensors", "encoder", "counts_per_turn")
     rounded = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
     yield Limit(("sensors", "encoder", "counts_per_turn"), counts, turn / COUNT_MOST, turn * 2 * ROUNDING, "", rounded)

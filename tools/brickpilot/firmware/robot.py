@@ -18,7 +18,6 @@ from typing import Any
 from brickpilot import catalogue
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
-from brickpilot.errors import InputError
 from brickpilot.firmware import tuning
 from brickpilot.vehicle import compensation
 from brickpilot.vehicle import model as models
@@ -39,7 +38,18 @@ OWN = (
 )
 """The tables of a model file that describe a robot beside `[parameters]` and `[effects]`."""
 
-_NEAREST, _FURTHEST = -1e6, 1e6  # of a value in SI; what its format holds is a matter of its own
+_MOST = 1e6  # of a value in SI, either sign; what its format holds is a matter of its own
+_LEAST_ABOVE_0 = 1e-6
+_RANGES: Mapping[Place, tuple[float, float]] = {
+    ("robot", "length"): (_LEAST_ABOVE_0, _MOST),
+    ("sensors", "imu", "gyro_range"): (_LEAST_ABOVE_0, _MOST),
+    ("sensors", "imu", "gyro_noise_sd"): (_LEAST_ABOVE_0, _MOST),
+    ("sensors", "imu", "bits"): (1, 24),  # of the simulated converter
+    ("sensors", "encoder", "counts_per_turn"): (_LEAST_ABOVE_0, _MOST),
+    ("controller", "coupled", "cruise"): (_LEAST_ABOVE_0, _MOST),
+}
+"""Of the values by which the rules divide, or of which they take a root or a power."""
+
 _SEEN = ("imu", "encoder")
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
@@ -134,7 +144,8 @@ def _checked(toml: TomlFile, place: Place, given: Any, unit: str) -> float:
         toml.refuse(place, "value is missing")
     if table.get("unit", unit) != unit:
         toml.refuse((*place, "unit"), f"{table['unit']!r} should be {unit!r}")
-    return toml.number(place, table["value"], _NEAREST, _FURTHEST, unit)
+    low, high = _RANGES.get(place, (-_MOST, _MOST))
+    return toml.number(place, table["value"], low, high, "" if unit == "1" else unit)
 
 
 def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Robot:
@@ -201,8 +212,6 @@ def _size(vehicle: Tables) -> tuning.Size:
 def _seen(vehicle: Tables) -> dict[str, float]:
     """Returns what `tuning.estimator` asks of the sensors."""
     values, imu, encoder = (plain(one) for one in (vehicle["parameters"], *map(vehicle["sensors"].get, _SEEN)))
-    if encoder["counts_per_turn"] <= 0 or imu["gyro_range"] <= 0 or imu["gyro_noise_sd"] <= 0:
-        raise InputError("counts_per_turn, gyro_range and gyro_noise_sd must be above 0", field="sensors")
     return {
         "travel_per_count": values["wheel_radius"] / encoder["counts_per_turn"],
         "gyro_resolution": 2 * imu["gyro_range"] / 2 ** imu["bits"],
