@@ -54,6 +54,8 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Pat
     page = (tmp_path / "report.html").read_text()
     assert "Flown over avr:328p-imu in simulated time" in page
     assert "No reply came" not in page
+    assert figures["board"] == {"started_by": "power-on", "converter": 0, "edges": 0, "overruns": 0}
+    assert "The board's newest start was by power-on." in page
     assert {file.name for file in tmp_path.iterdir()} == {"log.csv", "ticks.csv", "summary.json", "report.html"}
 
     log = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)

@@ -233,6 +233,7 @@ def _command(request: FlightRequest, session: _Session, plan: Plan) -> str:
 
 def _figures(flown: HilFlight, session: _Session) -> dict[str, Any]:
     """Returns the figures of the flight, and those of its link."""
+    from brickpilot.hil import board
     from brickpilot.vehicle import flight_figures
 
     return flight_figures.summary(flown.flight) | {
@@ -242,6 +243,7 @@ def _figures(flown: HilFlight, session: _Session) -> dict[str, Any]:
         "lost_frames": flown.lost_frames,
         "safe_stops": flown.safe_stops,
         "broke_off": flown.broke_off,
+        "board": board.told(flown.board),
     }
 
 

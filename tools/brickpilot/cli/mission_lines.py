@@ -37,6 +37,11 @@ def link_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     yield f"late ticks          {figures['late_ticks']} of {figures['steps']}: steps that began more than a step late"
     yield f"lost frames         {figures['lost_frames']}: messages that were damaged, or had no reply"
     yield f"safe stops          {figures['safe_stops']}: times that one end stopped the motors"
+    if (board := figures["board"]) is not None:
+        yield (
+            f"board               started by {board['started_by']}; missed {board['converter']} sets of readings, "
+            f"{board['edges']} edges, {board['overruns']} bytes"
+        )
     yield f"motor stream        {figures['motor_stream_sha256']}"
 
 

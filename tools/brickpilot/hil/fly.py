@@ -49,6 +49,7 @@ class HilFlight:
         safe_stops: times that either end stopped the motors because the other was silent.
         broke_off: the reason why the flight ended early, or None.
         ticks: what was recorded of each tick.
+        board: signal of the newest BOARD -> its raw value; empty: the brick has sent none.
     """
 
     flight: flight.Flight
@@ -57,6 +58,7 @@ class HilFlight:
     safe_stops: int
     broke_off: str | None
     ticks: Ticks
+    board: Mapping[str, int]
 
 
 def prepare(
@@ -237,4 +239,5 @@ def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16]
         safe_stops=run.safe_stops + run.heartbeat.get("aborted", 0),
         broke_off=run.broke_off,
         ticks=run.recorder.ticks(done),
+        board=run.board,
     )
