@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from brickpilot.errors import InputError, WorkFailedError
+from brickpilot.constants import STEP_S
+from brickpilot.errors import WorkFailedError
 
 Figures = dict[str, int]
 
@@ -20,14 +21,14 @@ class Board:
 
     Attributes:
         name: for `--board`.
-        sensors: sensors of a scenario -> what `flags` and `build` are told of them; the first is the default.
+        sensors: sensors of a flight -> what `flags` and `build` are told of them.
         flags: the script that prints the compiler's flags for such a build; empty: `own_flags`.
         own_flags: the same, where no script prints them.
         build: the script that makes the image in a folder.
         wiring: header of the port with the scales of its sensors; empty: it has none.
-        images: the files of a build that are kept, by their patterns.
+        images: patterns of the files of a build that are kept.
         sizes: reads bytes of the image off the folder of a build.
-        flashes: how the image gets onto the board; empty: that is the user's matter.
+        flashes: the command that puts the image on the board, PORT being its serial port; empty: none does.
         library: whether it is also written as a library of Arduino.
     """
 
@@ -43,19 +44,6 @@ class Board:
     library: bool = False
 
 
-def checkout() -> Path:
-    """Returns the checkout in this folder or above it, which holds the firmware's sources.
-
-    Raises:
-        InputError: there is none.
-    """
-    here = Path.cwd()
-    found = next((one for one in (here, *here.parents) if (one / "firmware/targets/host/build").exists()), None)
-    if found is None:
-        raise InputError("needs a checkout of the project in this folder or above it", field="firmware")
-    return found
-
-
 def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
     """Returns the compiler's flags of the firmware on this board."""
     if not board.flags:
@@ -64,9 +52,9 @@ def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
 
 
 def step_of(flags: list[str]) -> float:
-    """Returns the control step in s that the flags ask for; the firmware's own is 3 ms."""
+    """Returns the control step in s that the flags ask for; without one it is `STEP_S`."""
     found = next((re.fullmatch(r"-DSTEP_MS=(\d+)", flag) for flag in flags if flag.startswith("-DSTEP_MS=")), None)
-    return int(found[1]) / 1e3 if found else 0.003
+    return int(found[1]) / 1e3 if found else STEP_S
 
 
 def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -> Figures:
@@ -128,7 +116,7 @@ RCX = Board(
     wiring="rcx/board.h",
     images=("*.lx", "*.srec", "*.txt", "*.map"),
     sizes=_rcx_sizes,
-    flashes="brickpilot flash rcx brickpilot.lx",
+    flashes="brickpilot flash rcx brickpilot.lx --tty PORT",
 )
 
 
@@ -142,14 +130,14 @@ def _avr(name: str, chip: str, both: str) -> Board:
         wiring="avr/board.h",
         images=("*.hex", "*.elf", "*.txt", "*.map"),
         sizes=_avr_sizes,
-        flashes="brickpilot flash avr brickpilot.hex",
+        flashes=f"brickpilot flash avr brickpilot.hex --part {chip} --port PORT",
         library=True,
     )
 
 
 TEMPLATE = Board(
     name="template",
-    sensors={"imu+encoders": (), "imu": ()},
+    sensors={"imu": (), "imu+encoders": ()},
     flags="",
     own_flags=("-DBODY_WITHOUT_PAPER",),
     build="firmware/targets/template/build",

@@ -14,6 +14,7 @@ import tomlkit
 from brickpilot.firmware import arduino, boards, headers, simulate, sources
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import OWN, Robot, entry
+from brickpilot.hil.checkout import checkout
 from brickpilot.hil.fly import HilFlight
 from brickpilot.vehicle.flight import Plan
 
@@ -81,7 +82,7 @@ def make(order: Order, folder: Path) -> Made:
         WorkFailedError: a build fails, as where the image does not fit.
         SimulationError: the plant diverges.
     """
-    root = boards.checkout()
+    root = checkout("--board")
     robot, board = order.robot, order.board
     flags = boards.flags_of(board, order.sensors, root)
     step = boards.step_of(flags)

@@ -17,6 +17,7 @@ from brickpilot import compiled
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.checkout import checkout
 from brickpilot.link.links import Message, decode_frame, encode_frame
 from brickpilot.vehicle import flight
 
@@ -56,15 +57,13 @@ def avr_image(target: str) -> Path:
         InputError: no checkout is in this folder or above it, the compiler is missing, or the build fails.
     """
     script = "firmware/targets/avr/build"
-    folder = next((folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / script).exists()), None)
     field = f"--target {target}"
-    if folder is None:
-        raise InputError("needs a checkout of the project in this folder or above it", field=field)
+    root = checkout(field)
     if shutil.which("avr-gcc") is None:
         raise InputError("needs the compiler: sudo apt-get install gcc-avr avr-libc", field=field)
     build = AVR_TARGETS[target].build
-    out = folder / f"build/avr-{'-'.join(build)}"
-    done = subprocess.run([folder / script, out, *build], stdout=subprocess.DEVNULL, check=False)
+    out = root / f"build/avr-{'-'.join(build)}"
+    done = subprocess.run([root / script, out, *build], stdout=subprocess.DEVNULL, check=False)
     if done.returncode != 0:
         raise InputError(f"{script} failed", field=field)
     return out / "brickpilot.elf"
@@ -190,7 +189,7 @@ def avr_interface() -> tuple[Any, Any]:
     """
     try:
         return compiled.interface("brickpilot_avr")
-    except (OSError, FileNotFoundError) as error:
+    except OSError as error:
         raise InputError(
             "this build has no simavr: sudo apt-get install libsimavr-dev libelf-dev, then install brickpilot again",
             field="--target avr",

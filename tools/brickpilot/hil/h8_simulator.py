@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 from brickpilot.errors import InputError
+from brickpilot.hil.checkout import checkout, script_output
 from brickpilot.link.links import Link, StreamLink
 
 H8SIM = "h8sim"
@@ -39,31 +40,6 @@ def h8_simulator(target: str) -> tuple[str, str]:
         script_output("hal/h8sim/simulator", field=f"--target {target}"),
         script_output("firmware/targets/h8sim/build", *built, field=f"--target {target}"),
     )
-
-
-def checkout(field: str | None = None) -> Path:
-    """Returns the checkout of the project in this folder or above it.
-
-    Raises:
-        InputError: there is none.
-    """
-    here = Path.cwd()
-    for folder in (here, *here.parents):
-        if (folder / "firmware/targets/h8sim/build").exists():
-            return folder
-    raise InputError("needs a checkout of the project in this folder or above it", field=field)
-
-
-def script_output(script: str, *arguments: str, field: str | None = None) -> str:
-    """Runs a script of the checkout, and returns what it prints.
-
-    Raises:
-        InputError: there is no checkout, or the script fails.
-    """
-    done = subprocess.run([checkout(field) / script, *arguments], stdout=subprocess.PIPE, text=True, check=False)
-    if done.returncode != 0:
-        raise InputError(f"{script} failed", field=field)
-    return done.stdout.strip()
 
 
 def check_sensors(target: str, sensors: str) -> None:

@@ -21,7 +21,7 @@ from brickpilot.errors import InputError
 from brickpilot.flash import lx
 from brickpilot.flash.program import Loader
 from brickpilot.flash.tally import Tally as Packets
-from brickpilot.hil.h8_simulator import checkout
+from brickpilot.hil.checkout import checkout
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.plant_end import open_plant
 from brickpilot.hil.simulated_rcx import RUN_BUTTON, SimulatedRcx, Tally

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.errors import SimulationError
-from brickpilot.hil.h8_simulator import script_output
+from brickpilot.hil.checkout import script_output
 
 CLOCK_HZ = 16_000_000
 RUN_BUTTON = 2
