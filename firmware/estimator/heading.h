@@ -2,8 +2,8 @@
  *
  * The bias is learnt from blocks of HEADING_BLOCK_STEPS samples in which nothing moves: both motors get 0 V, the model
  * has come to rest, the rotation sensors (if there are any) do not count, and the gyro's samples differ little. A step
- * without a sample makes the block longer and does not end it. The first block sets the bias. Later blocks are averaged in, each with less weight than the one before. A reference
- * overrides the gyro.
+ * without a sample makes the block longer and does not end it. The first block sets the bias. Later blocks are averaged
+ * in, each with less weight than the one before. A reference overrides the gyro.
  * The rotation sensors' own heading is not used: one count is 2 degrees of heading, and an error of 1 % in half-track
  * or wheel radius turns the heading further than the gyro's bias does after a rest.
  * The configuration may hold a known bias and a known scale error. They are taken out first, to the nearest mrad/s;
@@ -43,9 +43,10 @@ typedef struct {
     bool at_rest; /* true from the end of the first quiet block until something moves */
 } heading_state_t;
 
-/* One step of sensors->period_ms. Sets heading_bam16, yaw_rate_mrad_s, at_rest, valid and bias_unknown of `estimate`; valid: not without
- * gyro and reference for longer than blind_ms; bias_unknown: not with a reference, which needs no bias. The heading is the integral of the mean of two samples: error below 2e-5 of the
- * angle turned, and 2^-8 mrad/s of bias. */
+/* One step of sensors->period_ms. Sets heading_bam16, yaw_rate_mrad_s, at_rest, valid and bias_unknown of `estimate`.
+ * valid: false after more than blind_ms without gyro and reference. bias_unknown: always false with a reference, which
+ * needs no bias. The heading is the integral of the mean of two samples: error below 2e-5 of the angle turned, and
+ * 2^-8 mrad/s of bias. */
 void heading_step(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,
                   const signals_predicted_t *predicted, signals_estimate_t *estimate);
 

@@ -45,8 +45,8 @@ uint32_t hal_clock_ms(void)
     return ms;
 }
 
-/* Sleeps until an interrupt, as the manual of avr/sleep.h says: none comes between sei() and the instruction after it, so that none is slept
- * through. Interrupts are off before and after. */
+/* Sleeps until an interrupt, as the manual of avr/sleep.h says: none comes between sei() and the instruction after it, so that none
+ * is slept through. Interrupts are off before and after. */
 static void sleep_until_interrupt(void)
 {
     sleep_enable();

@@ -6,8 +6,8 @@
 
 #include "avr/motors.h"
 
-/* What avrdude burns: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V, which the sensors' 5 V need. A library of Arduino has
- * none: a boot loader cannot write them. */
+/* What avrdude burns: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V, which the sensors' 5 V need.
+ * A library of Arduino has none: a boot loader cannot write them. */
 #ifndef BRICKPILOT_LIBRARY
 FUSES = {
     .low = 0xFF,
@@ -23,8 +23,8 @@ extern uint16_t __heap_start;
 
 static uint8_t cause __attribute__((section(".noinit")));
 
-/* Runs before the variables are cleared. After a watchdog reset the watchdog is on, at 15 ms. The boot loader of Arduinos clears MCUSR and
- * leaves what it was in r2. */
+/* Runs before the variables are cleared. After a watchdog reset the watchdog is on, at 15 ms. The boot loader of Arduinos clears
+ * MCUSR and leaves what it was in r2. */
 __attribute__((naked, used, section(".init3"))) static void keep_cause(void)
 {
     register uint8_t from_loader __asm__("r2");

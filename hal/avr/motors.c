@@ -14,7 +14,8 @@ enum { LEFT_ON_TIMER = 1U << COM1A1, RIGHT_ON_TIMER = 1U << COM1B1 };
 
 typedef enum { COAST, BRAKE, FORWARD, BACKWARD } bridge_t;
 
-/* The direction's pins of both motors may share a port with other pins, also with those of an interrupt. So this runs with interrupts off. */
+/* The direction's pins of both motors may share a port with other pins, also with those of an interrupt. So this runs with
+ * interrupts off. */
 static inline void set_pin(volatile uint8_t *port, uint8_t bit, bool on)
 {
     *port = (uint8_t)(on ? *port | bit : *port & ~bit);

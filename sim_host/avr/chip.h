@@ -134,7 +134,7 @@ void line_send(chip_t *chip); /* what waits in `in` begins to travel */
 bool trace_open(chip_t *chip, const char *file);
 void trace_signal(chip_t *chip, int side, int signal, uint32_t value);
 void trace_encoder(chip_t *chip, int side, bool a, bool b);
-void trace_analog(chip_t *chip, int input, uint32_t millivolts);
+void trace_analog(chip_t *chip, int input, uint32_t code); /* what the converter makes of it, 0..1023 */
 void trace_reset(chip_t *chip, bool in_reset);
 void trace_close(chip_t *chip);
 

@@ -8,18 +8,16 @@
 
 enum { MAILBOX_INPUTS = 4, MAILBOX_BYTES = 16 };
 
-/* Requests. */
-enum {
-    WORLD_SHOW = 1, /* the inputs get `raw`, and the wheels turn to `counts` within the next ms */
-    WORLD_MEASURE =
-        2, /* the world measures the drives for 64 periods of the PWM, 4.1 ms; then `parts` holds what it found */
-    WORLD_SEND = 3,    /* `bytes` travel to the chip */
-    WORLD_RECEIVE = 4, /* `size` and `bytes`: what the chip has sent */
-    WORLD_FAULT = 5,   /* chip_fault_t `fault` gets the value `size` */
-    WORLD_TELL =
-        6 /* `parts[0]`: what the drives do now, as bridge_state_t; `bytes`: what they did just before the newest
-                        * reset; `size`: bytes lost in the receiver; `resets` */
-};
+/* Requests.
+ *
+ *   SHOW     the inputs get `raw`, and the wheels turn to `counts` within the next ms
+ *   MEASURE  the world measures the drives for 64 periods of the PWM, 4.1 ms; then `parts` holds what it found
+ *   SEND     `size` of `bytes` travel to the chip
+ *   RECEIVE  `bytes` get what the chip has sent, `size` at most; `size` becomes their number
+ *   FAULT    chip_fault_t `fault` gets the value `size`
+ *   TELL     `parts`: what the drives do now, as bridge_state_t; `bytes`: what they did just before the newest reset; `size`: bytes
+ *            lost in the receiver; `resets` */
+enum { WORLD_SHOW = 1, WORLD_MEASURE, WORLD_SEND, WORLD_RECEIVE, WORLD_FAULT, WORLD_TELL };
 
 typedef struct {
     uint16_t raw[MAILBOX_INPUTS]; /* 1024ths of 5 V: gyro, acceleration forward, to the right, battery */

@@ -4,9 +4,8 @@
  *   avr_on_host CRUISE_NUMBER CRUISE_RAW X Y [X Y...] < records
  *
  * Each record is a loop_state_t in the AVR's layout, which has no padding: compile this with -fpack-struct -fshort-enums. A record's
- * readings and clock go into the port, one tick runs, and its whole state must be that of the record. The first record is the state from
- * which both begin. Prints how many records were read, how
- * many differ and the first that does, or -1.
+ * readings and clock go into the port, one tick runs, and its whole state must be that of the record. The first record is the
+ * state from which both begin. Prints how many records were read, how many differ and the first that does, or -1.
  */
 #include <stddef.h>
 #include <stdio.h>
