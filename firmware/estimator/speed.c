@@ -13,6 +13,7 @@ enum {
 };
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
+#define UNREAD_LIMIT_UM_Q5 536870912L /* 16.8 m: 2^29, so that the travel behind fits into 32 bits */
 
 static inline int16_t to_q4(int32_t speed_mm_s_q17)
 {
@@ -77,13 +78,19 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
     return fix_clamp_q16(mean + fix_share_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
-/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. */
+/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. A step without a reading gets no
+ * correction, but its travel is kept: the next reading has its counts, too. */
 static int32_t rotation_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                    signals_estimate_t *estimate)
 {
-    const int32_t counted = counted_travel_um_q5(config, state, sensors);
-    const int32_t behind = state->behind_um_q5 + counted - estimate->travel_um_q5;
-    const int32_t made_up = fix_share_q15(behind, config->behind_to_travel_q15);
+    int32_t behind = state->behind_um_q5 - estimate->travel_um_q5, made_up;
+    if (!SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
+        if (state->rotation_known)
+            state->behind_um_q5 = fix_clamp32(behind, UNREAD_LIMIT_UM_Q5);
+        return 0;
+    }
+    behind += counted_travel_um_q5(config, state, sensors);
+    made_up = fix_share_q15(behind, config->behind_to_travel_q15);
     estimate->travel_um_q5 += made_up;
     state->behind_um_q5 = fix_clamp32(behind - made_up, SPEED_BEHIND_LIMIT_UM_Q5);
     return fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15);
@@ -122,12 +129,12 @@ static int32_t observe(const speed_config_t *config, speed_state_t *state, const
             observed =
                 fix_add32(observed, accel_correction(config, state, sensors, predicted, estimate->yaw_rate_mrad_s));
     }
-    if (SIGNALS_HAVE(sensors, SENSOR_ROTATION))
+    if (SENSOR_POSSIBLE(SENSOR_ROTATION))
         observed = fix_add32(observed, rotation_correction(config, state, sensors, estimate));
     if (estimate->at_rest) {
         observed = 0;
         estimate->travel_um_q5 = 0;
-        if (SENSOR_POSSIBLE(SENSOR_ROTATION))
+        if (SIGNALS_HAVE(sensors, SENSOR_ROTATION))
             state->behind_um_q5 = 0;
     }
     if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))

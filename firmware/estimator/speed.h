@@ -35,7 +35,7 @@ typedef struct {
 typedef struct {
     int32_t speed_mm_s_q17; /* the estimate has both rounded */
     int32_t accel_mm_s2_q8;
-    int32_t behind_um_q5;   /* travel by the counts minus travel estimated, +-100 mm */
+    int32_t behind_um_q5;   /* travel by the counts minus travel estimated, +-100 mm; +-16.8 m until the next reading */
     bias_t bias;            /* the accelerometer's, mm/s^2 q12, +-1 m/s^2 */
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;

@@ -133,6 +133,45 @@ static void test_speed_travel_keeps_to_the_counts(void)
     TEST_ASSERT_INT32_WITHIN(60000, 300 * 3 * 5000, travel_um_q5 / 32);
 }
 
+/* Travel, mm, of 6 s at 400 mm/s in which only one of `every` steps has a reading. */
+static int32_t travel_with_one_reading_in(int every)
+{
+    int32_t travel_um_q5 = 0;
+    setUp();
+    state.speed_mm_s_q17 = 400 * Q17;
+    for (int i = 1; i <= 2000; i++) {
+        sensors.have = i % every == 0 ? SENSOR_ROTATION : 0;
+        sensors.rotation_left = sensors.rotation_right = (uint16_t)(400 * 3 * i / 5341);
+        hold(1);
+        travel_um_q5 += estimate.travel_um_q5;
+    }
+    TEST_ASSERT_INT32_WITHIN(10 * Q17, 400 * Q17, state.speed_mm_s_q17);
+    return travel_um_q5 / 32000;
+}
+
+static void test_speed_counts_a_way_once_where_readings_are_missing(void)
+{
+    for (int every = 1; every <= 10; every++)
+        TEST_ASSERT_INT32_WITHIN(10, 2400, travel_with_one_reading_in(every));
+}
+
+static void test_speed_keeps_what_it_travelled_unread_until_the_next_reading(void)
+{
+    const int32_t way_um_q5 = 400 * 3 * 32;
+    sensors.have = SENSOR_ROTATION;
+    step(400 * Q17);
+    const int32_t behind_um_q5 = state.behind_um_q5;
+    sensors.have = 0;
+    step(400 * Q17);
+    TEST_ASSERT_EQUAL_INT32(behind_um_q5 - way_um_q5, state.behind_um_q5);
+    estimate.at_rest = true; /* its counts have not come yet */
+    step(0);
+    TEST_ASSERT_LESS_THAN_INT32(behind_um_q5 - way_um_q5 + 1, state.behind_um_q5);
+    sensors.have = SENSOR_ROTATION;
+    step(0);
+    TEST_ASSERT_EQUAL_INT32(0, state.behind_um_q5);
+}
+
 static void test_speed_ignores_counts_from_before_the_first_step(void)
 {
     sensors.have = SENSOR_ROTATION;
@@ -267,6 +306,8 @@ int main(void)
     RUN_TEST(test_speed_is_zero_at_rest);
     RUN_TEST(test_speed_finds_the_speed_of_the_counts);
     RUN_TEST(test_speed_travel_keeps_to_the_counts);
+    RUN_TEST(test_speed_counts_a_way_once_where_readings_are_missing);
+    RUN_TEST(test_speed_keeps_what_it_travelled_unread_until_the_next_reading);
     RUN_TEST(test_speed_ignores_counts_from_before_the_first_step);
     RUN_TEST(test_speed_counts_wrap_unnoticed);
     RUN_TEST(test_speed_observer_forgets_what_slips);

@@ -28,11 +28,13 @@ static void begin(speed_state_t *state)
     state->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
     state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
-    if ((DRAWN_SENSORS & SENSOR_ROTATION) == 0)
-        state->behind_um_q5 = 0;
     state->bias.value = draw_within(4096000L); /* 1 m/s^2 */
     state->bias.learnt = draw_up_to(65535U);
     state->rotation_known = draw_rarely(1);
+    if ((DRAWN_SENSORS & SENSOR_ROTATION) == 0) {
+        state->behind_um_q5 = 0;
+        state->rotation_known = false;
+    }
 }
 
 static void hash(const speed_state_t *state, const signals_estimate_t *estimate, int32_t correction_mm_s_q17)
