@@ -93,7 +93,7 @@ void analogue_begin(void)
         age++;
     if (at != READINGS) {
         count_fault();
-        ADCSRA = 0; /* ends a conversion that hangs */
+        ADCSRA = 1U << ADIF; /* ends a conversion that hangs; one that has just ended must not count in the new burst */
     }
     for (uint8_t i = 0; i < ANALOGUE_SUMS; i++)
         sums[i] = 0;
