@@ -89,7 +89,9 @@ def test_an_image_is_elf_hex_and_sizes_with_the_fuses(chip: str, sensors: str, t
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
 def test_a_period_ends_in_time_and_the_stack_has_room(target: str) -> None:
-    found = json.loads(brickpilot("bench", "--target", target, "--seconds", "3", "--json", cwd=ROOT, fresh=True).stdout)
+    done = brickpilot("bench", "--target", target, "--seconds", "3", "--json", cwd=ROOT, fresh=True)
+    assert done.stderr == ""
+    found = json.loads(done.stdout)
     assert found["cycles"]["all"]["most"] <= SHARE * found["period_cycles"]
     assert found["cycles"]["model"]["typical"] > 5000
     assert 100 < found["stack_bytes"] <= STACK

@@ -68,7 +68,7 @@ class BootLoader:
             self._bytes(2)
             return b"\x03"
         if command in (0x42, 0x45):  # the device's own values: 20 bytes, or 4 to 5 after their number
-            self._bytes(21 if command == 0x42 else self._byte() - 1 + 1)
+            self._bytes(21 if command == 0x42 else self._byte())
             return b""
         if command == 0x55:  # the address, in words
             self._address = 2 * int.from_bytes(self._bytes(3)[:2], "little")

@@ -38,4 +38,5 @@ Both write a page, which `report` draws:
     kernel_share.py    what kernel, interrupts and program take of the RCX's time, in simulated time
     step_budget.py     instructions, states, stack and bytes of a control step on the H8 simulator
     h8_states.py       states of each H8/300 instruction
+    avr_budget.py      cycles, stack and bytes of a control period on simavr, drivers and interrupts included
 """

@@ -42,12 +42,13 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
     """Measures speed: on this machine beside a peer, or on a brick's processor."""
     if target.startswith("avr"):
         _refuse("h8", profile=profile, sensors=sensors)
-        _avr([target] if target in AVR_TARGETS else list(AVR_TARGETS), seconds, as_json)
+        _avr(target, seconds, as_json)
         return
     if target != "host":
         _h8(target.replace("h8", "h8sim"), profile or "coupled", sensors or "imu+encoders", seconds, as_json)
         return
-    _refuse("h8", profile=profile, sensors=sensors, seconds=seconds)
+    _refuse("h8", profile=profile, sensors=sensors)
+    _refuse("h8 or avr", seconds=seconds)
     from brickpilot.benchmark import speed as bench_module
 
     figures = {name: dataclasses.asdict(figure) for name, figure in bench_module.host().items()}
@@ -59,34 +60,41 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
 
 
 def _refuse(target: str, **given: str | float | None) -> None:
+    """Raises InputError for an option that is given, and works only with another target."""
     for name, value in given.items():
         if value is not None:
             raise InputError(f"works only with --target {target}", field=f"--{name}")
 
 
-def _avr(targets: list[str], seconds: float | None, as_json: bool) -> None:
+def _avr(target: str, seconds: float | None, as_json: bool) -> None:
+    """Measures one of `AVR_TARGETS`, or all of them where `target` is avr."""
     from brickpilot.benchmark import avr_budget
 
-    for target in targets:
-        with progress_shown(not as_json) as progress:
-            found = avr_budget.as_dict(avr_budget.mission(target, seconds, progress))
-        if as_json:
-            click.echo(json.dumps(found))
-            continue
-        click.echo(f"{target:18} {'cycles, typical':>15} {'most':>7} {'most, ms':>9} {'share of the period':>20}")
-        for name, cycles in found["cycles"].items():
-            most = cycles["most"]
-            click.echo(
-                f"{name:18} {cycles['typical']:15d} {most:7d} {1e3 * most / found['clock_hz']:9.2f} "
-                f"{100 * most / found['period_cycles']:18.1f} %"
-            )
-        click.echo(f"{found['periods']} periods of {found['period_cycles']} cycles")
-        click.echo(f"flash: {found['flash_bytes']} of {found['flash_of']} bytes")
-        left = found["ram_of"] - found["ram_bytes"] - found["stack_bytes"]
+    found: dict[str, dict[str, Any]] = {}
+    for name in [target] if target in AVR_TARGETS else AVR_TARGETS:
+        with progress_shown(as_json) as progress:
+            found[name] = avr_budget.as_dict(avr_budget.mission(name, seconds, progress))
+        if not as_json:
+            _print_avr(name, found[name])
+    if as_json:
+        click.echo(json.dumps(found.get(target, found)))
+
+
+def _print_avr(target: str, found: dict[str, Any]) -> None:
+    click.echo(f"{target:18} {'cycles, typical':>15} {'most':>7} {'most, ms':>9} {'share of the period':>20}")
+    for name, cycles in found["cycles"].items():
+        most = cycles["most"]
         click.echo(
-            f"RAM: {found['ram_bytes']} bytes of variables and at most {found['stack_bytes']} of stack, "
-            f"of {found['ram_of']}: {left} left"
+            f"{name:18} {cycles['typical']:15d} {most:7d} {1e3 * most / found['clock_hz']:9.2f} "
+            f"{100 * most / found['period_cycles']:18.1f} %"
         )
+    click.echo(f"{found['periods']} periods of {found['period_cycles']} cycles")
+    click.echo(f"flash: {found['flash_bytes']} of {found['flash_of']} bytes")
+    left = found["ram_of"] - found["ram_bytes"] - found["stack_bytes"]
+    click.echo(
+        f"RAM: {found['ram_bytes']} bytes of variables and at most {found['stack_bytes']} of stack, "
+        f"of {found['ram_of']}: {left} left"
+    )
 
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
@@ -94,7 +102,7 @@ def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json:
     from brickpilot.hil import h8_simulator
 
     built_for = h8_simulator.H8SIM_TARGETS[target]
-    with progress_shown(not as_json) as progress:
+    with progress_shown(as_json) as progress:
         found = step_budget.mission(target, profile, sensors, seconds, progress)
         kernel = None
         if built_for is not None:
@@ -116,10 +124,10 @@ def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json:
     for name, size in found.sizes.items():
         click.echo(f"{name:24} {size.text:6d} {size.data:6d} {size.bss:6d}")
     if kernel is not None:
-        _kernel(kernel, kernel_share.LABELS)
+        _print_kernel(kernel, kernel_share.LABELS)
 
 
-def _kernel(kernel: dict[str, Any], labels: dict[str, str]) -> None:
+def _print_kernel(kernel: dict[str, Any], labels: dict[str, str]) -> None:
     click.echo(f"of the processor's time, in {kernel['seconds']:.1f} s of the mission under brickOS:")
     for kind, label in labels.items():
         share = kernel["shares"][kind]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     required=True,
     shell_complete=model_files,
-    help="The robot: a model.toml as discover writes it.",
+    help="The robot: a model.toml of discover or calibrate, or your own.",
 )
 @click.option(
     "--board",
