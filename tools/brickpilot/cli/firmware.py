@@ -136,7 +136,8 @@ def _show(figures: dict[str, Any], folder: Path) -> None:
     for line in (*waypoint_lines(figures["flight"]), *figure_lines(figures["flight"])):
         click.echo(line)
     click.echo(f"mission             {figures['mission']}")
-    click.echo(f"image               {', '.join(f'{name} {size}' for name, size in figures['bytes'].items())} bytes")
+    sizes = ", ".join(f"{name.replace('_', ' ')} {size:,}" for name, size in figures["bytes"].items())
+    click.echo(f"image               {sizes} bytes")
     for remark in figures["remarks"]:
         click.echo(f"not undone          {remark}")
     click.echo(f"report: {folder / 'README.md'}")

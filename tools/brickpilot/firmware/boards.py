@@ -98,7 +98,7 @@ def _avr_sizes(folder: Path) -> Figures:
     ram = re.search(r"^RAM: (\d+) of (\d+) bytes", text, re.MULTILINE)
     assert flash is not None
     assert ram is not None
-    names = ("flash", "flash_of", "ram", "ram_of")
+    names = ("flash", "flash_of_chip", "ram", "ram_of_chip")
     return dict(zip(names, map(int, (*flash.groups(), *ram.groups())), strict=True))
 
 
