@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     "--telemetry-every",
     type=click.IntRange(1, 255),
     metavar="N",
-    help="The brick sends telemetry every N steps; default 1 in lockstep, 10 in real time.",
+    help="The brick sends telemetry every N steps; default 1 in lockstep, 10 in real time and with --target avr.",
 )
 @click.option(
     "--set",

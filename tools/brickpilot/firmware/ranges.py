@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from brickpilot import catalogue
-from brickpilot.data.toml_file import Key
 from brickpilot.errors import InputError
 from brickpilot.firmware import params_header, robot, tuning
 from brickpilot.firmware.robot import Place, Robot
@@ -21,7 +20,7 @@ from brickpilot.vehicle.quantise import QuantisationError
 from brickpilot.vehicle.setting_defaults import constants, plain
 from brickpilot.vehicle.settings import settings
 
-INT16 = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s
+READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s has 16 bits
 ROUNDING = 0.005  # of the travel per count: the share of it by which the firmware may be off
 COUNT_UM_Q2 = 4e6  # counts of the format of the travel per count, per m
 COUNT_MOST = 65535
@@ -85,7 +84,7 @@ def _limits(one: Robot) -> Iterator[Limit]:
     ends = "the model's voltages end there, and battery_floor follows it"
     yield Limit(("parameters", "battery_voltage"), battery, least, VOLTAGE_LIMIT, "V", ends)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
-        yield Limit(("sensors", "imu", name), imu[name], 0.1, INT16, unit, "a reading has 16 bits")
+        yield Limit(("sensors", "imu", name), imu[name], 0.1, READING_MOST, unit, "a reading has 16 bits")
     counts = one.value("sensors", "encoder", "counts_per_turn")
     rounded = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
     yield Limit(("sensors", "encoder", "counts_per_turn"), counts, turn / COUNT_MOST, turn * 2 * ROUNDING, "", rounded)
@@ -108,8 +107,7 @@ def _out_of_range(
     one: Robot, place: Place, value: float, range_: tuple[float, float], unit: str, because: str
 ) -> NoReturn:
     low, high = range_
-    key: Key = place
-    one.toml.refuse(key, f"{value:.4g} is outside {low:.3g}..{high:.3g} {unit}".rstrip() + f": {because}")
+    one.toml.refuse(place, f"{value:.4g} is outside {low:.3g}..{high:.3g} {unit}".rstrip() + f": {because}")
 
 
 def _refuse(one: Robot, step: float, reason: str) -> NoReturn:
@@ -151,15 +149,10 @@ def _fits(one: Robot, step: float, place: Place, value: float) -> bool:
     if info is not None and not info.minimum <= value <= info.maximum:
         return False
     try:
-        _made(_with(one, place, value), step)
+        _made(robot.changed(one, {place: value}), step)
     except (QuantisationError, InputError, ArithmeticError, ValueError):
         return False
     return True
-
-
-def _with(one: Robot, place: Place, value: float) -> Robot:
-    """Returns the robot with another value at one place."""
-    return robot.changed(one, {place: value})
 
 
 def _edge(fits: Callable[[float], bool], good: float, bad: float) -> float:
