@@ -6,7 +6,9 @@
 
 void rotation_start(void);
 
-/* Changes of both lines of a sensor at a time: at least one edge was missed, or it was noise. Nothing is counted then. Stays at 65535. */
+/* Changes of both lines of a sensor at a time: at least one edge was missed, or it was noise. Nothing is counted then. Stays at 65535.
+ * Most noise is no error: a false pulse on one line counts forth and back. If the other line has an edge within the pulse, the count
+ * loses 4 against the motion, and that is no error either. */
 uint16_t rotation_errors(void);
 
 #endif
