@@ -13,6 +13,5 @@ int write(int descriptor, const void *bytes, size_t size)
         }
         UDR0 = *byte++;
     }
-    UCSR0A = 1U << TXC0;
     return (int)size;
 }

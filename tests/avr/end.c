@@ -1,7 +1,7 @@
 /* end.c: the end of a test program on an AVR chip. Its status goes to GPIOR0, where the simulator's program finds it. */
 #include <avr/io.h>
 
-/* exit() runs this; its argument is in r24 still. Once the last byte has left UART 0, the chip sleeps for ever. */
+/* exit() runs this; its argument is in r24 still. Once UART 0 has taken the last byte, the chip sleeps for ever. */
 __attribute__((naked, used, section(".fini8"))) static void end(void)
 {
     __asm__ volatile("out %0, r24" ::"I"(_SFR_IO_ADDR(GPIOR0)));
