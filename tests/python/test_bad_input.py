@@ -99,6 +99,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "effect unknown": (["effects", "gremlins"], "gremlins"),
     "target unknown": (["bench", "--target", "abacus"], "--target"),
     "bench profile without h8": (["bench", "--profile", "paper"], "--profile"),
+    "bench seconds of this machine": (["bench", "--seconds", "3"], "--seconds"),
     "bench for no time": (["bench", "--target", "h8", "--seconds", "0"], "--seconds"),
     "data set missing": (["compare", "nowhere"], "nowhere"),
     "data set not given": (["compare"], "DATASET"),
