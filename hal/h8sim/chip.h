@@ -133,12 +133,14 @@ static uint64_t frt_period(void)
     return (chip.memory[TCSR] & CCLRA ? chip.ocr[0] + 1U : 0x10000U) * frt_tick();
 }
 
-/* The counter begins anew when the timer is set up. */
+/* The counter begins anew when the timer is set up. One that is cleared at OCRA does not come to an OCRB above it. */
 static void start_frt(void)
 {
+    const bool beyond = (chip.memory[TCSR] & CCLRA) != 0 && chip.ocr[1] > chip.ocr[0];
+
     chip.frt_zero = chip.now;
     chip.match_a = chip.now + (chip.ocr[0] + 1U) * frt_tick();
-    chip.match_b = chip.now + (chip.ocr[1] + 1U) * frt_tick();
+    chip.match_b = beyond ? NEVER : chip.now + (chip.ocr[1] + 1U) * frt_tick();
 }
 
 /* Of one byte on the line: start bit, eight bits, parity and stop bit. */
@@ -198,7 +200,7 @@ static void frt_written(void)
     chip.ocr[selected] = word_at(OCR);
     if ((chip.memory[TIER] & 0xF2) != 0)
         chip_fail("capture or overflow interrupt of FRT");
-    setting = (uint64_t)chip.ocr[0] << 32 | (uint32_t)(chip.ocr[1] << 16) | (uint32_t)(chip.memory[TCR] << 8) |
+    setting = (uint64_t)chip.ocr[0] << 32 | (uint64_t)chip.ocr[1] << 16 | (uint64_t)chip.memory[TCR] << 8 |
               (chip.memory[TCSR] & CCLRA);
     if (setting == chip.frt_setting)
         return;
