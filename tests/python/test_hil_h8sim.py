@@ -77,3 +77,14 @@ def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
 def test_ideal_sensors_are_refused_for_a_brick_that_lacks_them() -> None:
     with pytest.raises(InputError, match=r"--sensors ideal: a brick has no ideal sensors; h8sim:imu flies with imu or"):
         check_sensors("h8sim:imu", "ideal")
+
+
+def test_the_page_says_how_to_fly_once_more(tmp_path):
+    scenario = 'name = "short"\nkind = "mission"\nduration_s = 0.3\nwaypoints_m = [[0.3, 0]]\n'
+    (tmp_path / "short.toml").write_text(scenario, encoding="utf-8")
+    folder = str(tmp_path / "run")
+    flown = brickpilot(
+        "hil", str(tmp_path / "short.toml"), "--target", "h8sim", "--out", folder, cwd=make_golden.GOLDEN.parent
+    )
+    assert flown.returncode == 1  # its mission takes longer
+    assert "short.toml --target h8sim" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")

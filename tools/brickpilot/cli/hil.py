@@ -150,6 +150,11 @@ class _Session:
         return self.spec.startswith("avr:")
 
     @property
+    def simulated(self) -> bool:
+        """Whether the brick is a simulated processor, which `--target` names."""
+        return self.avr or self.spec.startswith("h8sim")
+
+    @property
     def pace(self) -> str:
         from brickpilot.link.session import LOCKSTEP, REALTIME
 
@@ -225,7 +230,7 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
 
 def _command(request: FlightRequest, session: _Session, plan: Plan) -> str:
     """Returns the command line that repeats the flight."""
-    where = ["--target", session.spec] if session.avr else ["--link", session.spec, f"--{session.pace}"]
+    where = ["--target", session.spec] if session.simulated else ["--link", session.spec, f"--{session.pace}"]
     words = ["brickpilot", "hil", request.scenario, *where]
     words += request.options(plan)
     return shlex.join(words + [word for pair in session.written for word in ("--set", pair)])

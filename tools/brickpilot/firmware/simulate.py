@@ -112,10 +112,19 @@ def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Pla
         flown = fly.fly(end, "firmware", planned, pace=LOCKSTEP, telemetry_every=1, progress=lambda *_: None)
     finally:
         link.close()
-        status = brick.wait(REPLY_S)
+        status = _status(brick)
     if status != 0 or flown.broke_off is not None:
         raise SimulationError(f"the firmware on this machine ended: {flown.broke_off or f'status {status}'}")
     return flown
+
+
+def _status(brick: subprocess.Popen[bytes]) -> int:
+    """Returns the exit status of a program whose line is closed; it is killed if it does not end by itself."""
+    try:
+        return brick.wait(REPLY_S)
+    except subprocess.TimeoutExpired:
+        brick.kill()
+        return brick.wait()
 
 
 def undone(robot: Robot) -> dict[str, float]:
