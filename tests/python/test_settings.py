@@ -33,6 +33,7 @@ NAMED = {
     "firmware/ranges.py",  # the floor that the range of a battery depends on
     "cli/firmware.py",  # the cruise speed that the image has
     "firmware/simulate.py",  # the cruise speed that scales the mission
+    "firmware/robot.py",  # the cruise speed that is checked before the rules use it
     "firmware/params_header.py",  # checks of one default against another
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not

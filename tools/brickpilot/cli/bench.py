@@ -12,7 +12,7 @@ import numpy as np
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
-from brickpilot.hil.avr_robot import AVR_TARGETS
+from brickpilot.hil.avr_targets import AVR_TARGETS
 
 _KERNEL_S = 8.0
 """s of the mission in which the kernel's share is measured; it does not change later."""

@@ -34,7 +34,7 @@ _STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not sm
 _SLOPE_ERROR = 1e-2  # relative: of finite differences of a plant with dry friction
 _LARGEST_LOG = 700.0  # of a double; an interval ends at the parameter's range long before
 _FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
-_MOST_SHARE = 0.999  # of what is known of a direction, from one stretch: what is left of the others' may be rounding
+_LEAST_REST = 1e-3  # of what is known of a direction, from all stretches but one: less may be rounding
 _STRETCHES = 20  # of time, at least, whose spread gives the intervals
 
 
@@ -205,7 +205,7 @@ def _scatter(
     for number in range(count):
         rows = order[ends[number] : ends[number + 1]]
         share, axes = np.linalg.eigh(root @ (slopes[rows].T @ weighted[rows]) @ root)
-        kept = 1 - np.minimum(share, _MOST_SHARE)
+        kept = np.where(np.abs(1 - share) < _LEAST_REST, _LEAST_REST, 1 - share)
         shifts[number] = root @ (axes @ ((axes.T @ (root @ sums[number])) / kept))
     return shifts.T @ shifts * (count - 1) / count, max(count - parameters, 1)
 

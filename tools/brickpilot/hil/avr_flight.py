@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import AVR_TARGETS, AvrRobot, open_robot
+from brickpilot.hil.avr_robot import AvrRobot, open_robot
+from brickpilot.hil.avr_targets import AVR_TARGETS
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.faults import BROWN_OUT_MV
 from brickpilot.hil.linked_flight import LinkedFlight, Progress

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,26 +16,10 @@ from brickpilot import compiled
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.avr_targets import AVR_TARGETS
 from brickpilot.hil.checkout import checkout
 from brickpilot.link.links import Message, decode_frame, encode_frame
 from brickpilot.vehicle import flight
-
-
-@dataclass(frozen=True)
-class AvrTarget:
-    """An image of `firmware/targets/avr` for a chip, as simavr names it, and the sensors that it flies with."""
-
-    chip: str
-    build: tuple[str, str]
-    sensors: tuple[str, ...]
-
-
-AVR_TARGETS = {
-    "avr:328p-imu": AvrTarget("atmega328p", ("328p", "imu"), ("imu",)),
-    "avr:328p-rotation": AvrTarget("atmega328p", ("328p", "rotation"), ("imu+encoders",)),
-    "avr:2560": AvrTarget("atmega2560", ("2560", "all"), ("imu+encoders",)),
-}
-"""Target -> its image."""
 
 BOOT_STEPS = 30
 """Motor steps until the image listens, 9 ms."""
