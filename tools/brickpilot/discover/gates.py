@@ -68,7 +68,7 @@ UNEXPLAINED_GAIN_SHARE = 0.2
 """Added to that share as the cost rises above the floor: a wrong model lets any free parameter gain something."""
 
 GAIN_SHARE_OF_EARLIER = 0.004
-"""The least fall as a share of what earlier effects took away: a law that is slightly wrong leaves so much behind."""
+"""The least fall as a share of what the other effects take away: a law that is slightly wrong leaves so much behind."""
 
 STRAIN_RELEASED = 2.0
 """That share is not asked for if the new effect brings a strained value below 1 / this of the strained limit."""
