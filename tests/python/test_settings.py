@@ -38,6 +38,7 @@ NAMED = {
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
+    "vehicle/gains.py",  # pairs of gains of which one may not be above the other
     "vehicle/flight.py",  # a scenario's cruise
     "vehicle/compensation.py",  # the reserve, which depends on the robot's own battery
     "vehicle/compensation_limits.py",  # the gains that the firmware has in any case

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     shell_complete=scenario_names,
     help="The mission in the image; default the paper's eight waypoints, scaled to the robot.",
 )
+@click.option("--gains", "gains_file", metavar="FILE", help="Compile this gains.toml of `brickpilot tune` in.")
 @click.option(
     "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="The seed of the sensors' noise."
 )
@@ -53,6 +54,7 @@ def firmware(
     out: str | None,
     sensors: str | None,
     scenario: str | None,
+    gains_file: str | None,
     seed: int,
     as_json: bool,
 ) -> None:  # fmt: skip
@@ -66,14 +68,18 @@ def firmware(
     """
     from brickpilot.firmware import boards, package, robot
     from brickpilot.report import run_folder
+    from brickpilot.vehicle import gains
 
     board = boards.BOARDS[board_name]
-    order = package.Order(robot.load(Path(model_file)), board, sensors or "imu", scenario, seed)
+    own = robot.load(Path(model_file))
+    if gains_file is not None:
+        own = robot.with_gains(own, gains.load(Path(gains_file)))
+    order = package.Order(own, board, sensors or "imu", scenario, seed)
     folder = Path(out) if out else Path(f"firmware-{order.robot.model.name}-{board_name.replace(':', '-')}")
     with run_folder.fresh_folder(folder, package.files_of(board)) as beside:
         made = package.make(order, beside)
         figures = _figures(order, made)
-        command = _command(model_file, order, folder)
+        command = _command(model_file, gains_file, order, folder)
         _write(order, made, figures, command, beside)
     if as_json:
         click.echo(json.dumps(figures))
@@ -83,9 +89,10 @@ def firmware(
         raise WorkFailedError(f"{order.robot.model.name}: {figures['flight']['failure']}")
 
 
-def _command(model_file: str, order: Order, folder: Path) -> str:
+def _command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
     words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
     words += ["--sensors", order.sensors, "--seed", str(order.seed)]
+    words += ["--gains", gains_file] if gains_file else []
     return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
 
 

@@ -40,6 +40,12 @@ _OPTIONS = (
         metavar="FILE",
         help="Send this compensation.toml of the robot to the firmware.",
     ),
+    click.option(
+        "--gains",
+        "gains_file",
+        metavar="FILE",
+        help="Send this gains.toml of `brickpilot tune` to the firmware.",
+    ),
     click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="The seed of the sensors' noise; default 0."),
 )
 
@@ -54,6 +60,7 @@ class FlightRequest:
     sensors: str | None
     model_file: str | None
     compensation_file: str | None
+    gains_file: str | None
     seed: int | None
 
     @property
@@ -79,7 +86,7 @@ class FlightRequest:
         Raises:
             InputError: a file is bad, or the scenario is given twice.
         """
-        from brickpilot.vehicle import compensation, model
+        from brickpilot.vehicle import compensation, gains, model
 
         if self.scenario_name is not None and self.scenario_file is not None:
             raise InputError("the scenario is given twice: as an argument and as an option", field="--scenario")
@@ -89,6 +96,7 @@ class FlightRequest:
             "sensors": self.sensors,
             "seed": self.seed,
             "compensation": compensation.load(Path(self.compensation_file)) if self.compensation_file else None,
+            "gains": gains.load(Path(self.gains_file)) if self.gains_file else None,
         }
 
     def options(self, plan: Plan) -> list[str]:
@@ -96,6 +104,7 @@ class FlightRequest:
         found = ["--profile", plan.controller, "--sensors", plan.sensors, "--seed", str(plan.seed)]
         found += ["--model", self.model_file] if self.model_file else []
         found += ["--compensation", self.compensation_file] if self.compensation_file else []
+        found += ["--gains", self.gains_file] if self.gains_file else []
         return found
 
 

@@ -18,11 +18,14 @@ from typing import Any
 from brickpilot import catalogue
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError
 from brickpilot.firmware import tuning
 from brickpilot.vehicle import compensation
 from brickpilot.vehicle import model as models
+from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.setting_defaults import plain
+from brickpilot.vehicle.setting_defaults import constants, default, holding_voltage, plain
+from brickpilot.vehicle.settings import settings
 
 Tables = Mapping[str, Any]
 Place = tuple[str, ...]
@@ -51,6 +54,9 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
 """Of the values by which the rules divide, or of which they take a root or a power."""
 
 _SEEN = ("imu", "encoder")
+ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
+"""Settings without a value of their own in a vehicle file: they follow from the robot's length and its losses."""
+
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
 
@@ -177,6 +183,31 @@ def changed(one: Robot, values: Mapping[Place, float]) -> Robot:
     own = {place[1]: value for place, value in values.items() if place[0] == "parameters"}
     model = dataclasses.replace(one.model, parameters={**one.model.parameters, **own})
     return complete(model, one.toml, {**one.stated, **values})
+
+
+def with_gains(one: Robot, gains: Gains) -> Robot:
+    """Returns the robot whose controller has these gains: its constants hold their raw integers.
+
+    Raises:
+        InputError: a gain that follows from another value of the robot.
+    """
+    held: dict[Place, float] = {
+        ("controller", "coupled", name): gains.value(name)
+        for name in gains.raw
+        if name not in (ACCEPTANCE, FEEDFORWARD)
+    }
+    if FEEDFORWARD in gains.raw:
+        share = gains.value(FEEDFORWARD) / holding_voltage(plain(one.vehicle["parameters"]))
+        held["controller", "coupled", "feedforward_share"] = share
+    made = changed(one, held)
+    _put(made.vehicle, {place: (value, f"gain set {gains.name}") for place, value in held.items()})
+    own = constants(made.vehicle, "coupled")
+    for name, raw in gains.raw.items():
+        has = default(settings()[name], own, "coupled")
+        if has != raw:
+            follows = f"{own[name]:.4g} {settings()[name].format.unit} follows from the robot's model file"
+            raise InputError(f"raw {raw} cannot be compiled in: {follows}", file=gains.name, field=name)
+    return made
 
 
 def _put(vehicle: dict[str, Any], values: Mapping[Place, tuple[float, str]]) -> None:

@@ -22,7 +22,6 @@ from brickpilot.link.links import LinkGoneError
 from brickpilot.link.session import REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.faults import AVR_KINDS
-from brickpilot.vehicle.settings import compensations
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
@@ -64,7 +63,7 @@ class HilFlight:
 def prepare(
     session: Session, plan: flight.Plan, pace: str, telemetry_every: int | None, settings: Mapping[str, int]
 ) -> None:
-    """Opens a session and sends all that the flight needs: settings, compensation and route.
+    """Opens a session and sends all that the flight needs: compensation, gains, settings and route.
 
     Raises:
         InputError: the brick refuses one of them.
@@ -74,10 +73,7 @@ def prepare(
         session.write("telemetry_every", telemetry_every)
     if plan.cruise > 0:
         session.write("cruise", known_settings()["cruise"].raw(plan.cruise))
-    if plan.compensation is not None:
-        for key, raw in plan.compensation.raw.items():
-            session.write(compensations()[key].name, raw)
-    for name, raw in settings.items():
+    for name, raw in (*flight.written(plan).items(), *settings.items()):
         session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
     session.resets.begin()

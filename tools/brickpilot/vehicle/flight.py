@@ -18,8 +18,10 @@ from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.compensation import FORMATS, Compensation
+from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.scenario import SENSORS, Scenario
+from brickpilot.vehicle.settings import settings
 
 Array = NDArray[np.float64]
 
@@ -33,6 +35,7 @@ class Plan:
         controller: the profile whose constants the firmware uses.
         cruise: m/s.
         compensation: what the firmware knows of this robot; None: nothing.
+        gains: settings of the controller that differ from the firmware's own; None: none.
         acceptance: m, the robot's radius: a waypoint counts where the true position passes within twice of it.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
     """
@@ -47,6 +50,7 @@ class Plan:
     cruise: float
     motor_step: float = 0.0
     compensation: Compensation | None = None
+    gains: Gains | None = None
     acceptance: float = ACCEPTANCE_M
     devices: Mapping[str, float] | None = None
 
@@ -74,6 +78,7 @@ def plan(
     sensors: str | None = None,
     seed: int | None = None,
     compensation: Compensation | None = None,
+    gains: Gains | None = None,
 ) -> Plan:
     """Chooses profile, sensors and seed: the argument, else the scenario's, else coupled, ideal, 0.
 
@@ -86,6 +91,8 @@ def plan(
     sensors = sensors or scenario.sensors or "ideal"
     if compensation is not None and (profile != "coupled" or scenario.kind != "mission"):
         raise InputError("needs a mission in the profile coupled", field="compensation")
+    if gains is not None and scenario.kind != "mission":
+        raise InputError("needs a mission: a manoeuvre has no controller", field="gains")
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
     return Plan(
         scenario=scenario,
@@ -101,9 +108,24 @@ def plan(
         seed=seed if seed is not None else (scenario.seed or 0),
         steps=round(scenario.duration / STEP_S),
         start_step=round(start_at / STEP_S),
-        cruise=scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile),
+        cruise=_cruise(scenario, profile, gains),
         compensation=compensation,
+        gains=gains,
     )
+
+
+def _cruise(scenario: Scenario, profile: str, gains: Gains | None) -> float:
+    """Returns the cruise speed in m/s: the gain set's, else the scenario's, else the firmware's."""
+    if gains is not None and "cruise" in gains.raw:
+        return gains.value("cruise")
+    return scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile)
+
+
+def written(plan: Plan) -> dict[str, int]:
+    """Returns the settings that a host writes for a plan, setting -> raw integer: compensation, then gains."""
+    known = {} if plan.compensation is None else plan.compensation.raw
+    tuned = {} if plan.gains is None else plan.gains.raw
+    return {FORMATS[name].name: raw for name, raw in known.items()} | dict(tuned)
 
 
 def preset_cruise(profile: str) -> float:
@@ -136,12 +158,11 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
     request.steps = plan.steps
     request.start_step = plan.start_step
     request.cruise = plan.cruise
-    known = {} if plan.compensation is None else plan.compensation.raw
-    settings = ffi.new("bp_setting[]", [(FORMATS[name].number, raw) for name, raw in known.items()])
-    request.settings, request.setting_count = settings, len(settings)
+    wanted = ffi.new("bp_setting[]", [(settings()[name].number, raw) for name, raw in written(plan).items()])
+    request.settings, request.setting_count = wanted, len(wanted)
     waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
     drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
-    held = [model, settings, waypoints, drive]
+    held = [model, wanted, waypoints, drive]
     if plan.devices is not None:
         held.append(ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])}))
         request.devices = held[-1]

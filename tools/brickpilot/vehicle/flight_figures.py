@@ -99,6 +99,7 @@ def summary(flight: Flight) -> dict[str, Any]:
         "model": plan.model.name,
         "effects": {name: dict(values) for name, values in plan.model.effects.items()},
         "compensation": None if plan.compensation is None else dict(plan.compensation.raw),
+        "gains": None if plan.gains is None else dict(plan.gains.raw),
         "times_real_time": flight.times_real_time,
         "motor_stream_sha256": hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest(),
     }

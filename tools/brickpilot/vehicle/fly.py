@@ -11,6 +11,7 @@ from brickpilot.errors import InputError
 from brickpilot.vehicle import flight, flight_checks, flight_figures
 from brickpilot.vehicle import scenario as scenarios
 from brickpilot.vehicle.compensation import Compensation
+from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model, rcx
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def prepare(
     sensors: str | None = None,
     seed: int | None = None,
     compensation: Compensation | None = None,
+    gains: Gains | None = None,
 ) -> flight.Plan:
     """Reads the scenario and makes every choice of the flight; the arguments are those of `fly`.
 
@@ -65,7 +67,9 @@ def prepare(
             raise InputError(f"{value!r} is not one of {', '.join(known)}", field=name)
     chosen = scenarios.load(scenarios.find(str(scenario)))
     vehicle = model if model is not None else rcx()
-    return flight.plan(chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=compensation)
+    return flight.plan(
+        chosen, vehicle, profile=profile, sensors=sensors, seed=seed, compensation=compensation, gains=gains
+    )
 
 
 def fly(
@@ -76,6 +80,7 @@ def fly(
     sensors: str | None = None,
     seed: int | None = None,
     compensation: Compensation | None = None,
+    gains: Gains | None = None,
 ) -> Flown:
     """Flies a mission or a manoeuvre in simulation.
 
@@ -86,6 +91,7 @@ def fly(
         sensors: "ideal", "imu" or "imu+encoders"; None: the scenario's, else ideal.
         seed: of the sensors' noise; None: the scenario's, else 0.
         compensation: what the firmware knows of this robot.
+        gains: settings of the controller, of `brickpilot tune`.
 
     Raises:
         InputError: a file is bad, an argument is not one of those above, or the scenario needs a link.
@@ -98,7 +104,9 @@ def fly(
     >>> float(flown.to_frame()["true_x_m"].iloc[-1].round(1))
     1.2
     """
-    plan = prepare(scenario, model=model, profile=profile, sensors=sensors, seed=seed, compensation=compensation)
+    plan = prepare(
+        scenario, model=model, profile=profile, sensors=sensors, seed=seed, compensation=compensation, gains=gains
+    )
     if plan.scenario.faults:
         raise InputError("needs a link, and run has none; fly it with brickpilot hil", file=scenario, field="faults")
     flown = flight.fly(plan)

@@ -1,0 +1,113 @@
+"""A gain set: settings that tune the controller, as the raw integers that fly, and the file that holds them.
+
+`brickpilot tune` writes one. `run` and `hil` write it to the firmware as settings, `firmware` compiles it into
+an image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import tomlkit
+
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.vehicle import whole_file
+from brickpilot.vehicle.settings import Setting, settings
+
+AT_MOST = (("creep", "cruise"), ("align", "pivot"))
+"""Pairs of settings: the first may not be above the second."""
+
+_KEYS = ("value", "unit", "raw")
+
+
+def tunable() -> dict[str, Setting]:
+    """Returns the settings that tune the controller, by name: all that do not describe the robot."""
+    return {name: setting for name, setting in settings().items() if not setting.compensation}
+
+
+@dataclass(frozen=True)
+class Gains:
+    """A gain set.
+
+    Attributes:
+        name: of the robot or the file that they are for.
+        raw: setting -> integer as the firmware holds it; those left out keep the firmware's own.
+    """
+
+    name: str
+    raw: Mapping[str, int]
+
+    def value(self, name: str) -> float:
+        """Returns the value of a gain in the firmware, SI."""
+        return settings()[name].value(self.raw[name])
+
+    def save(self, path: Path | str) -> None:
+        """Writes the file as a whole (`whole_file`)."""
+        whole_file.write(path, render(self))
+
+
+def render(gains: Gains) -> str:
+    """Returns the file's text, which `load` reads back to an equal gain set."""
+    document = tomlkit.document()
+    document.add(tomlkit.comment("Gains of the controller. The firmware holds `raw`; `value` is the same in `unit`."))
+    document["name"] = gains.name
+    table = tomlkit.table()
+    for name, raw in gains.raw.items():
+        how = settings()[name]
+        entry = tomlkit.inline_table()
+        entry.update({"value": how.value(raw), "unit": how.format.unit, "raw": raw})
+        table[name] = entry
+        table[name].comment(how.meaning)
+    document["gains"] = table
+    return tomlkit.dumps(document)
+
+
+def load(path: Path | str) -> Gains:
+    """Reads a gain set.
+
+    Raises:
+        InputError: not TOML, an unknown name, a wrong unit, a number outside its format, a value that contradicts its
+            raw number, or two gains that contradict each other. The message names file, line and field.
+    """
+    toml = TomlFile(Path(path))
+    toml.known_keys((), toml.data, ("name", "gains"))
+    for key in ("name", "gains"):
+        if key not in toml.data:
+            toml.refuse((key,), "is missing")
+    given = toml.table(("gains",), toml.data["gains"])
+    if not given:
+        toml.refuse(("gains",), "has no gain")
+    found = {name: _raw(toml, name, entry) for name, entry in given.items()}
+    for less, more in AT_MOST:
+        if less in found and more in found and _value(less, found) > _value(more, found):
+            toml.refuse(("gains", less), f"may not be above {more}")
+    return Gains(toml.text(("name",), toml.data["name"]), found)
+
+
+def _value(name: str, raw: Mapping[str, int]) -> float:
+    return settings()[name].value(raw[name])
+
+
+def _raw(toml: TomlFile, name: str, entry: object) -> int:
+    """Returns the raw integer of an entry: its `raw`, or else what its `value` becomes."""
+    key = ("gains", name)
+    if name in settings() and settings()[name].compensation:
+        toml.refuse(key, "describes the robot, so it stands in a compensation.toml")
+    how = tunable()[toml.choice(key, name, tunable())]
+    table = toml.table(key, entry)
+    toml.known_keys(key, table, _KEYS)
+    if table.get("unit", how.format.unit) != how.format.unit:
+        toml.refuse((*key, "unit"), f"{table['unit']!r} should be {how.format.unit!r}")
+    if "raw" not in table and "value" not in table:
+        toml.refuse(key, "needs a value or a raw integer")
+    value = toml.number((*key, "value"), table["value"], -1e9, 1e9) if "value" in table else None
+    raw = table.get("raw", None if value is None else how.raw(value))
+    if isinstance(raw, bool) or not isinstance(raw, int):
+        toml.refuse((*key, "raw"), f"{raw!r} is not a whole number")
+    if not how.low <= raw <= how.high:
+        toml.refuse(key, f"{how.value(raw):.6g} {how.format.unit} is outside {how.range_in_unit}: raw {how.range}")
+    if value is not None and abs(value * how.format.per_unit - raw) > 0.5:
+        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} does not agree with raw = {raw}")
+    return raw
