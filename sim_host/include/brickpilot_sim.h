@@ -258,6 +258,9 @@ typedef struct {
     const bp_setting *settings; /* setting_count of them, written before the flight; or NULL */
     int setting_count;
     const bp_devices *devices; /* NULL: those of models/rcx.toml */
+
+    const int *columns; /* NULL: `log` has all columns, step by step. Else indices in bp_log_name(), column by column */
+    int column_count;   /* of `columns` */
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */

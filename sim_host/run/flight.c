@@ -166,6 +166,20 @@ static void commanded_voltage(const flight_t *flight, double voltage[2])
     voltage[1] = flight->port.right_q15 / 32767.0 * battery;
 }
 
+/* Writes the step into the log: a whole row, or its place in each of the chosen columns. */
+static void log_step(const flight_t *flight, const double voltage[2], const loop_state_t *loop)
+{
+    const bp_flight *request = flight->request;
+    const size_t step = (size_t)flight->step;
+    double chosen_from[FLIGHT_LOG_COLUMNS];
+    double *row = request->columns != NULL ? chosen_from : request->log + step * FLIGHT_LOG_COLUMNS;
+
+    flight_log_row(row, flight->step * STEP_S, &flight->plant, flight->output, &flight->measured, &flight->port,
+                   voltage, loop);
+    for (int i = 0; request->columns != NULL && i < request->column_count; i++)
+        request->log[(size_t)i * (size_t)request->steps + step] = row[request->columns[i]];
+}
+
 /* Logs the step and advances the plant by it. `loop` is NULL where the controller is not in process. */
 static int act(flight_t *flight, const double voltage[2], const loop_state_t *loop)
 {
@@ -177,8 +191,7 @@ static int act(flight_t *flight, const double voltage[2], const loop_state_t *lo
         request->motors[2 * step + 1] = flight->port.right_q15;
     }
     if (request->log != NULL)
-        flight_log_row(request->log + step * FLIGHT_LOG_COLUMNS, flight->step * STEP_S, &flight->plant, flight->output,
-                       &flight->measured, &flight->port, voltage, loop);
+        log_step(flight, voltage, loop);
     flight->step++;
     return plant_advance(&flight->plant, voltage, STEP_S);
 }

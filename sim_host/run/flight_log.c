@@ -8,7 +8,7 @@ static const double TURN = 6.283185307179586;
 static const char *const NAMES[] = {
     "time_s", "true_x_m", "true_y_m", "true_heading_rad", "true_speed_m_s", "true_sway_m_s", "true_yaw_rate_rad_s",
     "true_accel_surge_m_s2", "true_accel_sway_m_s2", "left_wheel_rad_s", "right_wheel_rad_s", "left_current_a",
-    "right_current_a", "battery_v", "left_voltage_v", "right_voltage_v",
+    "right_current_a", "battery_v", "left_voltage_v", "right_voltage_v", "charge_c",
     /* sensors */
     "measured_accel_surge_m_s2", "measured_accel_sway_m_s2", "measured_yaw_rate_rad_s", "measured_left_counts",
     "measured_right_counts",
@@ -43,7 +43,8 @@ static double *put_truth(double *at, double time, const plant_t *plant, const do
                              state->current[1],
                              output[OUTPUT_BATTERY_VOLTAGE],
                              voltage[0],
-                             voltage[1]};
+                             voltage[1],
+                             state->charge};
     for (size_t i = 0; i < sizeof values / sizeof *values; i++)
         *at++ = values[i];
     return at;

@@ -7,7 +7,7 @@
 #include "plant/plant.h"
 #include "sil/sil.h"
 
-enum { FLIGHT_LOG_COLUMNS = 49 };
+enum { FLIGHT_LOG_COLUMNS = 50 };
 
 /* Returns the name of a column, which ends in its unit; NULL beyond the last. */
 const char *flight_log_name(int index);

@@ -26,9 +26,11 @@ MAY: dict[str, set[str]] = {
     "hil": {"data", "vehicle", "link"},
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
+    "campaign": {"data", "vehicle", "fit", "report", "hil"},
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil"},
     "cli": {
-        "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "benchmark",
+        "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
+        "benchmark",
     },
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip

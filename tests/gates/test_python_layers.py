@@ -24,6 +24,7 @@ MUST_NOT = {
     "hil": {"fit", "discover", "flash"},
     "flash": {"fit", "hil"},
     "firmware": {"fit", "report", "flash"},
+    "campaign": {"benchmark", "importers", "flash"},
     "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
     "cli": set[str](),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ class Flight:
     """The result of a flight.
 
     Attributes:
-        log: column -> (steps,).
+        log: column -> (steps,); every column, or those that were asked for.
         motors: (steps, 2), duty of left and right, 32767 = 1.
     """
 
@@ -143,8 +144,13 @@ def _drive(plan: Plan) -> Array:
 
 
 @contextmanager
-def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> Iterator[Any]:
-    """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only."""
+def request(
+    plan: Plan, log: Array | None, motors: NDArray[np.int16] | None, columns: Sequence[str] | None = None
+) -> Iterator[Any]:
+    """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only.
+
+    `log` has a row for each step; with `columns` it has a row for each of these columns alone.
+    """
     ffi: Any
     ffi, _ = compiled.interface()
     request = ffi.new("bp_flight *")
@@ -177,6 +183,9 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
     if log is not None:
         held.append(ffi.from_buffer("double[]", log))
         request.log = held[-1]
+    if columns is not None:
+        held.append(ffi.new("int[]", [log_names().index(name) for name in columns]))
+        request.columns, request.column_count = held[-1], len(columns)
     if motors is not None:
         held.append(ffi.from_buffer("short[]", motors))
         request.motors = held[-1]
@@ -184,36 +193,41 @@ def request(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> 
     held.clear()
 
 
-def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None) -> None:
-    with request(plan, log, motors) as flight:
+def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None, columns: Sequence[str] | None = None) -> None:
+    with request(plan, log, motors, columns) as flight:
         if status := compiled.interface()[1].bp_fly(flight):
-            raise SimulationError(f"{plan.scenario.name}: the flight stopped with status {status}")
+            raise SimulationError(f"{plan.scenario.name}: the flight stopped with status {status}", status=status)
 
 
-def log_names() -> list[str]:
+@cache
+def log_names() -> tuple[str, ...]:
     """Returns the columns of a flight's log; each name ends with the unit."""
     ffi: Any
     ffi, library = compiled.interface()
     names: list[str] = []
     while name := library.bp_log_name(len(names)):
         names.append(ffi.string(name).decode())
-    return names
+    return tuple(names)
 
 
-def fly(plan: Plan) -> Flight:
-    """Flies the plan and keeps every signal of every step.
+def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
+    """Flies the plan and keeps the signals of every step.
+
+    Args:
+        columns: of the log, those to keep; None: all. The rest costs a fifth of the time of a flight.
 
     Raises:
         SimulationError: the plant diverges.
     """
-    names = log_names()
-    log = np.zeros((plan.steps, len(names)))
+    names = log_names() if columns is None else columns
+    log = np.zeros((plan.steps, len(names)) if columns is None else (len(names), plan.steps))
     motors = np.zeros((plan.steps, 2), dtype=np.int16)
     began = time.perf_counter()
-    _fly(plan, log, motors)
+    _fly(plan, log, motors, columns)
     elapsed = time.perf_counter() - began
-    columns = {name: np.ascontiguousarray(log[:, index]) for index, name in enumerate(names)}
-    return Flight(plan, columns, motors, plan.steps * STEP_S / elapsed)
+    kept = log.T if columns is None else log
+    signals = {name: np.ascontiguousarray(row) for name, row in zip(names, kept, strict=True)}
+    return Flight(plan, signals, motors, plan.steps * STEP_S / elapsed)
 
 
 def fly_unlogged(plan: Plan) -> float:

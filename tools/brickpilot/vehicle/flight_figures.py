@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ _RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
 _ENDED = 2  # this mode and those above it: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
 LATE = "late tick"  # later than the watchdog allows
+_WHILE_DRIVING = ("true_x_m", "true_y_m", "true_heading_rad", "demand_heading_rad", "waypoint")
 _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent", LATE)
 
 
@@ -72,15 +73,21 @@ def cross_track(
     `leg`: (n,), the index of the waypoint at the leg's end.
     """
     corners = np.array([start, *waypoints])
+    legs = np.diff(corners, axis=0)
+    along = legs / np.linalg.norm(legs, axis=1, keepdims=True)
     index = np.clip(leg.astype(int), 0, len(waypoints) - 1)
-    from_, to = corners[index], corners[index + 1]
-    along = (to - from_) / np.linalg.norm(to - from_, axis=1, keepdims=True)
-    offset = np.stack([x, y], axis=1) - from_
-    return np.asarray(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0])
+    from_x, from_y = corners[index].T
+    along_x, along_y = along[index].T
+    return np.asarray(along_x * (y - from_y) - along_y * (x - from_x))
 
 
 def _rms(values: Array) -> float | None:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+
+
+def motor_hash(flight: Flight) -> str:
+    """Returns the SHA-256 of the motor commands: little-endian pairs of 16 bits, left then right."""
+    return hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest()
 
 
 def summary(flight: Flight) -> dict[str, Any]:
@@ -101,45 +108,61 @@ def summary(flight: Flight) -> dict[str, Any]:
         "compensation": None if plan.compensation is None else dict(plan.compensation.raw),
         "gains": None if plan.gains is None else dict(plan.gains.raw),
         "times_real_time": flight.times_real_time,
-        "motor_stream_sha256": hashlib.sha256(flight.motors.astype("<i2").tobytes()).hexdigest(),
+        "motor_stream_sha256": motor_hash(flight),
     }
     if plan.scenario.kind == "manoeuvre":
         return common | {
             "final_speed_m_s": float(log["true_speed_m_s"][-1]),
             "final_yaw_rate_rad_s": float(log["true_yaw_rate_rad_s"][-1]),
         }
-    return common | _mission_figures(flight) | _final_figures(flight)
+    return common | _mission_figures(flight) | final_figures(flight)
 
 
 def _mission_figures(flight: Flight) -> dict[str, Any]:
     log, plan = flight.log, flight.plan
-    waypoints = plan.scenario.waypoints
-    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], waypoints, plan.acceptance)
     running = log["mode"] == _RUN
-    driving = running & (log["phase"] == _DRIVING)
-    off_track = cross_track(
-        log["true_x_m"], log["true_y_m"], plan.scenario.start[:2], plan.scenario.waypoints, log["waypoint"]
-    )
-    heading_error = np.angle(np.exp(1j * (log["demand_heading_rad"] - log["true_heading_rad"])))
-    position_error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
+    heading_error = _heading_error(log)
     demand_speed = np.where(running, log["demand_speed_m_s"], np.nan)
-    half_turn = np.where(driving, math.pi, np.nan)
-    return {
-        "cruise_m_s": plan.cruise,
-        "waypoints_total": len(plan.scenario.waypoints),
-        "waypoints_reached": reached.count,
-        "closest_approach_m": reached.closest,
-        "reached_at_s": reached.at,
-        "position_estimate_error_m": _rms(position_error),
-        "cross_track_rms_m": _rms(off_track[driving]),
-        "cross_track_max_m": float(np.abs(off_track[driving]).max()) if driving.any() else None,
-        "heading_rms_rad": _rms(heading_error[driving]),
+    half_turn = np.where(running & (log["phase"] == _DRIVING), math.pi, np.nan)
+    return {"cruise_m_s": plan.cruise, **route_figures(flight)} | {
         "speed": signal_error(log["time_s"], log["true_speed_m_s"], demand_speed).to_json(),
         "heading": signal_error(log["time_s"], math.pi - heading_error, half_turn).to_json(),
     }
 
 
-def _final_figures(flight: Flight) -> dict[str, Any]:
+def _heading_error(log: Mapping[str, Array]) -> Array:
+    """Returns the demanded heading less the true one in rad, in -pi..pi."""
+    return np.asarray(np.angle(np.exp(1j * (log["demand_heading_rad"] - log["true_heading_rad"]))))
+
+
+def route_figures(flight: Flight) -> dict[str, Any]:
+    """Returns the figures of a mission's route: the waypoints reached, and how far the robot was from it.
+
+    Lengths in m, times in s, angles in rad. Errors of track and heading are those while driving.
+    """
+    log, plan = flight.log, flight.plan
+    waypoints = plan.scenario.waypoints
+    reached = waypoints_reached(log["time_s"], log["true_x_m"], log["true_y_m"], waypoints, plan.acceptance)
+    driving = (log["mode"] == _RUN) & (log["phase"] == _DRIVING)
+    driven = {name: log[name][driving] for name in _WHILE_DRIVING}
+    off_track = cross_track(
+        driven["true_x_m"], driven["true_y_m"], plan.scenario.start[:2], waypoints, driven["waypoint"]
+    )
+    position_error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])
+    return {
+        "waypoints_total": len(waypoints),
+        "waypoints_reached": reached.count,
+        "closest_approach_m": reached.closest,
+        "reached_at_s": reached.at,
+        "position_estimate_error_m": _rms(position_error),
+        "cross_track_rms_m": _rms(off_track),
+        "cross_track_max_m": float(np.abs(off_track).max()) if len(off_track) else None,
+        "heading_rms_rad": _rms(_heading_error(driven)),
+    }
+
+
+def final_figures(flight: Flight) -> dict[str, Any]:
+    """Returns what a mission's controller did and how it ended; times in s."""
     log = flight.log
     ended = np.flatnonzero(log["mode"] >= _ENDED)
     steered = np.flatnonzero((log["mode"] == _RUN) & (log["phase"] > _WAITS))

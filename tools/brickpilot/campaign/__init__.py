@@ -1,0 +1,1 @@
+"""Campaigns: many flights of drawn robots, their figures as a table, and what the table says."""
