@@ -12,11 +12,13 @@
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
 
-static const double STEP_S = RCX_BODY_STEP; /* of the plant, and of the firmware that is built for this machine */
+static const double STEP_S = RCX_BODY_STEP; /* of the plant, and of the packaged firmware */
+enum { PLANT_STEP_MS = (int)(RCX_BODY_STEP * 1e3 + 0.5) };
 _Static_assert((int)BP_MAX_WAYPOINTS == (int)ROUTE_WAYPOINTS_MAX &&
                    BP_MAX_COORDINATE_M * 1000 == (int)ROUTE_COORDINATE_MAX_MM,
                "brickpilot_sim.h states the limits of firmware/autopilot/route.h");
-_Static_assert(STEP_MS == (int)(RCX_BODY_STEP * 1e3 + 0.5), "the firmware's step is [rates] body_step of rcx.toml");
+_Static_assert(STEP_MS % PLANT_STEP_MS == 0,
+               "a step of the firmware is one of the plant, [rates] body_step, or several");
 static const double TURN = 6.283185307179586;
 
 typedef struct {
@@ -64,7 +66,7 @@ static void sense(flight_t *flight)
     plant_outputs(&flight->plant, flight->output);
     truth = (imu_reading_t){out[OUTPUT_ACCEL_SURGE], out[OUTPUT_ACCEL_SWAY], out[OUTPUT_YAW_RATE]};
     flight->measured = sensors == BP_SENSORS_IDEAL ? truth : imu_read(&flight->imu_config, &flight->imu, &truth);
-    port->clock_ms = (uint32_t)flight->step * STEP_MS;
+    port->clock_ms = (uint32_t)flight->step * PLANT_STEP_MS;
     port->imu = (hal_imu_t){to_int16(flight->measured.accel_surge * 1e3), to_int16(flight->measured.accel_sway * 1e3),
                             to_int16(flight->measured.yaw_rate * 1e3)};
     port->rotation.left = (uint16_t)encoder_read(&flight->encoder_config, out[OUTPUT_WHEEL_ANGLE_LEFT]);
@@ -78,7 +80,13 @@ static void sense(flight_t *flight)
  * range. */
 static bool write_settings(const bp_flight *request, parameters_t *parameters)
 {
+#ifdef BODY_WITHOUT_PAPER
+    if (request->controller == BP_PAPER)
+        return false;
+    parameters_start(parameters, &PARAMS_COUPLED);
+#else
     parameters_start(parameters, request->controller == BP_PAPER ? &PARAMS_PAPER : &PARAMS_COUPLED);
+#endif
     if (request->cruise > 0)
         parameters->config.step.mode.los.cruise_mm_s_q4 = to_int16(request->cruise * 16e3);
     for (int i = 0; i < request->setting_count; i++) {
@@ -150,12 +158,18 @@ static void follow_schedule(flight_t *flight, double voltage[2])
     flight->path += fabs(flight->plant.vehicle.state.surge) * STEP_S;
 }
 
-/* Runs one step of the firmware in process. */
+/* Runs the firmware in process, where a step of it is due: that of an RCX is longer than the plant's. The motors keep
+ * their duty between two steps. */
 static void control(flight_t *flight)
 {
+    const int every = STEP_MS / PLANT_STEP_MS;
+    const int begins =
+        (flight->request->start_step + every - 1) / every * every; /* the command waits until a step is due */
+
     flight->port.link_out_size = 0;
-    loop_tick(&flight->parameters.config, &flight->route, &flight->loop,
-              flight->step == flight->request->start_step ? MODE_START : MODE_NONE);
+    if (flight->step % every == 0)
+        loop_tick(&flight->parameters.config, &flight->route, &flight->loop,
+                  flight->step == begins ? MODE_START : MODE_NONE);
 }
 
 static void commanded_voltage(const flight_t *flight, double voltage[2])

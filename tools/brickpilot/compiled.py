@@ -18,7 +18,18 @@ def interface(name: str = "brickpilot_sim") -> tuple[FFI, Any]:
     folder = Path(__file__).parent
     ffi = FFI()
     ffi.cdef(_declarations(folder / f"{name}.h"))
-    return ffi, ffi.dlopen(str(folder / f"lib{name}{_ENDINGS.get(sys.platform, '.so')}"))
+    return ffi, ffi.dlopen(str(library(name)))
+
+
+def library(name: str = "brickpilot_sim") -> Path:
+    """Returns the file of a library that is installed beside this package."""
+    return Path(__file__).parent / f"lib{name}{_ENDINGS.get(sys.platform, '.so')}"
+
+
+@cache
+def closed_loop(file: Path) -> Any:
+    """Returns a loaded library of `sim_host/run/build`: `bp_fly` with another firmware inside, on the same plant."""
+    return interface()[0].dlopen(str(file))
 
 
 def _declarations(header: Path) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class Plan:
         compensation: what the firmware knows of this robot; None: nothing.
         gains: settings of the controller that differ from the firmware's own; None: none.
         acceptance: m, the robot's radius: a waypoint counts where the true position passes within twice of it.
+        firmware: library of `sim_host/run/build` whose controller flies; None: the packaged firmware.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
     """
 
@@ -52,6 +54,7 @@ class Plan:
     motor_step: float = 0.0
     compensation: Compensation | None = None
     gains: Gains | None = None
+    firmware: Path | None = None
     acceptance: float = ACCEPTANCE_M
     devices: Mapping[str, float] | None = None
 
@@ -194,8 +197,9 @@ def request(
 
 
 def _fly(plan: Plan, log: Array | None, motors: NDArray[np.int16] | None, columns: Sequence[str] | None = None) -> None:
+    library = compiled.interface()[1] if plan.firmware is None else compiled.closed_loop(plan.firmware)
     with request(plan, log, motors, columns) as flight:
-        if status := compiled.interface()[1].bp_fly(flight):
+        if status := library.bp_fly(flight):
             raise SimulationError(f"{plan.scenario.name}: the flight stopped with status {status}", status=status)
 
 

@@ -1,0 +1,42 @@
+"""A robot's own firmware in process: the motor commands of the same firmware behind a link, bit for bit."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.errors import InputError
+from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
+from brickpilot.vehicle import flight
+from test_firmware import OWN, ROOT, write
+from test_gains import TUNED
+
+STEPS = 1500  # the rest, and 2.5 s of driving
+
+
+@pytest.mark.parametrize(("name", "board", "sensors"), [("middle", "rcx", "imu"), ("heavy", "avr", "imu+encoders")])
+def test_gains_as_settings_in_process_are_those_compiled_into_the_firmware(
+    name: str, board: str, sensors: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    own = robot.load(write(tmp_path, name, OWN[name]))
+    mission = simulate.mission(own, None)
+    plan = dataclasses.replace(simulate.plan(own, mission, sensors, 0), steps=STEPS)
+    flags = boards.flags_of(boards.BOARDS[board], sensors, ROOT)
+    tuned = robot.with_gains(own, TUNED)
+    headers.write(tuned, mission, boards.BOARDS[board], boards.step_of(flags), tmp_path / "own", ROOT)
+    linked = simulate.fly_own(ROOT, tmp_path / "own", [f for f in flags if f[:2] == "-D"], plan, tmp_path).flight
+    library = closed_loop.of(own, boards.BOARDS[board], sensors).library()
+    in_process = flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
+    np.testing.assert_array_equal(in_process.motors, linked.motors)
+    assert np.abs(linked.motors).max() > 5_000
+    untuned = flight.fly(dataclasses.replace(plan, firmware=library))
+    assert not np.array_equal(untuned.motors, linked.motors)
+
+
+def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="needs a checkout of the project"):
+        closed_loop.of(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")
