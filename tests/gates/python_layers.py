@@ -27,7 +27,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
-    "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil"},
+    "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
         "benchmark",

@@ -1,0 +1,78 @@
+"""Functions that the tests of campaigns give to workers: those of a test itself stand in a module with fixtures."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+
+def squared(number: int) -> int:
+    return number * number
+
+
+def table(seed: int) -> pa.Table:
+    """Returns 20 rows that depend on the seed alone, after a moment that depends on the process."""
+    time.sleep(0.002 * (os.getpid() % 3))
+    drawn = np.random.default_rng(seed)
+    return pa.table(
+        {
+            "seed": np.full(20, seed),
+            "error": drawn.normal(size=20),
+            "reached": drawn.random(20) < 0.5,
+            "word": [f"row {one}" for one in drawn.integers(0, 5, 20)],
+        }
+    )
+
+
+def dies_once(argument: tuple[int, str]) -> int:
+    """Returns the number; the first worker that gets it kills itself, and leaves a mark."""
+    number, mark = argument
+    if mark and not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def dies(argument: int) -> int:
+    """Returns the number, but for 3, which kills every worker."""
+    if argument == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return argument
+
+
+def fails(argument: Any) -> None:
+    raise ValueError(f"no such thing as {argument}")
+
+
+def threads(_: Any) -> list[int]:
+    """Returns the threads that each numeric library of the worker uses."""
+    from threadpoolctl import threadpool_info
+
+    return [one["num_threads"] for one in threadpool_info()]
+
+
+class AwkwardError(Exception):
+    """An error that cannot be rebuilt from its pickle."""
+
+    def __init__(self, one: int, two: int) -> None:
+        super().__init__(f"{one} and {two}")
+
+
+def awkward(argument: Any) -> None:
+    raise AwkwardError(argument, argument)
+
+
+def long_answer(size: int) -> bytes:
+    """Returns so many bytes, more than a pipe holds."""
+    return b"x" * size
+
+
+def process(_: Any) -> int:
+    time.sleep(0.05)
+    return os.getpid()

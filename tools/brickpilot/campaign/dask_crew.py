@@ -1,0 +1,226 @@
+"""The workers of a Dask scheduler, which call a function on parts.
+
+Dask itself gives the part of a worker that died to another one. Each worker compares its versions with those of this
+process before each part, for it may have joined later than the first comparison.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+import uuid
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Any
+
+from brickpilot.campaign import versions
+from brickpilot.campaign.crew import Finished, Function, Part
+from brickpilot.campaign.versions import Versions
+from brickpilot.errors import InputError, WorkFailedError
+
+CONNECT_S = 5.0
+"""For the scheduler to answer."""
+WORKERS_S = 10.0
+"""For a first worker to be there."""
+ALONE_S = 60.0
+"""Without any worker in mid-run, before the campaign ends: a queue may start others in place of those that it took."""
+
+_LOOK_S = 2.0  # between two looks at the number of workers
+_AHEAD = 2  # parts for each thread of a worker: one runs, one is there already
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+class DaskCrew:
+    """The workers of a scheduler, for a `with`."""
+
+    def __init__(self, function: Function, scheduler: str) -> None:
+        self._function = function
+        self._scheduler = scheduler
+        self._name = f"brickpilot-{uuid.uuid4().hex[:8]}"
+        self._finished: SimpleQueue[Any] = SimpleQueue()
+        self._flying: dict[str, tuple[Part, Any]] = {}
+        self._threads = 0
+        self._looked = self._worked = time.monotonic()
+        self._open = ExitStack()
+
+    def __enter__(self) -> DaskCrew:
+        with self._open as opened:
+            _import_distributed(self._scheduler)
+            opened.enter_context(_quiet())
+            self._client = opened.enter_context(_client(self._scheduler))
+            self._wait_for_workers()
+            self._compare_versions()
+            self._open = opened.pop_all()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        futures = [future for _, future in self._flying.values()]
+        self._flying.clear()
+        if futures and kind is not None and self._client.status == "running":
+            self._client.cancel(futures)
+        del futures
+        self._open.close()
+
+    def room(self) -> int:
+        return max(_AHEAD * self._threads, 1) - len(self._flying)
+
+    def give(self, part: Part) -> None:
+        future = self._client.submit(
+            _called,
+            versions.here(),
+            self._scheduler,
+            self._function,
+            part.argument,
+            key=f"{self._name}-{part.key}",
+            pure=False,
+        )
+        self._flying[future.key] = (part, future)
+        future.add_done_callback(self._finished.put)
+
+    def wait(self) -> Sequence[Finished]:
+        while True:
+            try:
+                ready = [self._finished.get(timeout=_LOOK_S)]
+            except Empty:
+                self._look()
+                continue
+            while not self._finished.empty():
+                ready.append(self._finished.get())
+            if time.monotonic() - self._looked > _LOOK_S:
+                self._look()
+            return [self._finished_part(future) for future in ready]
+
+    def _finished_part(self, future: Any) -> Finished:
+        """Returns a part that is done, with its result, or raises what became of it."""
+        from distributed import CancelledError, KilledWorker
+
+        part, _ = self._flying.pop(future.key)
+        try:
+            return Finished(part, future.result(timeout=ALONE_S))
+        except KilledWorker as error:
+            times = error.allowed_failures + 1
+            raise WorkFailedError(
+                f"part {part.key} ended its worker {times} times, last {error.last_worker.address}"
+            ) from None
+        except (CancelledError, TimeoutError):
+            raise self._gone() from None
+
+    def _look(self) -> None:
+        """Counts the workers, whose number may change at any time.
+
+        Raises:
+            WorkFailedError: the scheduler is gone, or all workers have been for long.
+        """
+        self._looked = time.monotonic()
+        if self._client.status != "running":
+            raise self._gone()
+        try:
+            self._threads = sum(self._client.nthreads().values())
+        except OSError:
+            raise self._gone() from None
+        if self._threads:
+            self._worked = self._looked
+        elif self._looked - self._worked > ALONE_S:
+            raise WorkFailedError(
+                f"{self._scheduler} has had no worker for {ALONE_S:g} s; the parts that are done stay"
+            )
+
+    def _gone(self) -> WorkFailedError:
+        return WorkFailedError(f"the Dask scheduler {self._scheduler} is gone; the parts that are done stay")
+
+    def _wait_for_workers(self) -> None:
+        try:
+            self._client.wait_for_workers(1, timeout=WORKERS_S)
+        except TimeoutError:
+            raise InputError(
+                f"has no worker after {WORKERS_S:g} s: start one with `dask worker {self._scheduler}`",
+                field=_field(self._scheduler),
+            ) from None
+        self._look()
+
+    def _compare_versions(self) -> None:
+        """Compares the versions of all workers with those of this process, before anything is run on them."""
+        for address, found in sorted(self._client.run(versions.here, on_error="return").items()):
+            if not isinstance(found, Versions):
+                raise InputError(
+                    f"worker {address} cannot load this brickpilot: {found}", field=_field(self._scheduler)
+                )
+            _check_versions(address, found, versions.here(), self._scheduler)
+
+
+def _field(scheduler: str) -> str:
+    return f"--scheduler {scheduler}"
+
+
+def _import_distributed(scheduler: str) -> None:
+    """Imports the library, which makes its loggers.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
+        ) from None
+
+
+def _client(scheduler: str) -> Any:
+    """Returns a connected client of a scheduler.
+
+    Raises:
+        InputError: nothing answers there.
+    """
+    from distributed import Client
+
+    try:
+        return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except OSError:
+        raise InputError(f"no Dask scheduler answers there within {CONNECT_S:g} s", field=_field(scheduler)) from None
+
+
+def _check_versions(worker: str, found: Versions, wanted: Versions, scheduler: str) -> None:
+    if differences := found.differences(wanted):
+        raise InputError(
+            f"worker {worker} has {differences}: install the same package on each worker", field=_field(scheduler)
+        )
+
+
+def _called(wanted: Versions, scheduler: str, function: Function, argument: Any) -> Any:
+    """Returns what the function returns. Runs on the worker.
+
+    A worker may have several threads: they take turns, as neither BLAS nor the function need be fit for more than one.
+    """
+    found = versions.here()
+    if found != wanted:
+        from distributed import get_worker
+
+        _check_versions(get_worker().address, found, wanted, scheduler)
+    with _ONE_AT_A_TIME:
+        return function(argument)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silences the log of Dask, which tells each lost connection in many lines; an error tells it in one."""
+    loggers = [
+        logging.getLogger(name)
+        for name in logging.root.manager.loggerDict
+        if name.startswith(("distributed", "tornado"))
+    ]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="distributed")  # of versions: they are compared here
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -1,0 +1,89 @@
+"""Runs a function over many parts, on the processes of this machine or on a Dask cluster.
+
+    def flown(seed: int) -> dict[str, float]: ...            # at the top of a module
+
+    parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
+    run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
+
+The parts are drawn when a worker is free, so that a generator of any length needs the memory of a few. What a part
+gives must depend on its argument alone; then nothing depends on the number of workers, their order or their deaths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, TypeVar
+
+from brickpilot.campaign.crew import Crew, Workers
+from brickpilot.campaign.crew import Part as Part
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Tells how far a campaign is.
+
+    Attributes:
+        show: called with (parts done, all parts, text) at the start and after each part.
+        total: all parts, with those that were done before.
+        done: the parts that were done before.
+        what: the plural of a part, for the text.
+    """
+
+    show: Callable[[int, int, str], None]
+    total: int
+    done: int = 0
+    what: str = "parts"
+
+    def after(self, finished: int) -> None:
+        """Shows that so many parts of this run are finished."""
+        done = self.done + finished
+        self.show(done, self.total, f"{done} of {self.total} {self.what}")
+
+
+def run(
+    function: Callable[[Any], Result],
+    parts: Iterable[Part],
+    *,
+    keep: Callable[[Part, Result], None],
+    workers: Workers,
+    progress: Progress,
+) -> None:
+    """Calls a function on the argument of each part, and hands each result to `keep`.
+
+    Args:
+        function: stands at the top of a module that the workers can import.
+        parts: drawn one by one; a few for each worker are in flight at a time.
+        keep: called in this process with each part and its result, in the order in which they come.
+        workers: `workers.local` or `workers.cluster`.
+
+    Raises:
+        InputError: the workers cannot be reached, or are not of this version.
+        WorkFailedError: a part ends each worker that gets it, or no worker is left.
+        Exception: what the function or `keep` raised. No further part is begun.
+    """
+    left, finished = iter(parts), 0
+    progress.after(finished)
+    with workers.crew(function) as crew:
+        flying = _fill(crew, left)
+        while flying:
+            ready = crew.wait()
+            flying += _fill(crew, left) - len(
+                ready
+            )  # before the results are kept, so that no worker waits for the disk
+            for one in ready:
+                keep(one.part, one.result)
+                finished += 1
+                progress.after(finished)
+
+
+def _fill(crew: Crew, left: Iterator[Part]) -> int:
+    """Gives parts to the crew as long as it has room, and returns how many."""
+    given = 0
+    for part in islice(left, crew.room()):
+        crew.give(part)
+        given += 1
+    return given

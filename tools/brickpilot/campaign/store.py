@@ -1,0 +1,236 @@
+"""The folder of a campaign: each part as a file, until all of them are merged into one table.
+
+A part is written beside its place and then renamed, so that it is there as a whole or not at all. Its name holds the
+checksum of its bytes, KEY.CRC32.parquet: what a power cut left of a file is found and made again. The bytes depend on
+the table alone: neither time nor host stand in them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import re
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import filelock
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from brickpilot.campaign import versions
+from brickpilot.errors import InputError, WorkFailedError
+
+ROWS = 16_384
+"""Rows of a row group of the merged table, or more by a part: of 50 numbers each they need 7 MB."""
+
+_CAMPAIGN = "campaign.json"
+_PARTS = "parts"
+_BESIDE = ".unfinished"
+_KEY = re.compile(r"[A-Za-z0-9_-]{1,100}")
+_NAME = re.compile(r"([A-Za-z0-9_-]{1,100})\.([0-9a-f]{8})\.parquet")
+
+# Everything that decides bytes is stated, so that a default of another version changes nothing.
+_WRITER: dict[str, Any] = {
+    "version": "2.6",
+    "data_page_version": "1.0",
+    "compression": "zstd",
+    "compression_level": 3,
+    "use_dictionary": False,
+    "write_statistics": True,
+    "write_page_index": False,
+    "store_schema": True,
+}
+
+
+class Parts:
+    """The parts in a folder, for a `with`: until its end no other process can open the folder.
+
+    Attributes:
+        damaged: keys of the parts that were damaged and therefore removed.
+    """
+
+    def __init__(self, folder: Path, campaign: Mapping[str, Any]) -> None:
+        """Takes a folder, which need not exist.
+
+        Args:
+            campaign: what the rows depend on, as JSON has it. A folder of another campaign, or of another version of
+                this program, is refused.
+        """
+        self.folder = folder
+        self.damaged: tuple[str, ...] = ()
+        self._campaign = campaign
+        self._files: dict[str, Path] = {}
+        self._open = ExitStack()
+
+    def __enter__(self) -> Parts:
+        """Locks the folder and looks through it.
+
+        Raises:
+            InputError: another process has it open, or it holds another campaign.
+        """
+        with self._open as opened, _one_line(self.folder):
+            (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
+            opened.enter_context(_locked(self.folder))
+            self._claim()
+            self._look_through()
+            self._open = opened.pop_all()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._open.close()
+
+    def done(self) -> set[str]:
+        """Returns the keys of the parts that are there."""
+        return set(self._files)
+
+    def write(self, key: str, table: pa.Table) -> None:
+        """Keeps the table of a part.
+
+        Raises:
+            ValueError: the key cannot be a file's name.
+            WorkFailedError: the disk is full, or cannot be written for another reason. The part is not there.
+        """
+        if not _KEY.fullmatch(key):
+            raise ValueError(f"{key!r} is no key: letters, digits, - and _ alone, at most 100")
+        content = BytesIO()
+        pq.write_table(table, content, **_WRITER)
+        data = content.getvalue()
+        path = self.folder / _PARTS / f"{key}.{zlib.crc32(data):08x}.parquet"
+        with _written_beside(path) as file:
+            file.write(data)
+        self._files[key] = path
+
+    def merge(self, keys: Iterable[str], path: Path) -> None:
+        """Writes the rows of these parts into one table, in this order, with the memory of a row group.
+
+        Raises:
+            WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. There is no new table.
+        """
+        with _written_beside(path, durable=True) as file:
+            groups = _groups(self._tables(keys))
+            first = next(groups, None)
+            if first is None:
+                raise WorkFailedError(f"{self.folder}: no part to merge")
+            with pq.ParquetWriter(file, first.schema, **_WRITER) as writer:
+                writer.write_table(first, row_group_size=first.num_rows)
+                for group in groups:
+                    writer.write_table(group, row_group_size=group.num_rows)
+
+    def _tables(self, keys: Iterable[str]) -> Iterator[pa.Table]:
+        """Yields the tables of parts, which all have the columns of the first."""
+        schema = None
+        for key in keys:
+            table = self._read(key)
+            schema = schema or table.schema
+            if table.schema != schema:
+                raise WorkFailedError(f"{self.folder}: part {key} has other columns than the first")
+            yield table
+
+    def _read(self, key: str) -> pa.Table:
+        path = self._files.get(key)
+        if path is None:
+            raise WorkFailedError(f"{self.folder}: part {key} is missing")
+        with _one_line(path):
+            data = _whole(path)
+        if data is None:
+            raise WorkFailedError(f"{path}: was damaged after it was written: run the campaign again")
+        return pq.read_table(BytesIO(data))
+
+    def _claim(self) -> None:
+        """Writes whose folder this is, or refuses it if it is another campaign's."""
+        path = self.folder / _CAMPAIGN
+        here = dataclasses.asdict(versions.here())
+        text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
+        mine = {"campaign": hashlib.sha256(text.encode()).hexdigest(), "versions": here}
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            theirs, made_by = found["campaign"], versions.Versions(**found["versions"])
+        except FileNotFoundError:
+            with _written_beside(path) as file:
+                file.write((json.dumps(mine, indent=1) + "\n").encode())
+            return
+        except (ValueError, TypeError, KeyError) as error:
+            raise InputError(
+                "is not a file that a campaign wrote: remove the folder, or name another", file=path
+            ) from error
+        if theirs != mine["campaign"]:
+            raise InputError("holds another campaign: name another folder, or remove this one", file=self.folder)
+        if differences := made_by.differences(versions.here()):
+            raise InputError(f"was begun with {differences}: name another folder, or remove this one", file=self.folder)
+
+    def _look_through(self) -> None:
+        """Finds the parts that are whole, and removes damaged and unfinished ones."""
+        damaged = []
+        for path in sorted((self.folder / _PARTS).iterdir()):
+            name = _NAME.fullmatch(path.name)
+            if name and _whole(path) is not None:
+                self._files[name[1]] = path
+            elif name:
+                path.unlink()
+                damaged.append(name[1])
+        for path in (*self.folder.glob(f".*{_BESIDE}"), *(self.folder / _PARTS).glob(f".*{_BESIDE}")):
+            path.unlink()
+        self.damaged = tuple(damaged)
+
+
+def _whole(path: Path) -> bytes | None:
+    """Returns the bytes of a part, or None where they are not those that were written."""
+    data = path.read_bytes()
+    return data if path.name.split(".")[-2] == f"{zlib.crc32(data):08x}" else None
+
+
+def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
+    """Yields the rows of tables in tables of `ROWS` rows or a little more, but for the last."""
+    waiting: list[pa.Table] = []
+    for table in tables:
+        waiting.append(table)
+        if sum(one.num_rows for one in waiting) >= ROWS:
+            yield pa.concat_tables(waiting).combine_chunks()
+            waiting = []
+    if waiting:
+        yield pa.concat_tables(waiting).combine_chunks()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        with filelock.FileLock(folder / ".lock", blocking=False):
+            yield
+    except filelock.Timeout:
+        raise InputError("another campaign is writing here: wait for it, or name another folder", file=folder) from None
+
+
+@contextmanager
+def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
+    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: it outlives a power cut too.
+
+    A part need not: its checksum tells.
+    """
+    beside = path.with_name(f".{path.name}{_BESIDE}")
+    try:
+        with _one_line(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with beside.open("wb") as file:
+                yield file
+                if durable:
+                    file.flush()
+                    os.fsync(file.fileno())
+            beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def _one_line(path: Path) -> Iterator[None]:
+    """Turns an error of the system into one that names the file and what is wrong with it."""
+    try:
+        yield
+    except OSError as error:
+        raise WorkFailedError(f"{error.filename or path}: {error.strerror or error}; what is done stays") from error
