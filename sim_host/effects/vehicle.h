@@ -8,6 +8,7 @@
 #define BRICKPILOT_EFFECTS_VEHICLE_H
 
 #include "brickpilot_sim.h"
+#include "effects/real.h"
 
 /* Index into vehicle_t.parameter; the order of bp_parameter(). */
 typedef enum {
@@ -67,20 +68,20 @@ typedef enum {
 /* How the tyres hold in one direction. For small forces F the slip speed is creep F; F never exceeds `friction` times
  * the load. */
 typedef struct {
-    double creep;    /* m/s per N; 0: the tyres do not slip this way */
-    double friction; /* 1 */
+    real_t creep;    /* m/s per N; 0: the tyres do not slip this way */
+    real_t friction; /* 1 */
 } tyre_t;
 
 /* Masses and geometry of the vehicle, the effects' included. */
 typedef struct {
-    double mass;
-    double yaw_inertia; /* about the centre of mass */
-    double com_forward; /* m: centre of mass from the middle of the axle */
-    double com_right;   /* m */
-    double rim[2];      /* radius of either wheel over wheel_radius */
+    real_t mass;
+    real_t yaw_inertia; /* about the centre of mass */
+    real_t com_forward; /* m: centre of mass from the middle of the axle */
+    real_t com_right;   /* m */
+    real_t rim[2];      /* radius of either wheel over wheel_radius */
     tyre_t along;       /* each wheel's rolling; coupled profile only */
     tyre_t across;      /* the side force of both wheels together; coupled profile only */
-    int one_circle;     /* 1: `along` and `across` are those of each wheel, in every direction of its slip */
+    real_t one_circle;  /* 1: `along` and `across` are those of each wheel, in every direction of its slip */
 } build_t;
 
 /* Dry friction is a bound: the most that may oppose one motion, and hold it at zero. Each motion has its own. */
@@ -94,50 +95,62 @@ typedef enum {
 
 /* One motor, with all values as the wheel feels them. */
 typedef struct {
-    double resistance;      /* ohm */
-    double inductance;      /* H; 0: the current follows the voltage at once */
-    double torque_constant; /* N m/A */
-    double emf_constant;    /* V s/rad */
-    double torque_per_volt; /* N m/V, or N/V: of a drive with its own current loop; then torque_constant is 0 */
-    double inertia;         /* kg m^2, or kg: wheel and rotor, without the vehicle's mass */
-    double drag;            /* N m s/rad, or N s/m: all losses that are linear in the speed */
+    real_t resistance;      /* ohm */
+    real_t inductance;      /* H; 0: the current follows the voltage at once */
+    real_t torque_constant; /* N m/A */
+    real_t emf_constant;    /* V s/rad */
+    real_t torque_per_volt; /* N m/V, or N/V: of a drive with its own current loop; then torque_constant is 0 */
+    real_t inertia;         /* kg m^2, or kg: wheel and rotor, without the vehicle's mass */
+    real_t drag;            /* N m s/rad, or N s/m: all losses that are linear in the speed */
 } motor_t;
 
+/* A bp_state of each robot. */
+#if LANES == 1
+typedef bp_state state_t;
+#else
+typedef struct {
+    real_t x, y, heading, surge, sway, yaw_rate, current[2], wheel_speed[2], wheel_angle[2], age, charge, heat[2], rest;
+} state_t;
+#endif
+
+/* First come numbers and nothing else, so that a number stands at the same place for several robots side by side. */
 typedef struct {
     /* State. Hooks read it; only the windings' `heat` may be written by one. */
-    bp_state state;
-    double accel_surge; /* mean specific force over the last body step */
-    double accel_sway;
-    double surge_rate; /* u', v' and r': means over the last body step */
-    double sway_rate;
-    double yaw_accel;
-    double supply_current; /* A that the drive drew from the battery: mean over the last body step */
-    double step; /* s: the motor step in timing, drive and wheel hooks; the body step in others (0 before the first) */
-    const double *parameter;
-    int vehicle; /* BP_DIFF_DRIVE or BP_MOTOR */
-    int profile;
+    state_t state;
+    real_t accel_surge; /* mean specific force over the last body step */
+    real_t accel_sway;
+    real_t surge_rate; /* u', v' and r': means over the last body step */
+    real_t sway_rate;
+    real_t yaw_accel;
+    real_t supply_current; /* A that the drive drew from the battery: mean over the last body step */
 
     /* For body hooks: the state half a body step ahead, extrapolated. */
     struct {
-        double surge, sway, yaw_rate, heading;
+        real_t surge, sway, yaw_rate, heading;
     } middle;
 
-    build_t build; /* build hooks change it, other hooks read it */
-
     /* Working values. The plant sets them to the nominal model's; then the hooks of the site named here change them. */
-    double command[2];           /* timing: V; NaN floats */
-    double supply;               /* supply: V at the drive; commands scale with supply / battery_voltage */
-    double voltage[2];           /* drive: V at the motor; NaN floats */
-    motor_t motor[2];            /* motor */
-    double wheel_torque[2];      /* wheel: N m driving forward, beside the motor's; starts at 0 */
-    double dry[DRY_COUNT];       /* wheel: bounds; several effects add theirs; starts at 0 */
-    double force_surge;          /* body: N forward, at the middle of the axle; starts at 0 */
-    double force_sway;           /* body: N to the right; not felt while coupled wheels do not slide; starts at 0 */
-    double moment_yaw;           /* body: N m clockwise, about the middle of the axle; starts at 0 */
-    double drag_surge;           /* body: N s/m, times surge; starts at the air drag's */
-    double drag_sway;            /* body: N s/m, times sway; starts at the air drag's */
-    double drag_yaw;             /* body: N m s/rad, times yaw rate; starts at 0 */
-    double output[OUTPUT_COUNT]; /* sensor: readings of the state just reached, without noise */
+    real_t force_surge;     /* body: N forward, at the middle of the axle; starts at 0 */
+    real_t force_sway;      /* body: N to the right; not felt while coupled wheels do not slide; starts at 0 */
+    real_t moment_yaw;      /* body: N m clockwise, about the middle of the axle; starts at 0 */
+    real_t drag_surge;      /* body: N s/m, times surge; starts at the air drag's */
+    real_t drag_sway;       /* body: N s/m, times sway; starts at the air drag's */
+    real_t drag_yaw;        /* body: N m s/rad, times yaw rate; starts at 0 */
+    real_t step;            /* s: the motor step in timing, drive and wheel hooks; the body step in others (0 before the
+                               first) */
+    real_t command[2];      /* timing: V; NaN floats */
+    real_t supply;          /* supply: V at the drive; commands scale with supply / battery_voltage */
+    real_t voltage[2];      /* drive: V at the motor; NaN floats */
+    real_t wheel_torque[2]; /* wheel: N m driving forward, beside the motor's; starts at 0 */
+    real_t dry[DRY_COUNT];  /* wheel: bounds; several effects add theirs; starts at 0 */
+    motor_t motor[2];       /* motor */
+
+    build_t build;               /* build hooks change it, other hooks read it */
+    real_t output[OUTPUT_COUNT]; /* sensor: readings of the state just reached, without noise */
+
+    const real_t *parameter;
+    int vehicle; /* BP_DIFF_DRIVE or BP_MOTOR */
+    int profile;
 } vehicle_t;
 
 /* How many wheels, and motors, the vehicle has. */
@@ -148,10 +161,10 @@ static inline int vehicle_wheels(const vehicle_t *vehicle)
 
 /* The voltage of a battery from which effects have taken what they take: at least 1 % of the nominal one, so that a
  * command over the supply stays finite. */
-static inline double vehicle_supply_of(const vehicle_t *vehicle, double voltage)
+static inline real_t vehicle_supply_of(const vehicle_t *vehicle, real_t voltage)
 {
-    const double least = 0.01 * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
-    return voltage > least ? voltage : least;
+    const real_t least = 0.01 * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    return choose(voltage > least, voltage, least);
 }
 
 #endif

@@ -169,6 +169,13 @@ typedef struct {
  * do not depend on the number of threads, not even in their last bit. */
 int bp_simulate(bp_run *runs, int count, int threads);
 
+/* The same with at most `lanes` runs side by side in vector registers: 1, 2, 4 or 8, of which the processor may have
+ * fewer. bp_simulate() takes as many as bp_lanes(). The outputs do not depend on it, not even in their last bit. Runs go
+ * side by side that have the same sample times, longest steps, kind of vehicle and profile, and tyres that do not slip;
+ * models, inputs and restarts may differ. */
+int bp_simulate_lanes(bp_run *runs, int count, int threads, int lanes);
+int bp_lanes(void);
+
 /* The stochastic grey-box form of a run: the plant predicts from each sample to the next, and what was measured corrects
  * it (an extended Kalman filter). The equations get unknown loads, and the sensors unknown drifts. How large they have to
  * be shows which equation of the model is deficient: Kristensen, Madsen & Jorgensen 2004, Automatica 40.

@@ -1,5 +1,9 @@
 #include "plant/contact.h"
 
+#include "plant/contact_load.h"
+#include "plant/contact_no_slip.h"
+#include "plant/contact_paper.h"
+
 const contact_t *contact_of(const vehicle_t *vehicle)
 {
     if (vehicle->vehicle == BP_MOTOR)

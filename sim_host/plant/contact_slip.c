@@ -38,11 +38,12 @@ static hold_t hold_of(const vehicle_t *vehicle, const slip_t *slip, double h)
     const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY], sway = slip->sway;
     hold_t hold = {.side = 0};
     for (int k = 0; k < 2 && build->along.creep > 0 && weight > 0; k++) {
-        const double speed = build->one_circle ? sqrt(slip->along[k] * slip->along[k] + sway * sway) : slip->along[k];
+        const double speed =
+            build->one_circle > 0 ? sqrt(slip->along[k] * slip->along[k] + sway * sway) : slip->along[k];
         hold.along[k] = compliance(&build->along, 0.5 * weight, speed);
-        hold.side += build->one_circle ? h / hold.along[k] : 0;
+        hold.side += build->one_circle > 0 ? h / hold.along[k] : 0;
     }
-    if (build->across.creep > 0 && weight > 0 && !build->one_circle)
+    if (build->across.creep > 0 && weight > 0 && !(build->one_circle > 0))
         hold.side = h / compliance(&build->across, weight, sway);
     return hold;
 }

@@ -10,45 +10,136 @@
 #ifndef BRICKPILOT_PLANT_MOTOR_H
 #define BRICKPILOT_PLANT_MOTOR_H
 
-#include <stdbool.h>
-
 #include "effects/vehicle.h"
 
+/* What follows from step, resistance and inductance alone, and what it was computed for. */
 typedef struct {
-    double emf_constant;
-    double torque_constant;
-    double torque_per_volt;
-    double decay;      /* e^-a */
-    double gain;       /* (1 - e^-a) / R */
-    double mean_decay; /* phi_1 */
-    double mean_gain;  /* (1 - phi_1) / R */
-    double mean_ramp;  /* (1/2 - phi_2) / R, more where the step is stiff */
+    real_t of_step, of_resistance, of_inductance;
+    real_t decay;      /* e^-a */
+    real_t gain;       /* (1 - e^-a) / R */
+    real_t mean_decay; /* phi_1 */
+    real_t mean_gain;  /* (1 - phi_1) / R */
+    real_t a_phi_3;
+} motor_settled_t;
 
-    /* What the coefficients above were computed for, but mean_ramp; and a phi_3 with it. */
-    double of_step, of_resistance, of_inductance;
-    double a_phi_3;
+typedef struct {
+    real_t emf_constant;
+    real_t torque_constant;
+    real_t torque_per_volt;
+    real_t decay; /* here and below: of motor_settled_t, but 0 where the motor floats */
+    real_t gain;
+    real_t mean_decay;
+    real_t mean_gain;
+    real_t mean_ramp; /* (1/2 - phi_2) / R, more where the step is stiff */
+    motor_settled_t settled;
 } motor_step_t;
+
+/* 1 - a phi_1 = e^-a, 1 - a phi_2 = phi_1, 1/2 - a phi_3 = phi_2: kept as products with a, which stay finite as L -> 0.
+ */
+typedef struct {
+    real_t phi_1;
+    real_t a_phi_1, a_phi_2, a_phi_3;
+} motor_phi_t;
+
+/* For small a the closed forms lose digits. There phi_3 is summed from its series, and the others follow from it. */
+static inline motor_phi_t motor_phi_of_small(real_t a)
+{
+    motor_phi_t phi;
+    real_t series = real_of(0);
+    for (int n = 16; n >= 0; n--)
+        series = (1 - a * series) / (n + 3);
+    phi.a_phi_3 = 0.5 * a * series;
+    const real_t phi_2 = 0.5 - phi.a_phi_3;
+    phi.a_phi_2 = a * phi_2;
+    phi.phi_1 = 1 - phi.a_phi_2;
+    phi.a_phi_1 = a * phi.phi_1;
+    return phi;
+}
+
+static inline motor_phi_t motor_phi_of_large(real_t a)
+{
+    motor_phi_t phi;
+    phi.a_phi_1 = 1 - real_exp(-a);
+    phi.phi_1 = phi.a_phi_1 / a;
+    phi.a_phi_2 = 1 - phi.phi_1;
+    const real_t phi_2 = phi.a_phi_2 / a;
+    phi.a_phi_3 = 0.5 - phi_2;
+    return phi;
+}
+
+static inline motor_phi_t motor_phi_choose(mask_t mask, motor_phi_t yes, motor_phi_t no)
+{
+    return (motor_phi_t){.phi_1 = choose(mask, yes.phi_1, no.phi_1),
+                         .a_phi_1 = choose(mask, yes.a_phi_1, no.a_phi_1),
+                         .a_phi_2 = choose(mask, yes.a_phi_2, no.a_phi_2),
+                         .a_phi_3 = choose(mask, yes.a_phi_3, no.a_phi_3)};
+}
+
+/* Without inductance the current follows the voltage at once. */
+static inline motor_phi_t motor_phi(const motor_t *motor, double h)
+{
+    const mask_t lags = motor->inductance > 0;
+    motor_phi_t phi = {real_of(0), real_of(1), real_of(1), real_of(0.5)};
+    if (!any_lane(lags))
+        return phi;
+    const real_t a = h * motor->resistance / motor->inductance;
+    const mask_t small = a < 0.5;
+    if (any_lane(lags & small))
+        phi = motor_phi_choose(lags & small, motor_phi_of_small(a), phi);
+    if (any_lane(lags & mask_not(small)))
+        phi = motor_phi_choose(lags & mask_not(small), motor_phi_of_large(a), phi);
+    return phi;
+}
+
+static inline void motor_settle(motor_settled_t *settled, const motor_t *motor, double h)
+{
+    const motor_phi_t phi = motor_phi(motor, h);
+    settled->decay = 1 - phi.a_phi_1;
+    settled->gain = phi.a_phi_1 / motor->resistance;
+    settled->mean_decay = phi.phi_1;
+    settled->mean_gain = phi.a_phi_2 / motor->resistance;
+    settled->a_phi_3 = phi.a_phi_3;
+    settled->of_step = real_of(h);
+    settled->of_resistance = motor->resistance;
+    settled->of_inductance = motor->inductance;
+}
 
 /* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. `step` is
  * all zero, or was prepared before: what depends on step, resistance and inductance alone is computed when one of them
  * has changed. */
-void motor_prepare(motor_step_t *step, const motor_t *motor, double h, bool floats, double stiffness);
+static inline void motor_prepare(motor_step_t *step, const motor_t *motor, double h, mask_t floats, real_t stiffness)
+{
+    motor_settled_t *settled = &step->settled;
+    if (any_lane((settled->of_step != h) | (settled->of_resistance != motor->resistance) |
+                 (settled->of_inductance != motor->inductance)))
+        motor_settle(settled, motor, h);
+    const real_t none = real_of(0);
+    step->decay = choose(floats, none, settled->decay);
+    step->gain = choose(floats, none, settled->gain);
+    step->mean_decay = choose(floats, none, settled->mean_decay);
+    step->mean_gain = choose(floats, none, settled->mean_gain);
+    step->emf_constant = choose(floats, none, motor->emf_constant);
+    step->torque_constant = choose(floats, none, motor->torque_constant);
+    step->torque_per_volt = choose(floats, none, motor->torque_per_volt);
+    const real_t ramp = (settled->a_phi_3 + stiffness * (1 - settled->a_phi_3)) / motor->resistance;
+    step->mean_ramp = choose(floats, none, ramp);
+}
 
 /* The mean current over the step for a constant speed. The caller adds the part that the change of speed makes. */
-static inline double motor_mean_current(const motor_step_t *step, double voltage, double speed, double current)
+static inline real_t motor_mean_current(const motor_step_t *step, real_t voltage, real_t speed, real_t current)
 {
     return step->mean_decay * current + step->mean_gain * (voltage - step->emf_constant * speed);
 }
 
 /* The drag on the change of speed within the step, N m s/rad: torque = ... - motor_damping * dw. */
-static inline double motor_damping(const motor_step_t *step)
+static inline real_t motor_damping(const motor_step_t *step)
 {
     return step->torque_constant * step->emf_constant * step->mean_ramp;
 }
 
 /* The current at the end of the step. */
-static inline double motor_end_current(const motor_step_t *step, double voltage, double speed, double change,
-                                       double current)
+static inline real_t motor_end_current(const motor_step_t *step, real_t voltage, real_t speed, real_t change,
+                                       real_t current)
 {
     return step->decay * current + step->gain * (voltage - step->emf_constant * speed) -
            step->mean_gain * step->emf_constant * change;

@@ -4,16 +4,13 @@
 #include <string.h>
 
 #include "models/rcx_gen.h"
-#include "plant/body.h"
 #include "plant/contact.h"
+#include "plant/contact_load.h"
 #include "plant/output.h"
 
 /* Share of a step by which an interval may exceed a whole number of steps, so that rounding in sample times adds
  * none. */
 static const double STEP_SLACK = 1e-6;
-
-/* How often a motor step is done at most, to find how fast tyres slip that lose their hold in it. */
-enum { SLIP_TRIES = 4 };
 
 static void run_hooks(plant_t *plant, site_t site)
 {
@@ -101,31 +98,6 @@ static void join_speeds(vehicle_t *vehicle)
         state->sway = 0;
 }
 
-static bool finite_state(const bp_state *state)
-{
-    const double values[] = {state->x,
-                             state->y,
-                             state->heading,
-                             state->surge,
-                             state->sway,
-                             state->yaw_rate,
-                             state->current[0],
-                             state->current[1],
-                             state->wheel_speed[0],
-                             state->wheel_speed[1],
-                             state->wheel_angle[0],
-                             state->wheel_angle[1],
-                             state->age,
-                             state->charge,
-                             state->heat[0],
-                             state->heat[1],
-                             state->rest};
-    double sum = 0;
-    for (size_t i = 0; i < sizeof values / sizeof values[0]; i++)
-        sum += values[i] * 0;
-    return sum == 0;
-}
-
 static void sense(plant_t *plant, double step)
 {
     if (plant->hook_count[SITE_SENSOR] == 0)
@@ -134,6 +106,15 @@ static void sense(plant_t *plant, double step)
     output_row(&plant->vehicle, plant->vehicle.output);
     run_hooks(plant, SITE_SENSOR);
 }
+
+typedef plant_t stepped_t;
+
+static bool has_hooks(const plant_t *plant, site_t site)
+{
+    return plant->hook_count[site] > 0;
+}
+
+#include "plant/step.h"
 
 static void start_state(vehicle_t *vehicle, const bp_state *initial)
 {
@@ -155,7 +136,7 @@ static void start_state(vehicle_t *vehicle, const bp_state *initial)
 
 int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step)
 {
-    if ((initial != NULL && !finite_state(initial)) || !(motor_step >= 0) || !(body_step >= 0))
+    if ((initial != NULL && !step_finite(initial)) || !(motor_step >= 0) || !(body_step >= 0))
         return BP_E_RANGE;
     plant->model = model;
     plant->motor_step = motor_step > 0 ? motor_step : RCX_MOTOR_STEP;
@@ -183,6 +164,16 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     return 0;
 }
 
+void plant_run_site(plant_t *plant, site_t site)
+{
+    if (site == SITE_MOTOR)
+        set_motors(plant);
+    else if (site == SITE_SENSOR)
+        sense(plant, plant->vehicle.step);
+    else
+        run_hooks(plant, site);
+}
+
 /* Returns `state` with what it leaves open, NaN, taken from `now`. A state is made of doubles alone. */
 static bp_state completed(const bp_state *state, const bp_state *now)
 {
@@ -201,7 +192,7 @@ int plant_restart(plant_t *plant, const bp_state *state)
 {
     vehicle_t *vehicle = &plant->vehicle;
     bp_state whole = completed(state, &vehicle->state);
-    if (!finite_state(&whole))
+    if (!step_finite(&whole))
         return BP_E_RANGE;
     const bool wheels_open = isnan(state->wheel_speed[0]) && isnan(state->wheel_speed[1]);
     const bool body_given = !isnan(state->surge) || !isnan(state->yaw_rate);
@@ -213,103 +204,6 @@ int plant_restart(plant_t *plant, const bp_state *state)
     return 0;
 }
 
-/* Turns the commands into the voltages at the motors. */
-static void drive(plant_t *plant, const double input[2])
-{
-    vehicle_t *vehicle = &plant->vehicle;
-    const int count = vehicle->vehicle == BP_MOTOR ? 1 : 2;
-    for (int k = 0; k < count; k++)
-        vehicle->command[k] = input[k];
-    run_hooks(plant, SITE_TIMING);
-    const double scale = vehicle->supply / vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
-    for (int k = 0; k < count; k++)
-        vehicle->voltage[k] = vehicle->command[k] * scale;
-    run_hooks(plant, SITE_DRIVE);
-}
-
-static bool floating_changed(const plant_t *plant)
-{
-    const wheels_t *wheels = &plant->wheels;
-    const double *voltage = plant->vehicle.voltage;
-    return isnan(voltage[0]) != wheels->floats[0] || isnan(voltage[1]) != wheels->floats[1];
-}
-
-/* One motor step of wheels and a body that moves on its own. */
-static void slipping_step(plant_t *plant, const contact_t *contact, double h)
-{
-    vehicle_t *vehicle = &plant->vehicle;
-    wheels_t *wheels = &plant->wheels;
-    const bp_state before = vehicle->state;
-    const double energy[2] = {wheels->energy[0], wheels->energy[1]};
-    contact->expect(wheels, vehicle);
-    for (int tries = 0; tries < SLIP_TRIES; tries++) {
-        vehicle->state = before;
-        wheels->energy[0] = energy[0];
-        wheels->energy[1] = energy[1];
-        contact->grip(wheels, vehicle, h);
-        wheels_join(wheels);
-        wheels_step(wheels, vehicle);
-        if (!contact->overloads(wheels, vehicle, h))
-            break;
-    }
-    contact->follow(wheels, vehicle, h);
-}
-
-static void motor_steps(plant_t *plant, const contact_t *contact, const double input[2], double h, int count)
-{
-    vehicle_t *vehicle = &plant->vehicle;
-    const bool drive_varies = plant->hook_count[SITE_TIMING] + plant->hook_count[SITE_DRIVE] > 0;
-    const bool body_moves_alone = contact->grip != NULL;
-    const bool wheel_varies = plant->hook_count[SITE_WHEEL] > 0;
-    vehicle->step = h;
-    drive(plant, input);
-    wheels_prepare(&plant->wheels, vehicle, h);
-    for (int i = 0; i < count; i++) {
-        if (drive_varies && i > 0) {
-            drive(plant, input);
-            if (floating_changed(plant))
-                wheels_prepare(&plant->wheels, vehicle, h);
-        }
-        if (wheel_varies) {
-            memset(vehicle->wheel_torque, 0, sizeof vehicle->wheel_torque);
-            memset(vehicle->dry, 0, sizeof vehicle->dry);
-            run_hooks(plant, SITE_WHEEL);
-        }
-        if (body_moves_alone)
-            slipping_step(plant, contact, h);
-        else
-            wheels_step(&plant->wheels, vehicle);
-    }
-}
-
-static void body_step(plant_t *plant, const double input[2], double step, double h, int motor_count)
-{
-    vehicle_t *vehicle = &plant->vehicle;
-    wheels_t *wheels = &plant->wheels;
-    const contact_t *contact = contact_of(vehicle);
-    const bp_state before = vehicle->state;
-
-    vehicle->step = step;
-    body_prepare(vehicle, step);
-    run_hooks(plant, SITE_BODY);
-    vehicle->supply = vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
-    run_hooks(plant, SITE_SUPPLY);
-    if (plant->hook_count[SITE_MOTOR] > 0)
-        set_motors(plant);
-    contact->prepare(wheels, vehicle);
-
-    wheels->energy[0] = 0;
-    wheels->energy[1] = 0;
-    motor_steps(plant, contact, input, h, motor_count);
-    contact->finish(wheels, vehicle, &before, step);
-
-    const double charge = (wheels->energy[0] + wheels->energy[1]) / vehicle->supply;
-    vehicle->supply_current = charge / step;
-    vehicle->state.charge += charge;
-    vehicle->state.age += step;
-    sense(plant, step);
-}
-
 /* Counts the even steps of at most `limit` that make up `interval`: at least 1, or -1 beyond 1e9. */
 static int even_steps(double interval, double limit)
 {
@@ -317,18 +211,26 @@ static int even_steps(double interval, double limit)
     return count > 1e9 ? -1 : count < 1 ? 1 : (int)count;
 }
 
+int plant_divide(const plant_t *plant, double dt, int *body_count, int *motor_count)
+{
+    *body_count = dt > 0 && isfinite(dt) ? even_steps(dt, plant->body_step) : -1;
+    if (*body_count < 0)
+        return BP_E_TIME;
+    *motor_count = even_steps(dt / *body_count, plant->motor_step);
+    return *motor_count < 0 ? BP_E_TIME : 0;
+}
+
 int plant_advance(plant_t *plant, const double input[2], double dt)
 {
-    const int body_count = dt > 0 && isfinite(dt) ? even_steps(dt, plant->body_step) : -1;
-    if (body_count < 0)
-        return BP_E_TIME;
+    int body_count, motor_count;
+    const int status = plant_divide(plant, dt, &body_count, &motor_count);
+    if (status != 0)
+        return status;
     const double step = dt / body_count;
-    const int motor_count = even_steps(step, plant->motor_step);
-    if (motor_count < 0)
-        return BP_E_TIME;
+    const contact_t *contact = contact_of(&plant->vehicle);
     for (int i = 0; i < body_count; i++)
-        body_step(plant, input, step, step / motor_count, motor_count);
-    return finite_state(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
+        step_body(plant, contact, input, step, step / motor_count, motor_count);
+    return step_finite(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
 }
 
 void plant_outputs(const plant_t *plant, double *out)

@@ -58,6 +58,13 @@ int plant_restart(plant_t *plant, const bp_state *state);
  * BP_E_TIME: dt is not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
 int plant_advance(plant_t *plant, const double input[2], double dt);
 
+/* Counts the body steps in an interval of dt seconds, and the motor steps in each of them. BP_E_TIME: as above. */
+int plant_divide(const plant_t *plant, double dt, int *body_count, int *motor_count);
+
+/* Does what a step does at one of the sites, for a caller that does the rest of the step: sets the nominal motors or
+ * outputs where the site has them, and runs the hooks. */
+void plant_run_site(plant_t *plant, site_t site);
+
 /* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor
  * effects that are on, and without noise. */
 void plant_outputs(const plant_t *plant, double *out);

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "plant/contact.h"
+#include "plant/contact_load.h"
 
 /* Least step of a finite difference, over the natural size of what it changes. Below it rounding would show. */
 static const double LEAST_STEP = 1e-5;

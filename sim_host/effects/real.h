@@ -1,0 +1,154 @@
+/* real.h: the number that the plant's equations are written over.
+ *
+ * A file is compiled for one robot, or for LANES of them side by side: then a real_t holds one value of each robot, in
+ * the lanes of a vector register, and an operator acts on all of them. IEEE 754 makes every operation the same in a lane
+ * as alone, and functions of the C library are called lane by lane, so both give the same bits. Where a law decides by a
+ * value, it computes what each lane may need and chooses: `any_lane` and `all_lanes` say what can be left out.
+ */
+#ifndef BRICKPILOT_EFFECTS_REAL_H
+#define BRICKPILOT_EFFECTS_REAL_H
+
+#include <math.h>
+#include <stdbool.h>
+
+#ifndef LANES
+#define LANES 1
+#endif
+
+/* Functions of vectors are part of their callers, so that no vector is passed through memory. */
+#define IN_LANES static inline __attribute__((always_inline))
+
+#if LANES == 1
+
+typedef double real_t;
+typedef int mask_t; /* of a comparison: 0 or 1 */
+
+IN_LANES real_t real_of(double value)
+{
+    return value;
+}
+IN_LANES mask_t mask_of(int value)
+{
+    return value != 0;
+}
+IN_LANES int any_lane(mask_t mask)
+{
+    return mask;
+}
+IN_LANES int all_lanes(mask_t mask)
+{
+    return mask;
+}
+IN_LANES mask_t mask_not(mask_t mask)
+{
+    return !mask;
+}
+IN_LANES real_t choose(mask_t mask, real_t yes, real_t no)
+{
+    return mask ? yes : no;
+}
+IN_LANES real_t real_abs(real_t value)
+{
+    return fabs(value);
+}
+IN_LANES real_t real_signed(real_t size, real_t sign)
+{
+    return copysign(size, sign);
+}
+IN_LANES real_t real_exp(real_t value)
+{
+    return exp(value);
+}
+IN_LANES real_t real_root(real_t value)
+{
+    return sqrt(value);
+}
+IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
+{
+    *cosine = cos(angle);
+    *sine = sin(angle);
+}
+
+#else
+
+/* Vectors of gcc and clang: compilers split what the processor has no register for. */
+typedef double real_t __attribute__((vector_size(8 * LANES)));
+typedef __typeof__((real_t){0} < (real_t){0}) mask_t; /* of a comparison: each lane 0 or all bits */
+
+IN_LANES real_t real_of(double value)
+{
+    real_t result = {0};
+    for (int i = 0; i < LANES; i++)
+        result[i] = value; /* not 0 + value, which has no -0 */
+    return result;
+}
+IN_LANES mask_t mask_of(int value)
+{
+    return real_of(value) != 0;
+}
+IN_LANES int any_lane(mask_t mask)
+{
+    long long bits = 0;
+    for (int i = 0; i < LANES; i++)
+        bits |= mask[i];
+    return bits != 0;
+}
+IN_LANES int all_lanes(mask_t mask)
+{
+    long long bits = -1;
+    for (int i = 0; i < LANES; i++)
+        bits &= mask[i];
+    return bits != 0;
+}
+IN_LANES mask_t mask_not(mask_t mask)
+{
+    return ~mask;
+}
+IN_LANES real_t choose(mask_t mask, real_t yes, real_t no)
+{
+    return (real_t)((mask & (mask_t)yes) | (~mask & (mask_t)no));
+}
+IN_LANES real_t real_abs(real_t value)
+{
+    return (real_t)((mask_t)value & ~(mask_t)real_of(-0.0));
+}
+IN_LANES real_t real_signed(real_t size, real_t sign)
+{
+    const mask_t bit = (mask_t)real_of(-0.0);
+    return (real_t)(((mask_t)size & ~bit) | ((mask_t)sign & bit));
+}
+IN_LANES real_t real_exp(real_t value)
+{
+    real_t result = value;
+    for (int i = 0; i < LANES; i++)
+        result[i] = exp(value[i]);
+    return result;
+}
+IN_LANES real_t real_root(real_t value)
+{
+    real_t result = value;
+    for (int i = 0; i < LANES; i++)
+        result[i] = sqrt(value[i]);
+    return result;
+}
+IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
+{
+    for (int i = 0; i < LANES; i++) {
+        (*cosine)[i] = cos(angle[i]);
+        (*sine)[i] = sin(angle[i]);
+    }
+}
+
+#endif
+
+/* The smaller one; `limit` where the value is NaN. */
+IN_LANES real_t real_least(real_t value, real_t limit)
+{
+    return choose(value < limit, value, limit);
+}
+IN_LANES mask_t is_nan(real_t value)
+{
+    return value != value;
+}
+
+#endif
