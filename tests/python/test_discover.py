@@ -14,6 +14,7 @@ from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.candidates import candidates, sizes_of
 from brickpilot.discover.default_sd import with_default_sds
 from brickpilot.discover.experiment import next_experiment
+from brickpilot.discover.finding import NOMINAL_VALUES
 from brickpilot.discover.gates import gains_enough, required_gain
 from brickpilot.discover.manoeuvres import manoeuvres
 from brickpilot.discover.verdict_json import verdict_json
@@ -338,6 +339,12 @@ def test_equivalent_models_make_the_verdict_ambiguous(tmp_path):
     assert {"input_delay", "sensor_delay"} <= names
     assert found.next_experiment is not None
     assert found.next_experiment.advice
+    written = verdict_json(found)
+    assert set(written["spread"]["parameters"]) >= {"mass", "input_delay.delay"} | set(found.nominal)
+    for rival in written["effects"][0]["equivalents"]:
+        if rival["name"] != NOMINAL_VALUES:
+            assert set(rival["effects"]) >= set(rival["name"].split(" + "))
+        assert rival["nominal"]["mass"] > 0
 
 
 def test_a_model_that_holds_the_effect_lacks_nothing(tmp_path, friction):

@@ -81,6 +81,7 @@ def conclude(
         held_out_stretches=prepared.roles.stretches,
         faults=prepared.measured.faults,
         notes=(*_notes(prepared, verdict, written), *yardstick.notes),
+        spread=written.spread,
         noise_sd=prepared.fine.sample_noise,
         elapsed_s=0.0,
         seed=prepared.seed,

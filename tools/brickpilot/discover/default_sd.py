@@ -8,7 +8,7 @@ from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.discover.gates import SD_SHARE_BENCH, SD_SHARE_ESTIMATE, SD_SHARE_GUESS, SD_SHARE_RULER
 
 # What is absent here has no default sd: it is a constant, or it says that the drive commands a force.
-_SD_SHARE = {
+SD_SHARE = {
     "mass": SD_SHARE_RULER,
     "half_track": SD_SHARE_RULER,
     "wheel_radius": SD_SHARE_RULER,
@@ -31,8 +31,8 @@ def with_default_sds(dataset: Dataset) -> Dataset:
     A wrong nominal value is not an effect. All nominal values are fitted, each within what is usual for its kind.
     """
     nominal = {
-        name: Nominal(known.value, abs(known.value) * _SD_SHARE[name])
-        if known.sd is None and known.value != 0 and name in _SD_SHARE
+        name: Nominal(known.value, abs(known.value) * SD_SHARE[name])
+        if known.sd is None and known.value != 0 and name in SD_SHARE
         else known
         for name, known in dataset.nominal.items()
     }

@@ -13,6 +13,7 @@ from brickpilot.discover.yardstick.record import Yardstick
 from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.run_values import RunValues
+from brickpilot.fit.spread import Spread
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -64,11 +65,14 @@ class Equivalent:
         name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
         worse_by: how much lower its log likelihood is than that of the best one.
+        nominal, effects: every value of its model, SI, those that the data set states included.
     """
 
     name: str
     parameters: Mapping[str, Parameter]
     worse_by: float
+    nominal: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -320,6 +324,7 @@ class Finding:
         equations: the equations and sensors of the nominal model that need a disturbance, the most deficient first.
         yardstick: fit in percent before, after and attainable.
         run_values: what differs from run to run, each kind once.
+        spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
     """
 
     dataset: Dataset
@@ -352,6 +357,7 @@ class Finding:
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()
     law_differs: bool | None = None
+    spread: Spread | None = None
 
     def to_frame(self, table: Literal["effects", "ranking"] = "effects") -> pandas.DataFrame:
         """Returns a table.

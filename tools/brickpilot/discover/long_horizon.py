@@ -67,7 +67,8 @@ def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) ->
         found = None
     if found is None:
         return dataclasses.replace(written, notes=(*written.notes, _KEPT))
-    estimates = assess(data.fine.with_plan(found.plan), found.model, found.plan.free).estimates
+    known = assess(data.fine.with_plan(found.plan), found.model, found.plan.free)
+    estimates = known.estimates
     name = prepared.dataset.name
     basis = {key: f"fitted to free runs of {name}: {estimate.basis}" for key, estimate in estimates.items()}
     model = read_back(dataclasses.replace(found.model, basis=basis))
@@ -79,6 +80,7 @@ def follow_whole_runs(prepared: Prepared, verdict: Verdict, written: Written) ->
         plan=found.plan,
         model=model,
         estimates=estimates,
+        spread=known.spread,
         simulated=simulated,
         gap=gap,
         by_signal=by_signal,

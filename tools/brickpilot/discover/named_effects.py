@@ -107,6 +107,8 @@ def _equivalents(verdict: Verdict) -> tuple[Equivalent, ...]:
                 for name in c.free
             },
             one.penalised_cost - verdict.best.penalised_cost,
+            dict(one.model.parameters),
+            {name: dict(table) for name, table in one.model.effects.items()},
         )
         for one in verdict.rivals
     )

@@ -35,6 +35,7 @@ def _figures(found: Finding) -> dict[str, Any]:
             "by_signal": {name: dataclasses.asdict(gap) for name, gap in found.by_signal.items()},
         },
         "nominal": {name: dataclasses.asdict(change) for name, change in found.nominal.items()},
+        "spread": None if found.spread is None else found.spread.to_json(),
         "nominal_findings": [dataclasses.asdict(one) for one in found.nominal_findings],
         "run_values": [one.to_json() for one in found.run_values],
         "data_faults": [fault.to_json() for fault in found.faults],

@@ -21,6 +21,7 @@ from brickpilot.discover.search_round import largest_prior_shift
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.spread import Spread
 from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.model import Model
@@ -45,6 +46,7 @@ class Written:
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         evidence: None if nothing was added to the nominal model and nothing was tried.
         notes: on how it was fitted, one sentence each.
+        spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
     """
 
     kind: VerdictKind
@@ -57,6 +59,7 @@ class Written:
     by_signal: Mapping[str, Gap]
     evidence: Evidence | None
     notes: tuple[str, ...] = ()
+    spread: Spread | None = None
 
 
 def write(prepared: Prepared, verdict: Verdict, composed: Composed | None) -> Written:
@@ -122,13 +125,25 @@ def _written(
     prepared: Prepared, verdict: Verdict, kind: VerdictKind, plan: Plan, model: Model, composed: Composed | None
 ) -> Written:
     """Returns the model as read back from its file, without evidence."""
-    estimates = assess(prepared.fine.with_plan(plan), model, plan.free).estimates if plan.free else {}
+    known = assess(prepared.fine.with_plan(plan), model, plan.free) if plan.free else None
+    estimates = {} if known is None else known.estimates
     basis = {key: f"fitted to {prepared.dataset.name}: {estimate.basis}" for key, estimate in estimates.items()}
     read = read_back(dataclasses.replace(model, basis=basis))
     outputs = Replay(prepared.dataset).simulate([verdict.nominal.model, read], threads=prepared.jobs)
     simulated = dict(zip(("nominal", "augmented"), outputs, strict=True))
     gap, by_signal = locate.gaps(prepared.dataset, simulated, prepared.roles, prepared.fine.sample_noise)
-    return Written(kind, plan, read, composed, estimates, simulated, gap, by_signal, None)
+    return Written(
+        kind,
+        plan,
+        read,
+        composed,
+        estimates,
+        simulated,
+        gap,
+        by_signal,
+        None,
+        spread=None if known is None else known.spread,
+    )
 
 
 def read_back(model: Model) -> Model:

@@ -1,7 +1,7 @@
 """The closed loop of the plant and a robot's own firmware, compiled for this machine as one library.
 
-It flies some fifty to a hundred times as fast as the firmware behind a link (`simulate.fly_own`), with the same motor commands, so
-that a robot's gains can be tuned over many flights.
+It flies some fifty to a hundred times as fast as the firmware behind a link (`simulate.fly_own`), with the same motor
+commands, so that a robot's gains can be tuned over many flights.
 """
 
 from __future__ import annotations

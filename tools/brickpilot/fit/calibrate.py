@@ -33,6 +33,7 @@ from brickpilot.fit.horizons import track
 from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.spread import Spread
 from brickpilot.fit.uncertainty import Combination, Estimate, assess
 from brickpilot.vehicle.model import Model
 
@@ -89,6 +90,7 @@ class Calibration:
         traces: what the gaps are of.
         stated: what the data set states of the fitted parameters.
         correlation: of the fitted parameters in their order, (parameters, parameters); empty where nothing was fitted.
+        spread: how they may lie about their estimates, all together; None where nothing was fitted.
     """
 
     dataset: str
@@ -108,6 +110,7 @@ class Calibration:
     traces: tuple[FitTrace, ...]
     stated: Mapping[str, Nominal]
     correlation: tuple[tuple[float, ...], ...]
+    spread: Spread | None
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what fixes it.
@@ -142,6 +145,7 @@ class Calibration:
             "headline": {"before": self.before.to_json(), "after": self.after.to_json()},
             "gap": [dataclasses.asdict(gap) for gap in self.gaps],
             "correlation": [list(row) for row in self.correlation],
+            "spread": None if self.spread is None else self.spread.to_json(),
             "signals": {
                 name: {"scale": s.size, "noise_sd": s.noise, "correlation_samples": s.tau}
                 for name, s in self.scales.items()
@@ -227,6 +231,7 @@ def calibrate(
         starts=starts,
         stated={one.name: one.known for one in chosen.free if one.known is not None},
         correlation=tuple(tuple(row) for row in known.correlation.tolist()),
+        spread=known.spread,
     )
 
 
@@ -322,6 +327,7 @@ def _result(
         traces=tuple(traces),
         stated={},
         correlation=(),
+        spread=None,
     )
 
 

@@ -21,6 +21,7 @@ from brickpilot.fit.combinations import FORMULAS, Formula
 from brickpilot.fit.identified import forms
 from brickpilot.fit.output_error import OutputError, finite
 from brickpilot.fit.parameters import WIDE_SD, Free, value_of, with_values
+from brickpilot.fit.spread import Spread
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -83,6 +84,7 @@ class Uncertainty:
     traceless: tuple[str, ...]
     combinations: tuple[Combination, ...]
     correlation: Array
+    spread: Spread
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,14 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
     vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
     combinations = _combinations(model, free, linear.sizes, covariance, quantile) if vague else ()
     spread = np.where(sd > 0, sd, 1.0)
-    return Uncertainty(estimates, groups, traceless, combinations, covariance / np.outer(spread, spread))
+    correlation = covariance / np.outer(spread, spread)
+    return Uncertainty(estimates, groups, traceless, combinations, correlation, _spread(linear, free, covariance))
+
+
+def _spread(linear: _Linear, free: tuple[Free, ...], covariance: Array) -> Spread:
+    sizes = zip(linear.sizes.tolist(), linear.relative.tolist(), strict=True)
+    units = tuple(None if relative else size for size, relative in sizes)
+    return Spread(tuple(one.name for one in free), tuple(linear.values.tolist()), units, covariance)
 
 
 def _above_slope_errors(information: Array) -> Array:

@@ -1,0 +1,224 @@
+"""Draws robots that the data allow: from what `calibrate` and `discover` write beside model.toml.
+
+- Fitted parameters lie about their estimates as the fit's covariance says, all together. Along a direction that the
+  data do not tell, a draw goes no further than `VAGUE_SD`: the covariance is that of a linearised fit.
+- What nobody measured has the spread that is usual for its kind: a nominal parameter `shares`, an effect's size
+  `EFFECT_SHARE`, the battery `BATTERY_SHARE`, a bias of a sensor its stated size.
+- Where a verdict is ambiguous, each explanation that the data cannot tell from the best one is drawn as often.
+
+A robot is the same whatever the number of robots that are drawn: its random numbers depend on seed, stream and place.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import catalogue
+from brickpilot.errors import InputError
+from brickpilot.fit import spread as spreads
+from brickpilot.fit.spread import Spread
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+VAGUE_SD = 0.2
+"""Of a coordinate (a logarithm, or a share of what moves the signals by their rms) that the data do not tell."""
+
+EFFECT_SHARE = 0.1
+"""Of the size of an effect that was given without an interval: as discovery takes it for a model of other data."""
+
+BATTERY_SHARE = 0.05
+"""Of the battery's voltage: from full to half empty, six cells lose about a tenth."""
+
+SOURCES = ("calibrate.json", "verdict.json")
+"""What stands beside model.toml; the first one that is there is read."""
+
+_TRIES = 1000  # of a draw that lies outside the physical ranges
+_SAME = 1e-6  # relative: a value of model.toml and its estimate in the other file
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A model that the data allow, with the values about which its robots are drawn."""
+
+    name: str
+    model: Model
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """What the data allow of a robot.
+
+    Attributes:
+        explanations: of the data, the best first; one of them, unless a verdict is ambiguous.
+        spread: of the fitted parameters; None: nothing was fitted.
+        shares: nominal parameter -> sd as a share of its value, where nothing was fitted.
+        devices: the robot's sensors, as `flight.Plan.devices`; None: the packaged robot's.
+        source: where the spread is from, in words.
+    """
+
+    explanations: tuple[Explanation, ...]
+    spread: Spread | None
+    shares: Mapping[str, float]
+    devices: Mapping[str, float] | None = None
+    source: str = "no fit: what is usual for each kind of value"
+
+    @property
+    def model(self) -> Model:
+        """The best explanation."""
+        return self.explanations[0].model
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A drawn robot.
+
+    Attributes:
+        place: in its stream of draws.
+        explanation: name of what it was drawn from.
+        seed: of its sensors' noise.
+    """
+
+    place: int
+    model: Model
+    devices: Mapping[str, float] | None
+    seed: int
+    explanation: str = field(default="")
+
+
+def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
+    """Returns what the files beside model.toml allow.
+
+    Args:
+        model: of `path`.
+        shares: see `Allowed`.
+
+    Raises:
+        InputError: the file beside it is no result of the command, or belongs to another model.
+    """
+    for name in SOURCES:
+        beside = path.with_name(name)
+        if beside.is_file():
+            return _read(model, beside, shares)
+    return Allowed((Explanation(model.name, model),), None, shares)
+
+
+def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
+    try:
+        given = json.loads(file.read_text(encoding="utf-8"))
+        spread = spreads.from_json(given["spread"]) if given.get("spread") is not None else None
+        explanations = (Explanation(model.name, model), *_rivals(model, given))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
+    if spread is not None:
+        for name, value in zip(spread.names, spread.values, strict=True):
+            own = _values(model).get(name)
+            if own is None or not math.isclose(own, value, rel_tol=_SAME, abs_tol=1e-12):
+                raise InputError(f"{value:g} is not the value of model.toml beside it", file=file, field=name)
+    return Allowed(explanations, spread, shares, source=file.name)
+
+
+def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
+    """Returns the explanations that an ambiguous verdict lists beside the best one."""
+    if given.get("verdict") != "ambiguous":
+        return []
+    found = []
+    for one in (rival for effect in given["effects"] for rival in effect["equivalents"]):
+        if one.get("nominal"):
+            parameters = {**model.parameters, **one["nominal"]}
+            other = dataclasses.replace(model, parameters=parameters, effects=one["effects"], basis={})
+            found.append(Explanation(str(one["name"]), other))
+    return found
+
+
+def draw(allowed: Allowed, seed: int, stream: int, places: Sequence[int]) -> list[Robot]:
+    """Returns the robots of these places in a stream; those of two streams have nothing in common.
+
+    Raises:
+        InputError: the data allow no robot within the physical ranges.
+    """
+    return [_draw(allowed, np.random.SeedSequence(seed, spawn_key=(stream, place)), place) for place in places]
+
+
+def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
+    random = np.random.default_rng(seeds)
+    noise = int(random.integers(2**32))
+    chosen = allowed.explanations[int(random.integers(len(allowed.explanations)))]
+    devices = None if allowed.devices is None else _powered_on(allowed.devices, random)
+    for _ in range(_TRIES):
+        values = _unmeasured(allowed, chosen.model, random) | _fitted(allowed, chosen.model, random)
+        if all(low <= values[name] <= high for name, (low, high) in _ranges(chosen.model, values).items()):
+            return Robot(place, _with(chosen.model, values), devices, noise, chosen.name)
+    raise InputError(f"the data allow no robot within the physical ranges, in {_TRIES} draws", field=chosen.name)
+
+
+def _powered_on(devices: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
+    """Returns the sensors with biases of their own: a bias differs from one power-on to the next."""
+    biases = [name for name in devices if "_bias" in name]
+    return {**devices, **{name: float(random.normal(0.0, abs(devices[name]))) for name in biases}}
+
+
+def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
+    """Returns a draw of the fitted parameters that this explanation has, about its own values."""
+    if allowed.spread is None:
+        return {}
+    own = _values(model)
+    moved = allowed.spread.at(_root(allowed.spread) @ random.normal(size=len(allowed.spread.names)))
+    found = {}
+    for name, at, unit in zip(allowed.spread.names, allowed.spread.values, allowed.spread.units, strict=True):
+        if name in own:
+            found[name] = own[name] * (moved[name] / at) if unit is None else own[name] + (moved[name] - at)
+    return found
+
+
+def _root(spread: Spread) -> Array:
+    """Returns the root of the covariance, without what is beyond `VAGUE_SD` in a direction."""
+    values, axes = np.linalg.eigh(spread.covariance)
+    return np.asarray(axes * np.sqrt(np.clip(values, 0.0, VAGUE_SD**2)))
+
+
+def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
+    """Returns a draw of everything that has a spread although nothing was fitted; those fitted too are overwritten."""
+    shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
+    shares |= {"battery_voltage": BATTERY_SHARE}
+    for name, table in model.effects.items():
+        sizes = [info.name for info in catalogue.effect(name).parameters if info.role == "size"]
+        shares |= {f"{name}.{size}": EFFECT_SHARE for size in sizes if table.get(size)}
+    own = _values(model)
+    draws = random.normal(size=len(shares))
+    return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
+
+
+def _values(model: Model) -> dict[str, float]:
+    """Returns all values of a model, by "mass" or "effect.parameter"."""
+    presets = catalogue.presets(model.vehicle) | dict(model.parameters)
+    return presets | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
+
+
+def _ranges(model: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Returns the physical range of each value; one that is 0 stays 0, since the vehicle lacks that part."""
+    infos = {info.name: info for info in catalogue.parameters()}
+    for effect in model.effects:
+        infos |= {f"{effect}.{info.name}": info for info in catalogue.effect(effect).parameters}
+    return {name: (infos[name].minimum, infos[name].maximum) for name, value in values.items() if value != 0}
+
+
+def _with(model: Model, values: Mapping[str, float]) -> Model:
+    parameters = dict(model.parameters)
+    effects = {name: dict(table) for name, table in model.effects.items()}
+    for name, value in values.items():
+        effect, dot, parameter = name.partition(".")
+        if dot:
+            effects[effect][parameter] = value
+        else:
+            parameters[name] = value
+    return dataclasses.replace(model, parameters=parameters, effects=effects, basis={})
