@@ -30,6 +30,7 @@ MAY: dict[str, set[str]] = {
     "sim_host/effects": {"sim_host/include"},
     "sim_host/plant": {"sim_host/effects", "sim_host/include", "sim_host/models"},
     "sim_host/sensors": {"sim_host/include", "sim_host/models"},
+    "sim_host/fmi": {"sim_host/plant", "sim_host/effects", "sim_host/include"},
     "sim_host/run": {f"sim_host/{room}" for room in ("plant", "effects", "sensors", "include", "models")}
     | {"firmware/app", "hal/sil", "hal/include"},
     "sim_host/avr": {f"sim_host/{room}" for room in ("run", "plant", "effects", "sensors", "include", "models")}

@@ -28,9 +28,10 @@ MAY: dict[str, set[str]] = {
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
+    "export": {"data", "vehicle"},
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
-        "benchmark",
+        "benchmark", "export",
     },
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip

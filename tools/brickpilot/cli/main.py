@@ -22,6 +22,7 @@ from brickpilot.cli.check import check
 from brickpilot.cli.compare import compare
 from brickpilot.cli.discover import discover
 from brickpilot.cli.effects import effects
+from brickpilot.cli.export import export
 from brickpilot.cli.firmware import firmware
 from brickpilot.cli.flash import flash
 from brickpilot.cli.hil import hil
@@ -51,7 +52,7 @@ def whole_lines(command: click.Command) -> click.Command:
 
 COMMANDS = (
     run, upload, hil, brick, settings, firmware, flash, import_log, check, why, compare, calibrate, discover, benchmark,
-    effects, bench,
+    effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))

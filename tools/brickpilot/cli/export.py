@@ -1,0 +1,70 @@
+"""`brickpilot export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from brickpilot.cli.completion import model_files
+
+if TYPE_CHECKING:
+    from brickpilot.vehicle.model import Model
+
+
+@click.group()
+def export() -> None:
+    """Writes a model or a run for other programs."""
+
+
+def _model(file: str | None) -> Model:
+    from brickpilot.vehicle import model
+
+    return model.load(file) if file else model.rcx()
+
+
+_model_option = click.option(
+    "--model",
+    "model_file",
+    metavar="FILE",
+    shell_complete=model_files,
+    help="A model.toml of discover or calibrate, or your own; default the packaged robot.",
+)
+
+
+@export.command()
+@_model_option
+@click.option(
+    "--fmi",
+    "fmi",
+    type=click.Choice(["3.0", "2.0", "both"]),
+    default="3.0",
+    show_default=True,
+    help="The version of FMI. both: two files, with -fmi2 and -fmi3 in their names.",
+)
+@click.option("--sources-only", is_flag=True, help="Without a binary, which needs no C compiler here.")
+@click.option("--out", metavar="FILE", help="The file to write; default NAME.fmu.")
+def fmu(model_file: str | None, fmi: str, sources_only: bool, out: str | None) -> None:
+    """Writes a model, effects included, as an FMU for co-simulation.
+
+    Inputs are the voltages of the motors, outputs the signals of the plant, parameters those of the model and of its
+    effects. The FMU holds the C sources and a binary for this machine, made by the C compiler of CC, or else cc. Its
+    numbers are those of `brickpilot run`.
+    """
+    from brickpilot.export import files
+    from brickpilot.export import fmu as fmus
+
+    model = _model(model_file)
+    path = Path(out or f"{model.name}.fmu")
+    versions = fmus.VERSIONS if fmi == "both" else (fmi,)
+    ends = {version: f"-fmi{version[0]}" if fmi == "both" else "" for version in versions}
+    made = {
+        path.with_name(f"{path.stem}{ends[version]}{path.suffix}"): fmus.archive(
+            model, version, binary=not sources_only
+        )
+        for version in versions
+    }
+    files.write(made)
+    for one in made:
+        click.echo(f"FMU: {one}")

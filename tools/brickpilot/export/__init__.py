@@ -1,0 +1,1 @@
+"""Vehicles and runs for other programs: FMU, MJCF, URDF, MCAP, Parquet."""

@@ -1,0 +1,34 @@
+"""Writes the files of this room, each beside its place and then renamed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from brickpilot.errors import InputError
+
+
+def write(contents: Mapping[Path, bytes]) -> None:
+    """Writes each path's bytes and the folders above it; all of them beside their places before the first is renamed.
+
+    Raises:
+        InputError: one cannot be written.
+    """
+    beside = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in contents}
+    path = Path()
+    try:
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_dir():
+                raise InputError("is a folder, so no file can be written there", file=path)
+            beside[path].write_bytes(content)
+        for path in contents:
+            beside[path].replace(path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+    finally:
+        for one in beside.values():
+            with suppress(OSError):
+                one.unlink()
