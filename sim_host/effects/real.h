@@ -133,10 +133,15 @@ IN_LANES real_t real_root(real_t value)
 }
 IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 {
+    real_t cosines = angle, sines = angle;
     for (int i = 0; i < LANES; i++) {
-        (*cosine)[i] = cos(angle[i]);
-        (*sine)[i] = sin(angle[i]);
+        const double one = angle[i];
+        const double of_cosine = cos(one), of_sine = sin(one); /* which compilers join to one call */
+        cosines[i] = of_cosine;
+        sines[i] = of_sine;
     }
+    *cosine = cosines;
+    *sine = sines;
 }
 
 #endif

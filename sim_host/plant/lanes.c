@@ -196,11 +196,14 @@ void lanes_sense(lanes_t *lanes)
     lanes->kernel->outputs(lanes->memory);
 }
 
-double lanes_output(const lanes_t *lanes, int lane, int i)
+void lanes_outputs(const lanes_t *lanes, int lane, const int *column, int count, double *out, ptrdiff_t stride)
 {
     const plant_t *plant = &lanes->plant[lane];
-    return plant->hook_count[SITE_SENSOR] > 0 ? plant->vehicle.output[i]
-                                              : lanes->view->output[i * lanes->kernel->width + lane];
+    const bool own = plant->hook_count[SITE_SENSOR] > 0;
+    const double *from = own ? plant->vehicle.output : lanes->view->output + lane;
+    const int width = own ? 1 : lanes->kernel->width;
+    for (int i = 0; i < count; i++)
+        out[i * stride] = from[(column != NULL ? column[i] : i) * width];
 }
 
 bp_state lanes_state(const lanes_t *lanes, int lane)

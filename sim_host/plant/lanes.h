@@ -34,9 +34,12 @@ void lanes_open(lanes_t *lanes, int count);
 void lanes_restart(lanes_t *lanes, int lane, const bp_state *state);
 void lanes_advance(lanes_t *lanes, const double input[][2], double dt);
 
-/* Computes the outputs of all plants. Then output `i` of a plant is lanes_output(). */
+/* Computes the outputs of all plants, for lanes_outputs(). */
 void lanes_sense(lanes_t *lanes);
-double lanes_output(const lanes_t *lanes, int lane, int i);
+
+/* Puts `count` outputs of a plant, those in `column`, or the first ones where that is NULL, into out[0], out[stride] and
+ * so on. */
+void lanes_outputs(const lanes_t *lanes, int lane, const int *column, int count, double *out, ptrdiff_t stride);
 
 bp_state lanes_state(const lanes_t *lanes, int lane);
 

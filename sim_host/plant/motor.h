@@ -104,15 +104,27 @@ static inline void motor_settle(motor_settled_t *settled, const motor_t *motor, 
     settled->of_inductance = motor->inductance;
 }
 
+/* True where `settled` holds what motor_settle() would compute. */
+IN_LANES mask_t motor_settled(const motor_settled_t *settled, const motor_t *motor, double h)
+{
+    const mask_t step = settled->of_step == h, resistance = settled->of_resistance == motor->resistance;
+    const mask_t inductance = settled->of_inductance == motor->inductance;
+    return step & resistance & inductance;
+}
+
 /* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. `step` is
  * all zero, or was prepared before: what depends on step, resistance and inductance alone is computed when one of them
- * has changed. */
-static inline void motor_prepare(motor_step_t *step, const motor_t *motor, double h, mask_t floats, real_t stiffness)
+ * has changed, or taken from `other`, the motor of the other side, where that is the same. */
+static inline void motor_prepare(motor_step_t *step, const motor_step_t *other, const motor_t *motor, double h,
+                                 mask_t floats, real_t stiffness)
 {
     motor_settled_t *settled = &step->settled;
-    if (any_lane((settled->of_step != h) | (settled->of_resistance != motor->resistance) |
-                 (settled->of_inductance != motor->inductance)))
-        motor_settle(settled, motor, h);
+    if (!all_lanes(motor_settled(settled, motor, h))) {
+        if (all_lanes(motor_settled(&other->settled, motor, h)))
+            *settled = other->settled;
+        else
+            motor_settle(settled, motor, h);
+    }
     const real_t none = real_of(0);
     step->decay = choose(floats, none, settled->decay);
     step->gain = choose(floats, none, settled->gain);

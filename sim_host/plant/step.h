@@ -47,7 +47,8 @@ static inline bool step_floats_anew(const stepped_t *plant)
 {
     const wheels_t *wheels = &plant->wheels;
     const real_t *voltage = plant->vehicle.voltage;
-    return any_lane((is_nan(voltage[0]) != wheels->floats[0]) | (is_nan(voltage[1]) != wheels->floats[1]));
+    const mask_t left = is_nan(voltage[0]) != wheels->floats[0], right = is_nan(voltage[1]) != wheels->floats[1];
+    return any_lane(left | right);
 }
 
 /* One motor step of wheels and a body that moves on its own. */

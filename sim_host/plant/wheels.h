@@ -87,7 +87,7 @@ static inline void wheels_prepare(wheels_t *wheels, const vehicle_t *vehicle, do
     for (int k = 0; k < 2; k++) {
         wheels->floats[k] = is_nan(vehicle->voltage[k]);
         const real_t stiff = wheels_stiffness(wheels, &vehicle->motor[k], k, h);
-        motor_prepare(&wheels->motor[k], &vehicle->motor[k], h, wheels->floats[k], stiff);
+        motor_prepare(&wheels->motor[k], &wheels->motor[1 - k], &vehicle->motor[k], h, wheels->floats[k], stiff);
         wheels->weight[k] = 0.5 * h * (1 + stiff);
     }
     wheels->step = h;

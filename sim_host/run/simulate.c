@@ -95,11 +95,9 @@ static void keep_lanes(lanes_t *lanes, const group_t *group, ptrdiff_t sample)
         if (lanes->status[lane] != 0)
             continue;
         if (run->columns == NULL)
-            for (int i = 0; i < OUTPUT_COUNT; i++)
-                run->output[sample * OUTPUT_COUNT + i] = lanes_output(lanes, lane, i);
+            lanes_outputs(lanes, lane, NULL, OUTPUT_COUNT, run->output + sample * OUTPUT_COUNT, 1);
         else
-            for (int i = 0; i < run->column_count; i++)
-                run->output[(ptrdiff_t)i * run->samples + sample] = lanes_output(lanes, lane, run->columns[i]);
+            lanes_outputs(lanes, lane, run->columns, run->column_count, run->output + sample, run->samples);
     }
 }
 

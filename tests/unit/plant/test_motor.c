@@ -10,7 +10,7 @@ static motor_step_t step;
 
 void setUp(void)
 {
-    motor_prepare(&step, &MOTOR, H, false, 0);
+    motor_prepare(&step, &step, &MOTOR, H, false, 0);
 }
 void tearDown(void) {}
 
@@ -44,7 +44,7 @@ static void test_motor_without_inductance_follows_the_voltage_at_once(void)
 {
     motor_t motor = MOTOR;
     motor.inductance = 0;
-    motor_prepare(&step, &motor, H, false, 0);
+    motor_prepare(&step, &step, &motor, H, false, 0);
     TEST_ASSERT_DOUBLE_WITHIN(1e-15, (6 - 0.25 * 4) / 20, motor_end_current(&step, 6, 3, 1, 0.7));
     TEST_ASSERT_DOUBLE_WITHIN(1e-15, (6 - 0.25 * 3) / 20, motor_mean_current(&step, 6, 3, 0.7));
 }
@@ -54,8 +54,8 @@ static void test_motor_coefficients_are_continuous_in_the_step(void)
 {
     const double meeting = 0.5 * 0.01 / 20;
     motor_step_t below = {0}, above = {0};
-    motor_prepare(&below, &MOTOR, meeting * (1 - 1e-12), false, 0);
-    motor_prepare(&above, &MOTOR, meeting * (1 + 1e-12), false, 0);
+    motor_prepare(&below, &below, &MOTOR, meeting * (1 - 1e-12), false, 0);
+    motor_prepare(&above, &above, &MOTOR, meeting * (1 + 1e-12), false, 0);
     TEST_ASSERT_DOUBLE_WITHIN(1e-11, above.decay, below.decay);
     TEST_ASSERT_DOUBLE_WITHIN(1e-11, above.mean_decay, below.mean_decay);
     TEST_ASSERT_DOUBLE_WITHIN(1e-12, above.mean_gain, below.mean_gain);
@@ -65,14 +65,14 @@ static void test_motor_coefficients_are_continuous_in_the_step(void)
 static void test_motor_of_hardly_any_resistance_is_an_integrator(void)
 {
     const motor_t coil = {.resistance = 1e-4, .inductance = 10, .torque_constant = 1, .emf_constant = 1};
-    motor_prepare(&step, &coil, H, false, 0);
+    motor_prepare(&step, &step, &coil, H, false, 0);
     TEST_ASSERT_DOUBLE_WITHIN(1e-13, H / 10, motor_end_current(&step, 1, 0, 0, 0));
     TEST_ASSERT_DOUBLE_WITHIN(1e-13, H / 10 / 2, motor_mean_current(&step, 1, 0, 0));
 }
 
 static void test_motor_that_floats_carries_no_current_and_gives_no_torque(void)
 {
-    motor_prepare(&step, &MOTOR, H, true, 0);
+    motor_prepare(&step, &step, &MOTOR, H, true, 0);
     TEST_ASSERT_EQUAL_DOUBLE(0, motor_end_current(&step, 0, 20, -1, 0.3));
     TEST_ASSERT_EQUAL_DOUBLE(0, motor_mean_current(&step, 0, 20, 0.3));
     TEST_ASSERT_EQUAL_DOUBLE(0, motor_damping(&step));
