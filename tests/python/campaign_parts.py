@@ -30,6 +30,15 @@ def table(seed: int) -> pa.Table:
     )
 
 
+def slowly_squared(number: int) -> int:
+    time.sleep(0.05)
+    return number * number
+
+
+def too_late(_: Any) -> None:
+    raise TimeoutError("of the function")
+
+
 def dies_once(argument: tuple[int, str]) -> int:
     """Returns the number; the first worker that gets it kills itself, and leaves a mark."""
     number, mark = argument

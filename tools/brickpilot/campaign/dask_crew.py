@@ -6,12 +6,15 @@ process before each part, for it may have joined later than the first comparison
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import pickle
 import threading
 import time
 import uuid
 import warnings
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -70,15 +73,10 @@ class DaskCrew:
         return max(_AHEAD * self._threads, 1) - len(self._flying)
 
     def give(self, part: Part) -> None:
-        future = self._client.submit(
-            _called,
-            versions.here(),
-            self._scheduler,
-            self._function,
-            part.argument,
-            key=f"{self._name}-{part.key}",
-            pure=False,
-        )
+        # Pickled here, so that neither Dask looks into the argument nor the scheduler imports what only workers need.
+        task = pickle.dumps((self._function, part.argument))
+        key = f"{self._name}-{part.key}"
+        future = self._client.submit(_called, versions.here(), self._scheduler, task, key=key, pure=False)
         self._flying[future.key] = (part, future)
         future.add_done_callback(self._finished.put)
 
@@ -108,6 +106,8 @@ class DaskCrew:
                 f"part {part.key} ended its worker {times} times, last {error.last_worker.address}"
             ) from None
         except (CancelledError, TimeoutError):
+            if future.status == "error":  # the function's own
+                raise
             raise self._gone() from None
 
     def _look(self) -> None:
@@ -144,12 +144,18 @@ class DaskCrew:
         self._look()
 
     def _compare_versions(self) -> None:
-        """Compares the versions of all workers with those of this process, before anything is run on them."""
+        """Compares the versions of all workers with those of this process, before anything is run on them.
+
+        The scheduler passes parts on and calculates nothing: it has to load this program, of whatever version.
+        """
+        field = _field(self._scheduler)
+        try:
+            self._client.run_on_scheduler(versions.here)
+        except Exception as error:  # whatever its import may raise
+            raise InputError(f"the scheduler cannot load this brickpilot: {error}", field=field) from None
         for address, found in sorted(self._client.run(versions.here, on_error="return").items()):
             if not isinstance(found, Versions):
-                raise InputError(
-                    f"worker {address} cannot load this brickpilot: {found}", field=_field(self._scheduler)
-                )
+                raise InputError(f"worker {address} cannot load this brickpilot: {found}", field=field)
             _check_versions(address, found, versions.here(), self._scheduler)
 
 
@@ -180,9 +186,21 @@ def _client(scheduler: str) -> Any:
     from distributed import Client
 
     try:
+        with ThreadPoolExecutor(1) as aside:  # a notebook's own thread has an event loop already
+            aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except OSError:
-        raise InputError(f"no Dask scheduler answers there within {CONNECT_S:g} s", field=_field(scheduler)) from None
+    except Exception as error:  # whatever the answer of another program leads to
+        why = type(error).__name__
+        message = f"no Dask scheduler answers there within {CONNECT_S:g} s ({why})"
+        raise InputError(message, field=_field(scheduler)) from error
+
+
+async def _greet(scheduler: str) -> None:
+    """Returns when a scheduler has answered. A client would wait for ever where a connection is taken, and no more."""
+    from distributed.comm import connect
+
+    greeted = await connect(scheduler, timeout=CONNECT_S)
+    await greeted.close()
 
 
 def _check_versions(worker: str, found: Versions, wanted: Versions, scheduler: str) -> None:
@@ -192,8 +210,8 @@ def _check_versions(worker: str, found: Versions, wanted: Versions, scheduler: s
         )
 
 
-def _called(wanted: Versions, scheduler: str, function: Function, argument: Any) -> Any:
-    """Returns what the function returns. Runs on the worker.
+def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
+    """Returns what the function of a pickled task returns. Runs on the worker.
 
     A worker may have several threads: they take turns, as neither BLAS nor the function need be fit for more than one.
     """
@@ -203,6 +221,7 @@ def _called(wanted: Versions, scheduler: str, function: Function, argument: Any)
 
         _check_versions(get_worker().address, found, wanted, scheduler)
     with _ONE_AT_A_TIME:
+        function, argument = pickle.loads(task)
         return function(argument)
 
 

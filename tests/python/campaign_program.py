@@ -1,0 +1,36 @@
+"""A small campaign as a program, to be killed: 40 parts of 20 rows, kept in a folder and merged at the end.
+
+python campaign_program.py FOLDER JOBS|SCHEDULER
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import campaign_parts
+from brickpilot.campaign import engine, workers
+from brickpilot.campaign.engine import Part, Progress
+from brickpilot.campaign.store import Parts
+
+KEYS = [f"p{seed:04}" for seed in range(40)]
+TABLE = "results.parquet"
+
+
+def main(folder: Path, where: str) -> None:
+    """Runs the parts that are not there yet, and merges all of them."""
+    crew = workers.local(int(where)) if where.isdecimal() else workers.cluster(where)
+    with Parts(folder, {"seeds": len(KEYS)}) as kept:
+        done = kept.done()
+        engine.run(
+            campaign_parts.table,
+            (Part(key, seed) for seed, key in enumerate(KEYS) if key not in done),
+            keep=lambda part, table: kept.write(part.key, table),
+            workers=crew,
+            progress=Progress(lambda *_: None, len(KEYS), len(done)),
+        )
+        kept.merge(KEYS, folder / TABLE)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2])
