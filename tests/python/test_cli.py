@@ -156,11 +156,14 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
 def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
     main.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
-    assert figures.keys() == {"full_loop", "plant", "lockstep_pty"}
+    host = {"full_loop", "plant", "lockstep_pty", "full_loop_scipy", "plant_scipy"}
+    laws = {f"control_{brick}_{peer}" for brick in ("h8", "avr") for peer in ("q16", "float")}
+    assert figures.keys() == host | laws
     assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the design's promise
-    for figure in figures.values():
-        assert figure.keys() == {"value", "unit", "peer", "ratio"}
+    for name, figure in figures.items():
+        assert {"value", "unit", "peer", "ratio", "machine"} <= figure.keys()
         assert figure["value"] > 0
+        assert figure["ratio"] > 1, name
 
 
 def test_compare_calibrate_and_import_work_together(tmp_path: Path) -> None:

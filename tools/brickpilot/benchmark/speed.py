@@ -4,28 +4,51 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
+from brickpilot.benchmark import control_peers, machine, scipy_robot
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
+_TIMES = "times real time"
+
 
 @dataclass(frozen=True)
 class Figure:
-    """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process."""
+    """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process.
+
+    Where the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 where we are
+    faster. ``machine`` is what ran both.
+    """
 
     value: float
     unit: str
     peer: str
     ratio: float
+    machine: str
+
+
+@dataclass(frozen=True)
+class LawFigure(Figure):
+    """A step of the control law on a brick's processor; ``value`` and ``ratio`` are those of a typical step (median).
+
+    Attributes:
+        most, peer_most: the worst step, in the same unit.
+        flash_bytes, peer_flash_bytes: code and constants of the law, with the routines of its arithmetic.
+        apart_v: V, the largest difference of the two answers.
+    """
+
+    most: int
+    peer_most: int
+    flash_bytes: int
+    peer_flash_bytes: int
+    apart_v: float
 
 
 def _best(work: Callable[[], float], repeats: int = 5) -> float:
@@ -49,38 +72,6 @@ def _plant_alone(model: Model) -> float:
     inputs = np.tile([4.5, 3.0], (len(time_s), 1))
     plant.simulate([(model, plant.OpenLoopRun(time_s, inputs))])
     return float(time_s[-1])
-
-
-def _scipy(model: Model, seconds: float = 3.0) -> float:
-    """Simulates the same robot as a text-book ODE with SciPy's LSODA. Inputs change every 3 ms, as the plant's do."""
-    p = model.parameters
-    resistance, inductance, radius, track = p["resistance"], p["inductance"], p["wheel_radius"], p["half_track"]
-    loss = p["viscous_friction"] + p["mass"] * p["gravity"] * p["rolling_friction"] * radius**2
-    inertia_sum = p["wheel_inertia"] + p["mass"] * radius**2 / 2
-    inertia_difference = p["wheel_inertia"] + p["yaw_inertia"] * radius**2 / (2 * track**2)
-    drag = 0.5 * p["drag_area"] * p["air_density"]
-
-    def slope(_: float, s: NDArray[np.float64], left: float, right: float) -> list[float]:
-        i_l, i_r, w_l, w_r, heading = s[:5]
-        torque_l, torque_r = (p["torque_constant"] * i - loss * w for i, w in ((i_l, w_l), (i_r, w_r)))
-        surge = radius * (w_l + w_r) / 2
-        common = ((torque_l + torque_r) / 2 - radius * drag * surge * abs(surge) / 2) / inertia_sum
-        difference = (torque_l - torque_r) / 2 / inertia_difference
-        return [
-            (left - resistance * i_l - p["emf_constant"] * w_l) / inductance,
-            (right - resistance * i_r - p["emf_constant"] * w_r) / inductance,
-            common + difference,
-            common - difference,
-            radius * (w_l - w_r) / (2 * track),
-            surge * np.cos(heading),
-            surge * np.sin(heading),
-        ]
-
-    state = [0.0] * 7
-    for step in range(round(seconds / STEP_S)):
-        solved: Any = solve_ivp(slope, (step * STEP_S, (step + 1) * STEP_S), state, "LSODA", args=(4.5, 3.0), rtol=1e-6)
-        state = solved.y[:, -1].tolist()
-    return seconds
 
 
 _MUJOCO_ROBOT = f"""
@@ -121,18 +112,86 @@ def _lockstep_pty() -> float:
 def host() -> dict[str, Figure]:
     """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
 
-    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peer is MuJoCo if it is installed, else SciPy's
-    LSODA. The peer of the link is real time.
+    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, where it is installed, and
+    SciPy's solve_ivp at the plant's own accuracy: with inputs that change every 3 ms beside the full loop, and held for
+    a second beside the plant alone. Both simulate the robot without its controller and sensors. The peer of the link is
+    real time.
     """
-    model = rcx()
+    model, on = rcx(), machine.describe()
+    full, alone = _best(_full_loop), _best(lambda: _plant_alone(model))
+    by_scipy = {name: _scipy(model, name) for name in ("controlled", "held")}
+    found = {
+        f"{what}_scipy": Figure(speed, _TIMES, f"SciPy solve_ivp, {peer}", speed / rate, on)
+        for (what, speed), (peer, rate) in zip((("full_loop", full), ("plant", alone)), by_scipy.values(), strict=True)
+    }
     if find_spec("mujoco"):
         peer, rate = "MuJoCo, planar body and two wheels without contacts, 0.3 ms", _best(_mujoco)
+        first = {
+            name: Figure(one, _TIMES, peer, one / rate, on) for name, one in (("full_loop", full), ("plant", alone))
+        }
     else:
-        peer, rate = "SciPy LSODA, the same equations, rtol 1e-6", _best(lambda: _scipy(model), 3)
+        first = {name: found[f"{name}_scipy"] for name in ("full_loop", "plant")}
     steps = max(_lockstep_pty() for _ in range(3))
-    full, alone = _best(_full_loop), _best(lambda: _plant_alone(model))
-    return {
-        "full_loop": Figure(full, "times real time", peer, full / rate),
-        "plant": Figure(alone, "times real time", peer, alone / rate),
-        "lockstep_pty": Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S),
-    }
+    link = Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S, on)
+    return first | found | {"lockstep_pty": link}
+
+
+def _scipy(model: Model, name: str) -> tuple[str, float]:
+    """Returns the faster of SciPy's methods at the plant's accuracy, in words, and its speed in times real time."""
+    manoeuvre: scipy_robot.Manoeuvre = getattr(scipy_robot, name)()
+    settings = scipy_robot.loosest(model, manoeuvre)
+
+    def fly(setting: scipy_robot.Setting) -> float:
+        scipy_robot.solve(model, manoeuvre, setting.tolerance, setting.method)
+        return manoeuvre.seconds
+
+    rates = [_best(partial(fly, setting), 3) for setting in settings]
+    best = int(np.argmax(rates))
+    errors = f"errs {settings[best].scipy_m:.0e} m where the plant errs {settings[best].plant_m:.0e} m"
+    held_s = manoeuvre.held * STEP_S
+    return f"{settings[best]}, inputs held for {held_s:.3g} s, {errors}", rates[best]
+
+
+def control_law() -> tuple[dict[str, LawFigure], list[str]]:
+    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here."""
+    found: dict[str, LawFigure] = {}
+    reasons = []
+    for brick in control_peers.BRICKS:
+        if reason := control_peers.missing(brick):
+            reasons.append(reason)
+            continue
+        costs = control_peers.measure(brick)
+        found |= {
+            f"control_{brick}_{name}": _law_figure(brick, name, costs["ours"], cost)
+            for name, cost in costs.items()
+            if name != "ours"
+        }
+    return found, reasons
+
+
+def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: control_peers.LawCost) -> LawFigure:
+    value, other = float(np.median(ours.cycles)), float(np.median(theirs.cycles))
+    return LawFigure(
+        value=value,
+        unit=control_peers.UNITS[brick],
+        peer=control_peers.ARITHMETICS[name],
+        ratio=other / value,
+        machine=control_peers.BRICKS[brick],
+        most=int(ours.cycles.max()),
+        peer_most=int(theirs.cycles.max()),
+        flash_bytes=ours.flash,
+        peer_flash_bytes=theirs.flash,
+        apart_v=float(np.abs(theirs.voltages - ours.voltages).max()),
+    )
+
+
+def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
+    """Yields both tables as text, the machine first, and the ratios before what they were made of."""
+    yield f"on {next(iter(found.values())).machine}; both sides of a ratio were measured in this run"
+    for name, one in found.items():
+        yield f"{one.ratio:8.1f} x  {name}: {one.value:.0f} {one.unit}, beside {one.peer}"
+    for name, law in laws.items():
+        yield f"{law.ratio:8.2f} x  {name}: {law.value:.0f} {law.unit} (at most {law.most}), beside {law.peer}"
+        cost = f"{law.ratio * law.value:.0f} (at most {law.peer_most})"
+        flash = f"{law.flash_bytes} and {law.peer_flash_bytes} bytes"
+        yield f"{'':12}{cost}; flash {flash}; answers within {1e3 * law.apart_v:.0f} mV; {law.machine}"

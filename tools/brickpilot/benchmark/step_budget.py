@@ -139,7 +139,7 @@ class Counter:
         }
         used = 0
         for begin in begins.tolist():
-            end = _end(stack_pointer, begin)
+            end = end_of_call(stack_pointer, begin)
             if end is None:
                 used = begin
                 break
@@ -164,7 +164,7 @@ class Counter:
         def took_in(entries: NDArray[np.uint16]) -> NDArray[np.int64]:
             total = np.zeros(1 + len(sums), dtype=np.int64)
             for entry in (np.isin(inside, entries).nonzero()[0] + begin).tolist():
-                finish = _end(stack_pointer[:end], entry)
+                finish = end_of_call(stack_pointer[:end], entry)
                 assert finish is not None
                 total += took(entry, finish)
             return total
@@ -186,7 +186,7 @@ class Counter:
         }
 
 
-def _end(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
+def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
     """Returns the index of the first instruction after the function entered at `entry`.
 
     There its return address has left the stack.

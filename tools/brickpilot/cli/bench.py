@@ -51,12 +51,15 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
     _refuse("h8 or avr", seconds=seconds)
     from brickpilot.benchmark import speed as bench_module
 
-    figures = {name: dataclasses.asdict(figure) for name, figure in bench_module.host().items()}
+    found = bench_module.host()
+    laws, missing = bench_module.control_law()
+    for reason in missing:
+        click.echo(f"not measured: {reason}", err=True)
     if as_json:
-        click.echo(json.dumps(figures))
+        click.echo(json.dumps({name: dataclasses.asdict(figure) for name, figure in (found | laws).items()}))
         return
-    for name, figure in figures.items():
-        click.echo(f"{name}: {figure['value']:.0f} {figure['unit']}, {figure['ratio']:.1f} times {figure['peer']}")
+    for line in bench_module.lines(found, laws):
+        click.echo(line)
 
 
 def _refuse(target: str, **given: str | float | None) -> None:

@@ -1,0 +1,59 @@
+"""The control law in the firmware's arithmetic beside Q16.16 and soft-float, on the processors of both bricks."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.benchmark import control_peers, flight_records
+from brickpilot.errors import SimulationError
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = 120
+
+# Of all 500 steps: typical and worst step, bytes of flash. A figure that changes by more than TOLERANCE is corrected
+# here and in tools/README.md.
+TOLERANCE = 0.03
+MEASURED = {
+    ("h8", "ours"): (29706, 35276, 3922),
+    ("h8", "q16"): (61296, 84308, 3976),
+    ("h8", "float"): (114020, 156513, 3626),
+    ("avr", "ours"): (8421, 9617, 6186),
+    ("avr", "q16"): (11106, 13390, 3350),
+    ("avr", "float"): (9177, 10856, 3794),
+}
+
+
+@pytest.mark.parametrize("brick", control_peers.BRICKS)
+def test_peers_give_the_firmwares_answers_at_the_cost_that_is_told(brick: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    found = control_peers.measure(brick)
+    assert found.keys() == control_peers.ARITHMETICS.keys()
+    for name, cost in found.items():
+        got = (float(np.median(cost.cycles)), int(cost.cycles.max()), cost.flash)
+        assert got == pytest.approx(MEASURED[brick, name], rel=TOLERANCE), (brick, name)
+    # The mission turns, drives and brakes, and the law with it.
+    assert np.ptp(found["ours"].voltages, axis=0).min() > 10.0
+
+
+@pytest.mark.parametrize("constant", ["", "HEADING_KP", "FEEDFORWARD", "TWICE_DECEL", "SPEED_KI_PERIOD"])
+def test_a_peer_that_computes_another_law_is_refused(constant: str, tmp_path: Path) -> None:
+    flight_records.write(flight_records.record(STEPS), tmp_path)
+    path = tmp_path / "constants.inc"
+    if constant:
+        lines = path.read_text().splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith(f"#define {constant} "))
+        lines[at] = lines[at].replace(f"{constant} (", f"{constant} (1.1 * ")
+        path.write_text("\n".join([*lines, ""]))
+    subprocess.run([ROOT / "tests/peers/build", "host", tmp_path], check=True)
+    voltages = {}
+    for name, scale in (("ours", 1e-3), ("q16", 1 / 65536)):
+        output = subprocess.run([tmp_path / name], stdout=subprocess.PIPE, check=True).stdout
+        voltages[name] = np.frombuffer(output, dtype="<i4").reshape(STEPS, 5)[:, :2] * scale
+    if not constant:
+        control_peers.check_same_answers("Q16.16", voltages["ours"], voltages["q16"])
+        return
+    with pytest.raises(SimulationError, match="does not compute the firmware's control law"):
+        control_peers.check_same_answers("Q16.16", voltages["ours"], voltages["q16"])
