@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures
+
+if TYPE_CHECKING:
+    from brickpilot.hil.fly import HilFlight
 
 DIVERGED = "the simulation diverged"
 _E_DIVERGED = -5  # BP_E_DIVERGED of the C interface
@@ -38,7 +41,7 @@ UNITS = {
 
 
 def row(plan: flight.Plan) -> Row:
-    """Flies a mission and returns its figures.
+    """Flies a mission and returns its figures. Where its scenario has faults, a link is between plant and brick.
 
     Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why not, and
     is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest of the
@@ -50,6 +53,10 @@ def row(plan: flight.Plan) -> Row:
         SimulationError: the flight cannot begin, as where the firmware refuses its route.
     """
     try:
+        if plan.scenario.faults:
+            from brickpilot.hil import memory_link
+
+            return over_a_link(memory_link.fly_alone(plan))
         return figures(flight.fly(plan, _LOGGED))
     except SimulationError as error:
         if error.status != _E_DIVERGED:
@@ -84,6 +91,14 @@ def figures(flown: flight.Flight) -> Row:
         "seed": flown.plan.seed,
         "motor_stream_sha256": flight_figures.motor_hash(flown),
     }
+
+
+def over_a_link(flown: HilFlight) -> Row:
+    """Returns the row of a flight over a link, which fails too where the link ends it."""
+    row = figures(flown.flight)
+    if flown.broke_off is None:
+        return row
+    return row | {"success": False, "cause": flown.broke_off.split(":")[0].split(",")[0]}
 
 
 def diverged(plan: flight.Plan) -> Row:

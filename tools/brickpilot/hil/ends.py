@@ -74,11 +74,13 @@ class Ends:
         link: the open link.
         restart: switches the brick off and on; None if the brick was not started here.
         reply_s: time for a reply in lockstep, s of the clock, before the set is sent again.
+        clock: the clock, s.
     """
 
     link: Link
     restart: Callable[[], None] | None
     reply_s: float = REPLY_S
+    clock: Callable[[], float] = time.monotonic
 
 
 @contextmanager

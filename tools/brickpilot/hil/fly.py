@@ -123,9 +123,10 @@ def _coast(run: LinkedFlight, end: PlantEnd, until: int) -> None:
 def _drain(run: LinkedFlight) -> None:
     """Waits for the telemetry of the last step."""
     last = run.step = run.step - 1
-    until = time.monotonic() + 0.1
+    clock = run.session.clock
+    until = clock() + 0.1
     with contextlib.suppress(LinkGoneError):  # the flight is over, and the log repeats the last report
-        while run.telemetry.newest_step < last and (left := until - time.monotonic()) > 0:
+        while run.telemetry.newest_step < last and (left := until - clock()) > 0:
             for message in run.link.receive(left):
                 run.take(*message)
     run.count()

@@ -41,7 +41,7 @@ class LinkedFlight:
         self.plan = plan
         self.lockstep = pace == LOCKSTEP
         self.progress = progress
-        self.session = Session(link, spec, self.take, reply_s)
+        self.session = Session(link, spec, self.take, reply_s, ends.clock)
         self.telemetry = Telemetry()
         self.step = 0
         self.late = 0

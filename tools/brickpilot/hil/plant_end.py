@@ -81,7 +81,7 @@ class PlantEnd:
             SimulationError: the plant's state diverges.
         """
         if status := self._library.bp_loop_act(self._loop, left, right):
-            raise SimulationError(f"the simulation ended with status {status}")
+            raise SimulationError(f"the simulation ended with status {status}", status=status)
 
 
 @contextmanager

@@ -36,6 +36,7 @@ class Session:
         spec: the link as the user named it, for error messages.
         other: called with (id, data) of every message that is not the expected reply.
         reply_s: time for a reply, s, before the request is sent again.
+        clock: the time that `reply_s` is of, s.
     """
 
     def __init__(
@@ -44,8 +45,10 @@ class Session:
         spec: str,
         other: Callable[[int, bytes], None] = lambda _id, _data: None,
         reply_s: float = REPLY_S,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.link = link
+        self.clock = clock
         self.spec = spec
         self.other = other
         self.reply_s = reply_s
@@ -62,9 +65,9 @@ class Session:
     def wait(self, identifier: int, accept: Callable[[bytes], bool], timeout: float) -> bytes | None:
         """Returns the data of the first message with that id that `accept` takes, or None after `timeout` s."""
         found: bytes | None = None
-        until = time.monotonic() + timeout
+        until = self.clock() + timeout
         while found is None:
-            left = until - time.monotonic()
+            left = until - self.clock()
             if left <= 0:
                 return None
             for frame_id, data in self.link.receive(left):
@@ -94,12 +97,12 @@ class Session:
         """
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
-        began = time.monotonic()
+        began = self.clock()
         before = self.repeated
         try:
             hello = self._request("OPEN", "HELLO", values, OPEN_TRIES)
         except NoReplyError:
-            seconds = round(time.monotonic() - began)
+            seconds = round(self.clock() - began)
             raise InputError(f"no brick has replied for {seconds} s", field=f"--link {self.spec}") from None
         named = {number: name for name, number in self._book.choices("HELLO", "status").items()}
         status = named.get(hello["status"], f"status {hello['status']}")
