@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,3 +69,28 @@ def fmu(model_file: str | None, fmi: str, sources_only: bool, out: str | None) -
     files.write(made)
     for one in made:
         click.echo(f"FMU: {one}")
+
+
+@export.command()
+@_model_option
+@click.option("--out", metavar="FILE", help="The file to write; default NAME.xml.")
+def mjcf(model_file: str | None, out: str | None) -> None:
+    """Writes a model as MJCF, for MuJoCo 3.8 or newer.
+
+    Masses, wheels on the floor, motors and losses, and those effects that MuJoCo has a counterpart for. What is not in
+    the file is printed, and stands in it as a comment.
+    """
+    from brickpilot.export import files
+    from brickpilot.export import mjcf as mjcfs
+
+    model = _model(model_file)
+    path = Path(out or f"{model.name}.xml")
+    made = mjcfs.write(model)
+    files.write({path: made.text.encode()})
+    _tell(f"MJCF: {path}", made.left_out)
+
+
+def _tell(line: str, left_out: Sequence[str]) -> None:
+    for one in left_out:
+        click.echo(f"not said  {one}")
+    click.echo(line)

@@ -1,0 +1,243 @@
+"""A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can be told of it.
+
+The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by contacts
+that are as firm as MuJoCo makes them. MuJoCo's frame has y to the left and z up, so y and yaw have the other sign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree as Xml
+
+from brickpilot.constants import MOTOR_STEP_S
+from brickpilot.errors import InputError
+from brickpilot.export.machine import Machine, losses, radii
+from brickpilot.export.machine_effects import tell
+from brickpilot.vehicle.model import Model
+
+SIDES = ("left", "right")
+
+_AIR_M = 1e-3  # radius of the ball that feels the air's drag: too small to have an added mass
+_WHEEL_SHARE = 1e-4  # of the mass that a wheel's body has: its inertia is the joint's armature
+_FIRM = "0.9999 0.9999 0.001"
+_GRIP = 100.0
+_FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
+
+
+@dataclass(frozen=True)
+class Mjcf:
+    """A file for MuJoCo, and what of the model is not in it, one line each."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
+def write(model: Model) -> Mjcf:
+    """Returns the model as MJCF.
+
+    Raises:
+        InputError: the profile `paper`, whose wheels do not carry the body, as those of MuJoCo do.
+    """
+    if model.profile != "coupled":
+        raise InputError("has wheels that do not carry the body, which MuJoCo cannot say; use coupled", field="profile")
+    machine, untold = tell(model)
+    left_out = [*untold, *_combinations(model, machine), _FLOATS]
+    root = Xml.Element("mujoco", model=model.name)
+    root.append(Xml.Comment(_remarks(left_out)))
+    Xml.SubElement(root, "compiler", angle="radian")
+    _option(root, model, machine)
+    world = Xml.SubElement(root, "worldbody")
+    if model.vehicle == "motor":
+        _bench(world, model, machine)
+    else:
+        _robot(world, machine)
+        _contacts(root)
+    sides = SIDES[:1] if model.vehicle == "motor" else SIDES
+    _actuators(root, machine, sides)
+    _sensors(root, model, machine, sides)
+    Xml.indent(root)
+    return Mjcf(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
+
+
+def _remarks(left_out: Sequence[str]) -> str:
+    lines = [
+        "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise.",
+        "Not in this file:",
+    ]
+    return "\n     ".join([*lines, *(f"  {line}" for line in left_out)]).replace("--", "- -") + " "
+
+
+def _combinations(model: Model, machine: Machine) -> list[str]:
+    """Returns what could be said alone, but not beside what else the robot has."""
+    found = []
+    if machine.lag > 0 and machine.values["inductance"] > 0:
+        found.append("inductance, as the command has a lag and MuJoCo has one state for a motor")
+    if machine.lag > 0 and machine.limit is not None:
+        found.append("the limit of the voltage after its lag: the command is limited before it")
+    if model.vehicle == "motor" and machine.air > 0:
+        found.append("the air's drag on the load of a motor")
+    return found
+
+
+def _text(*numbers: float) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def _option(root: Xml.Element, model: Model, machine: Machine) -> None:
+    x, y = machine.slope
+    gravity = machine.values["gravity"]
+    down = (0.0, 0.0, 0.0) if model.vehicle == "motor" else (x, -y, -math.sqrt(max(0.0, 1 - x * x - y * y)))
+    attributes = {
+        "timestep": _text(MOTOR_STEP_S),
+        "integrator": "implicitfast",
+        "cone": "elliptic",
+        "impratio": "10",
+        "tolerance": "1e-14",
+        "gravity": _text(*(gravity * one for one in down)),
+        "density": _text(1.0 if machine.air > 0 and model.vehicle != "motor" else 0.0),
+    }
+    Xml.SubElement(root, "option", attributes)
+
+
+def _body(
+    parent: Xml.Element, name: str, place: str, mass: float, inertia: Sequence[float], centre: str
+) -> Xml.Element:
+    body = Xml.SubElement(parent, "body", name=name, pos=place)
+    Xml.SubElement(body, "inertial", pos=centre, mass=_text(mass), diaginertia=_text(*inertia))
+    return body
+
+
+def _joint(
+    body: Xml.Element, name: str, kind: str, axis: str, damping: float = 0, dry: float = 0, rotor: float = 0
+) -> None:
+    attributes = {"name": name, "type": kind, "axis": axis, "damping": _text(damping), "armature": _text(rotor)}
+    if dry > 0:
+        firm = {"solreffriction": _text(2 * MOTOR_STEP_S, 1), "solimpfriction": _FIRM}
+        attributes |= {"frictionloss": _text(dry), **firm}
+    Xml.SubElement(body, "joint", attributes)
+
+
+def _robot(world: Xml.Element, machine: Machine) -> None:
+    values, wheels = machine.values, radii(machine)
+    wheel_mass, track = _WHEEL_SHARE * machine.mass, values["half_track"]
+    chassis = machine.mass - 2 * wheel_mass
+    ahead, left = machine.com[0] * machine.mass / chassis, -machine.com[1] * machine.mass / chassis
+    turning = _chassis_inertia(machine, chassis, wheel_mass, (ahead, left))
+    Xml.SubElement(world, "geom", _unfelt("floor", "plane", "0 0 1"))
+    body = _body(world, "chassis", "0 0 0", chassis, [turning] * 3, _text(ahead, left, 0))
+    for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1")):
+        _joint(body, name, "slide", axis, machine.body_drag if name != "z" else 0)
+    _joint(body, "yaw", "hinge", "0 0 1", machine.yaw_drag, machine.yaw_dry)
+    deck = _unfelt("deck", "box", _text(1.2 * track, 0.7 * track, 0.3 * track))
+    Xml.SubElement(body, "geom", deck | {"pos": _text(0, 0, 2 * max(wheels)), "rgba": "0.9 0.8 0.2 1"})
+    if machine.air > 0:
+        drag = machine.air / (math.pi * _AIR_M**2)
+        ball = _unfelt("air", "sphere", _text(_AIR_M))
+        Xml.SubElement(body, "geom", ball | {"fluidshape": "ellipsoid", "fluidcoef": _text(drag, 0, 0, 0, 0)})
+    Xml.SubElement(body, "site", name="imu", pos=_text(machine.imu[0], -machine.imu[1], 0))
+    for k, (side, y) in enumerate(zip(SIDES, (track, -track), strict=True)):
+        tiny = 1e-9 * values["wheel_inertia"]
+        wheel = _body(body, side, _text(0, y, wheels[k]), wheel_mass, [tiny] * 3, "0 0 0")
+        _joint(wheel, side, "hinge", "0 1 0", losses(machine)[k], machine.dry[k], values["wheel_inertia"] - tiny)
+        tread = _unfelt(side, "sphere", _text(wheels[k])) | {"rgba": "0 0 0 0"}
+        Xml.SubElement(wheel, "geom", tread)
+        shown = _unfelt(f"{side}_wheel", "cylinder", _text(wheels[k], 0.15 * track))
+        Xml.SubElement(wheel, "geom", shown | {"zaxis": "0 1 0", "rgba": "0.2 0.2 0.2 1"})
+
+
+def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
+    """Returns a geom that collides with nothing, unless a pair names it."""
+    return {"name": name, "type": kind, "size": size, "contype": "0", "conaffinity": "0"}
+
+
+def _chassis_inertia(machine: Machine, chassis: float, wheel: float, centre: tuple[float, float]) -> float:
+    """Returns the chassis' own inertia, so that the whole robot has its own about its centre of mass.
+
+    Raises:
+        InputError: the two light wheels alone have more.
+    """
+    ahead, right = machine.com
+    of_wheels = 2 * wheel * (machine.values["half_track"] ** 2 + ahead**2 + right**2)
+    found = machine.yaw_inertia - of_wheels - chassis * ((centre[0] - ahead) ** 2 + (centre[1] + right) ** 2)
+    if found <= 0:
+        raise InputError("is too small for the mass of the wheels", field="parameters.yaw_inertia")
+    return found
+
+
+def _contacts(root: Xml.Element) -> None:
+    """Joins wheels and floor. A time constant of two steps is the least that MuJoCo takes."""
+    contact = Xml.SubElement(root, "contact")
+    for side in SIDES:
+        firm = {"condim": "3", "friction": _text(_GRIP, _GRIP, 0, 0, 0), "solref": _text(2 * MOTOR_STEP_S, 1)}
+        Xml.SubElement(contact, "pair", {"geom1": "floor", "geom2": side, **firm, "solimp": _FIRM})
+
+
+def _bench(world: Xml.Element, model: Model, machine: Machine) -> None:
+    """A motor and its load: one joint, which turns, or slides where the input commands a force."""
+    values = machine.values
+    linear = values["force_per_volt"] > 0
+    lever = 1.0 if linear else values["wheel_radius"]
+    inertia = (0.0 if linear else values["wheel_inertia"]) + machine.mass * lever**2
+    tiny = 1e-6 * inertia
+    mass = tiny if linear else inertia
+    body = _body(world, "load", "0 0 0", mass, [tiny] * 3, "0 0 0")
+    weight = machine.mass * values["gravity"] * values["rolling_friction"] * lever**2
+    drag = values["viscous_friction"] + weight + machine.viscous[0] + machine.body_drag * lever**2
+    _joint(body, "left", "slide" if linear else "hinge", "0 0 1", drag, machine.dry[0], inertia - tiny)
+    Xml.SubElement(body, "geom", _unfelt("load", "cylinder", "0.02 0.01"))
+
+
+def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> None:
+    actuator = Xml.SubElement(root, "actuator")
+    for k, side in enumerate(sides):
+        head = {"name": side, "joint": side}
+        head |= _late(machine.delay)
+        if machine.limit is not None:
+            end = machine.limit / machine.gain[k]
+            head |= {"ctrllimited": "true", "ctrlrange": _text(-end, end)}
+        _motor(actuator, head, machine, k)
+    for k, side in enumerate(sides):
+        if machine.load[k] != 0:
+            constant = {"gainprm": "0", "biastype": "affine", "biasprm": _text(-machine.load[k], 0, 0)}
+            Xml.SubElement(actuator, "general", {"name": f"load_{side}", "joint": side, **constant})
+
+
+def _late(delay: float) -> dict[str, str]:
+    """Returns a delay of the nearest number of steps, read half a step early: so rounding never adds a step."""
+    steps = round(delay / MOTOR_STEP_S)
+    return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
+
+
+def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
+    """A direct-current motor. MuJoCo has one constant for torque and back EMF; a motor with two is like one whose
+    resistance and inductance are K_e / K_t times as large. A gain of the voltage makes all of them smaller."""
+    values = machine.values
+    per_volt = values["force_per_volt"] or values["torque_per_volt"]
+    torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]
+    gain = machine.gain[k]
+    lag = {"dyntype": "filterexact", "dynprm": _text(machine.lag)} if machine.lag > 0 else {}
+    if per_volt > 0:
+        Xml.SubElement(actuator, "general", {**head, "gainprm": _text(per_volt * gain), **lag})
+    elif lag or torque * emf <= 0:
+        stiff = torque / values["resistance"]
+        bias = {"biastype": "affine", "biasprm": _text(0, 0, -stiff * emf)}
+        Xml.SubElement(actuator, "general", {**head, "gainprm": _text(stiff * gain), **bias, **lag})
+    else:
+        like = emf / gain
+        scale = like / (torque * gain)
+        motor = {"motorconst": _text(like, like), "resistance": _text(values["resistance"] * scale)}
+        inductance = {"inductance": _text(values["inductance"] * scale, 0)} if values["inductance"] > 0 else {}
+        Xml.SubElement(actuator, "dcmotor", {**head, **motor, **inductance})
+
+
+def _sensors(root: Xml.Element, model: Model, machine: Machine, sides: Sequence[str]) -> None:
+    sensor = Xml.SubElement(root, "sensor")
+    late = _late(machine.late)
+    if model.vehicle != "motor":
+        Xml.SubElement(sensor, "gyro", {"name": "gyro", "site": "imu", **late})
+        Xml.SubElement(sensor, "accelerometer", {"name": "accelerometer", "site": "imu", **late})
+    for side in sides:
+        Xml.SubElement(sensor, "jointpos", {"name": f"wheel_angle_{side}", "joint": side, **late})
+        Xml.SubElement(sensor, "jointvel", {"name": f"wheel_speed_{side}", "joint": side, **late})
