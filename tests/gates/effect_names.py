@@ -19,8 +19,8 @@ MAY_NAME = frozenset(
         Path("tools/examples/make_logs.py"),
     }
 )
-# Documents report what was found in which data set.
-DOCUMENTS = frozenset({".md", ".svg"})
+# Documents and notebooks report what was found in which data set.
+DOCUMENTS = frozenset({".ipynb", ".md", ".svg"})
 
 
 def names(root: Path) -> list[str]:

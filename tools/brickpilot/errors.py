@@ -12,7 +12,7 @@ class SimulationError(Exception):
 
     Args:
         job: index of the run in the request.
-        status: BP_E_ code of the plant.
+        status: `BP_E_` code of the plant.
     """
 
     def __init__(self, message: str, job: int | None = None, status: int | None = None) -> None:

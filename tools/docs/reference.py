@@ -1,0 +1,139 @@
+"""Stages the reference pages: each is made from the one place where its facts stand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import brickpilot
+import click
+from brickpilot import catalogue
+from brickpilot.catalogue import EffectInfo, ParameterInfo
+from brickpilot.cli import main
+from brickpilot.vehicle.setting_defaults import defaults
+from brickpilot.vehicle.settings import settings
+
+MANY = 12
+"""An effect with more parameters shows them on demand."""
+
+
+def stage(root: Path, pages: Path) -> None:
+    """Writes the reference pages below `pages`."""
+    written = {
+        "python.md": python_page(),
+        "effects.md": effects_page(),
+        "settings.md": settings_page(),
+        "glossary.md": glossary_page((root / "CONTRIBUTING.md").read_text(encoding="utf-8")),
+        **dict(command_pages()),
+    }
+    for name, text in written.items():
+        path = pages / "reference" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def command_pages() -> Iterator[tuple[str, str]]:
+    """Yields the file and the text of each command's page, made of its help, and of their index."""
+    names = {command: name for name, command in vars(main).items() if isinstance(command, click.Command)}
+    for command in main.COMMANDS:
+        directive = (
+            f".. click:: {main.__name__}:{names[command]}\n   :prog: brickpilot {command.name}\n   :nested: full"
+        )
+        yield f"commands/{command.name}.md", f"```{{eval-rst}}\n{directive}\n```\n"
+    entries = "\n".join(f"{command.name}" for command in main.COMMANDS)
+    lines = "\n".join(f"- [`brickpilot {one.name}`]({one.name}.md): {_plain(one.short_help)}" for one in main.COMMANDS)
+    yield "commands/index.md", f"# Commands\n\n{lines}\n\n```{{toctree}}\n:hidden:\n\n{entries}\n```\n"
+
+
+def python_page() -> str:
+    """Returns the page of the public face: the docstring of the package, then each name with its own."""
+    blocks = []
+    for name in brickpilot.__all__:
+        if name.startswith("_") or name == "discover_effects":
+            continue
+        module, _, attribute = brickpilot._NAMES[name].partition(":")
+        if name == "discover":  # the package can be called; what it calls has the docstring
+            module, attribute = "brickpilot.discover.pipeline", "discover"
+        kind = _kind(getattr(brickpilot, name))
+        members = "   :members:\n" if kind == "autoclass" else ""
+        blocks.append(f"## bp.{name}\n\n```{{eval-rst}}\n.. {kind}:: {module}.{attribute}\n{members}```\n")
+    tour = "```{eval-rst}\n.. automodule:: brickpilot\n   :no-members:\n```\n"
+    return "\n".join(["# Python\n", tour, *blocks])
+
+
+def _kind(thing: object) -> str:
+    if isinstance(thing, type):
+        return "autoexception" if issubclass(thing, Exception) else "autoclass"
+    return "autofunction"
+
+
+def effects_page() -> str:
+    """Returns the page of the effects by mechanism, made of the plant's table."""
+    known = catalogue.effects()
+    parts = [f"# Effects\n\n{len(known)} effects can be switched on in the plant. Each stands once, in its own C file."]
+    for mechanism in dict.fromkeys(effect.mechanism for effect in known):
+        parts.append(f"## {mechanism.capitalize()}")
+        parts += [_effect(effect) for effect in known if effect.mechanism == mechanism]
+    return "\n\n".join(parts) + "\n"
+
+
+def _effect(effect: EffectInfo) -> str:
+    lines = [f"### `{effect.name}`", _plain(effect.summary)]
+    if effect.variant_of:
+        lines.append(f"A variant of [`{effect.variant_of}`](#{effect.variant_of}), but {_plain(effect.variation)}.")
+    lines.append(f"```text\n{effect.equation}\n```")
+    lines.append(f"It acts on: {effect.acts_on}. Source: {_plain(effect.source)}.")
+    head = ("parameter", "role", "unit", "range", "preset", "meaning")
+    rows = table(head, (_parameter(one) for one in effect.parameters))
+    if len(effect.parameters) > MANY:
+        rows = f"<details><summary>Its {len(effect.parameters)} parameters</summary>\n\n{rows}\n\n</details>"
+    return "\n\n".join([*lines, rows] if effect.parameters else lines)
+
+
+def _parameter(one: ParameterInfo) -> tuple[str, ...]:
+    span = f"{one.minimum:g} to {one.maximum:g}"
+    return f"`{one.name}`", one.role, one.unit, span, f"{one.preset:g}", _plain(one.meaning)
+
+
+def settings_page() -> str:
+    """Returns the page of the firmware's settings, with the defaults of both profiles."""
+    coupled, paper = defaults("coupled"), defaults("paper")
+    rows = (
+        (f"`{name}`", f"{row.value(coupled[name]):.4g}", f"{row.value(paper[name]):.4g}", row.range_in_unit,
+         f"{row.range} ({row.format.text})", _plain(row.meaning))
+        for name, row in settings().items()
+    )  # fmt: skip
+    head = ("setting", "coupled", "paper", "range", "raw range", "meaning")
+    intro = (
+        "# Settings\n\nWhat a host may change while the brick is on: `brickpilot hil --set NAME=VALUE` and "
+        "`brickpilot upload --set NAME=VALUE` write the raw integer."
+    )
+    return f"{intro}\n\n{table(head, rows)}\n"
+
+
+def glossary_page(contributing: str) -> str:
+    """Returns the glossary, made of the table of words in CONTRIBUTING.md.
+
+    Raises:
+        ValueError: the table is not there.
+    """
+    section = contributing.partition("\n## Words\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (?!word \|)([^|-][^|]*?) \| (.*) \|$", section, re.MULTILINE)
+    if not rows:
+        raise ValueError("CONTRIBUTING.md has no table of words")
+    blocks = ["\n".join(f"  {term.strip()}" for term in words.split(",")) + f"\n    {text}" for words, text in rows]
+    entries = "\n\n".join(sorted(blocks, key=str.lower))
+    return f"# Glossary\n\nOne word has one meaning.\n\n```{{eval-rst}}\n.. glossary::\n\n{entries}\n```\n"
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Returns a Markdown table."""
+    lines = [list(head), *map(list, rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _plain(text: str | None) -> str:
+    """Returns words for a Markdown page: a star and a bracket are no markup."""
+    return re.sub(r"([*_<>\[\]])", r"\\\1", text or "")
