@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ from brickpilot.benchmark.score import (
     visible,
     wrong,
 )
+from brickpilot.campaign import workers
+from brickpilot.campaign.crew import Finished
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
 from command import brickpilot
@@ -194,6 +197,7 @@ class Recorded(sets.Maker):
     """Makes empty folders and keeps their names."""
 
     def __init__(self, broken=()) -> None:
+        super().__init__(CHECKOUT / "tests")
         self.made, self.broken = [], broken
 
     def make(self, tasks, out, jobs) -> None:
@@ -219,31 +223,72 @@ def test_a_rerun_continues_where_the_last_one_stopped_and_repeats_errors(tmp_pat
 
     monkeypatch.setattr(blind_test, "run_one", run_one)
     shown = []
-    options = {"jobs": 1, "peer": None, "progress": lambda *one: shown.append(one)}
+    options = {"workers": workers.Here(), "progress": lambda *one: shown.append(one)}
     with pytest.raises(KeyboardInterrupt):
-        blind_test.run(tasks, tmp_path, maker=Recorded(), **options)
+        blind_test.run(tasks, tmp_path, work=blind_test.Work(Recorded(), 1, None), **options)
     assert [task.name for task in done] == ["s0", "s1", "s2"]
     done.clear()
     done.extend([None] * 4)
     maker = Recorded()
-    results = blind_test.run(tasks, tmp_path, maker=maker, **options)
+    results = blind_test.run(tasks, tmp_path, work=blind_test.Work(maker, 1, None), **options)
     assert [(task.name, task.engine) for task in done[4:]] == [
         ("s1", "mujoco"), *((f"s{i}", "mujoco") for i in range(3, 10)), ("s0", "planar"),
     ]  # fmt: skip
-    assert maker.made == [["s1", *(f"s{i}" for i in range(3, 10))], ["s0"]]
+    assert maker.made == [[task.name] for task in done[4:]]
     assert len(results) == 11
-    assert shown[-1] == (10, 11, "s0")
-    assert blind_test.run(tasks[2:], tmp_path, maker=Recorded(broken=["s5"]), **options) == load(tmp_path / RESULTS)
+    assert shown[-1] == (11, 11, "11 of 11 sets")
+    again = blind_test.run(tasks[2:], tmp_path, work=blind_test.Work(Recorded(broken=["s5"]), 1, None), **options)
+    assert again == results == load(tmp_path / RESULTS)
 
 
-def test_a_batch_without_any_set_ends_the_benchmark_and_a_single_missing_set_does_not(tmp_path) -> None:
+def test_a_maker_that_makes_no_set_ends_the_benchmark_and_a_single_missing_set_does_not(tmp_path) -> None:
     tasks = [sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
-    options = {"jobs": 1, "peer": None, "progress": lambda *_: None}
+    work = blind_test.Work(Recorded(broken=["broken"]), 1, None)
+    options = {"work": work, "workers": workers.Here(), "progress": lambda *_: None}
     with pytest.raises(SimulationError, match="diverged"):
-        blind_test.run(tasks[1:], tmp_path, maker=Recorded(broken=["broken"]), **options)
-    results = blind_test.run(tasks, tmp_path, maker=Recorded(broken=["broken"]), **options)
+        blind_test.run(tasks[1:], tmp_path, **options)
+    results = blind_test.run(tasks, tmp_path, **options)
     assert [(one["name"], one["verdict"]) for one in results] == [("whole", "error"), ("broken", "error")]
     assert "is missing: the set was not made" in results[1]["error"]
+
+
+class Backwards:
+    """Workers of this process of which the one that began last is the first to be done."""
+
+    def __init__(self) -> None:
+        self.given = []
+
+    @contextmanager
+    def crew(self, function):
+        self.function = function
+        yield self
+
+    def room(self) -> int:
+        return 4 - len(self.given)
+
+    def give(self, part) -> None:
+        self.given.append(part)
+
+    def wait(self):
+        part = self.given.pop()
+        return [Finished(part, self.function(part.argument))]
+
+
+def test_results_stand_in_order_whoever_was_first(tmp_path) -> None:
+    tasks = [sets.Task(f"s{i}", "mujoco", i, folder=tmp_path) for i in range(6)]
+    asked = {"work": blind_test.Work(None, 1, None), "progress": lambda *_: None}
+    expected = [one["name"] for one in blind_test.run(tasks, tmp_path / "a", workers=workers.Here(), **asked)]
+    assert expected == [task.name for task in tasks]
+    assert [one["name"] for one in blind_test.run(tasks, tmp_path / "b", workers=Backwards(), **asked)] == expected
+    lines = {(tmp_path / place / RESULTS).read_bytes() for place in "ab"}
+    assert len(lines) == 1
+
+
+def test_a_worker_without_the_files_of_a_set_says_so(tmp_path) -> None:
+    task = sets.Task("s", "mujoco", 0, folder=tmp_path / "s")
+    work = blind_test.Work(None, 1, None)
+    with pytest.raises(InputError, match=r"/s: is not there on the worker \S+: each worker needs the same files$"):
+        blind_test.run([task], tmp_path, work=work, workers=workers.local(1), progress=lambda *_: None)
 
 
 def refused(*arguments, cwd) -> str:
@@ -254,6 +299,7 @@ def refused(*arguments, cwd) -> str:
 
 
 def test_bad_use_gives_one_line(tmp_path) -> None:
+    assert "--scheduler here: needs the address" in refused("discover", "--scheduler", "here", cwd=tmp_path)
     assert "run it inside a checkout" in refused("discover", "--suite", "ci", cwd=tmp_path)
     assert "no results here" in refused("discover", "--table", cwd=tmp_path)
     assert "holds no data set" in refused("discover", "--data", ".", cwd=tmp_path)
@@ -268,8 +314,9 @@ def test_a_missing_package_gives_one_line(tmp_path, monkeypatch) -> None:
     with pytest.raises(InputError, match="needs the package mujoco"):
         sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
     monkeypatch.setattr(sindy, "find_spec", lambda name: None)
+    work = blind_test.Work(None, 1, "sindy")
     with pytest.raises(InputError, match="PySINDy is not installed"):
-        blind_test.run([], tmp_path, maker=None, jobs=1, peer="sindy", progress=lambda *_: None)
+        blind_test.run([], tmp_path, work=work, workers=workers.Here(), progress=lambda *_: None)
 
 
 @pytest.fixture(scope="module")

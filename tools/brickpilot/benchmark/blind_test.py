@@ -6,18 +6,20 @@ printed is computed from the results alone (table.py).
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from brickpilot import __version__
 from brickpilot.benchmark import sindy
-from brickpilot.benchmark.result import RESULTS, append, held_out_gap, load, truth_fields, verdict_fields
+from brickpilot.benchmark.result import RESULTS, append, held_out_gap, load, put_in_order, truth_fields, verdict_fields
 from brickpilot.benchmark.sets import Maker, Task, truth_of
+from brickpilot.campaign import engine
+from brickpilot.campaign.engine import Part
+from brickpilot.campaign.workers import Workers, shared
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.verdict_json import verdict_json
@@ -26,64 +28,96 @@ from brickpilot.fit.descent import Progress
 
 Peer = Literal["sindy", "sindy-grid"]
 
-_BATCH = 8  # sets that lie on the disk at a time
+_FIRST = 8  # sets of which one at least has to be made
 
 
-def run(
-    tasks: Sequence[Task], out: Path, *, maker: Maker | None, jobs: int, peer: Peer | None, progress: Progress
-) -> list[dict[str, Any]]:
-    """Runs the sets that have no result in OUT/results.jsonl yet, or an error, and returns all results.
+@dataclass(frozen=True)
+class Work:
+    """What to run on each set.
 
-    Args:
+    Attributes:
         maker: makes sets and experiments. None: the sets exist already, and no experiment is made.
         jobs: number of jobs of each `discover`, and of the maker.
-        progress: called with (sets done, all sets, text) before each set.
+        peer: the peer that runs beside discovery.
+    """
+
+    maker: Maker | None
+    jobs: int
+    peer: Peer | None
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """One set for a worker."""
+
+    task: Task
+    work: Work
+
+
+@dataclass(frozen=True)
+class _Ran:
+    """The result of one set; `unmade` says why it could not be made."""
+
+    result: dict[str, Any]
+    unmade: str | None
+
+
+def run(tasks: Sequence[Task], out: Path, *, work: Work, workers: Workers, progress: Progress) -> list[dict[str, Any]]:
+    """Runs the sets that have no result in OUT/results.jsonl yet, or an error, and returns all results.
+
+    A result is appended as it comes. At the end those of `tasks` stand in their order, whoever was first.
+
+    Args:
+        workers: where they run.
+        progress: called with (sets done, all sets, text).
 
     Raises:
         InputError: the peer is not installed.
-        SimulationError: no set of a batch can be made.
+        SimulationError: of the first sets, none can be made.
     """
-    why = sindy.missing() if peer else None
+    why = sindy.missing() if work.peer else None
     if why:
         raise InputError(why, field="--peer")
     path = out / RESULTS
-    kept = (
-        {(one["engine"], one["name"], one["seed"]) for one in load(path) if not one["error"]}
-        if path.exists()
-        else set()
-    )
+    kept = {_key(one) for one in load(path) if not one["error"]} if path.exists() else set()
     left = [task for task in tasks if task.key not in kept]
-    done = len(tasks) - len(left)
-    for batch in _batches(left):
-        with tempfile.TemporaryDirectory(prefix="brickpilot-benchmark-") as scratch:
-            for task, folder in _ready(batch, Path(scratch), maker, jobs):
-                progress(done, len(tasks), task.name)
-                with tempfile.TemporaryDirectory(prefix="brickpilot-experiment-") as further:
-                    append(path, run_one(task, folder, Path(further), maker, jobs, peer))
-                if task.folder is None:
-                    shutil.rmtree(folder, ignore_errors=True)
-                done += 1
-    return load(path)
+    made, unmade = 0, 0
+
+    def keep(part: Part, ran: _Ran) -> None:
+        nonlocal made, unmade
+        append(path, ran.result)
+        made, unmade = made + (ran.unmade is None), unmade + (ran.unmade is not None)
+        if not made and unmade == min(_FIRST, len(left)):
+            raise SimulationError(str(ran.unmade))
+
+    parts = (Part("/".join(map(str, task.key)), _Asked(task, work)) for task in left)
+    told = engine.Progress(progress, len(tasks), len(tasks) - len(left), "sets")
+    engine.run(_run_asked, parts, keep=keep, workers=workers, progress=told)
+    return put_in_order(path, [task.key for task in tasks])
 
 
-def _batches(tasks: Sequence[Task]) -> Iterator[list[Task]]:
-    """Yields some sets of one suite and engine at a time: the maker makes them together."""
-    for _, group in groupby(tasks, key=lambda task: (task.suite, task.engine, task.seed_offset)):
-        same = list(group)
-        yield from (same[start : start + _BATCH] for start in range(0, len(same), _BATCH))
+def _key(result: Mapping[str, Any]) -> tuple[str, str, int]:
+    return result["engine"], result["name"], result["seed"]
 
 
-def _ready(batch: Sequence[Task], scratch: Path, maker: Maker | None, jobs: int) -> Iterator[tuple[Task, Path]]:
-    """Yields the sets of a batch with their folders. A set that could not be made has no folder."""
-    missing = [task for task in batch if task.folder is None]
-    if missing and maker is not None:
-        try:
-            maker.make(missing, scratch, jobs)
-        except SimulationError:
-            if not any((scratch / task.name).is_dir() for task in missing):
-                raise
-    for task in batch:
-        yield task, task.folder or scratch / task.name
+def _run_asked(asked: _Asked) -> _Ran:
+    """Makes a set where it does not exist yet, and runs it. Runs on the worker."""
+    task, work, unmade = asked.task, asked.work, None
+    if work.maker is not None:
+        shared(work.maker.tests)
+    with tempfile.TemporaryDirectory(prefix="brickpilot-benchmark-") as scratch:
+        further = Path(scratch, "further")
+        further.mkdir()
+        if task.folder is not None:
+            folder = shared(task.folder)
+        else:
+            folder = Path(scratch, "sets", task.name)
+            try:
+                if work.maker is not None:
+                    work.maker.make([task], folder.parent, work.jobs)
+            except SimulationError as error:
+                unmade = str(error)
+        return _Ran(run_one(task, folder, further, work.maker, work.jobs, work.peer), unmade)
 
 
 def run_one(

@@ -13,10 +13,14 @@ from typing import Any
 import numpy as np
 
 from brickpilot import __version__, catalogue
+from brickpilot.benchmark import real_results
 from brickpilot.benchmark.peers import PEERS, Peer
 from brickpilot.benchmark.peers.grid import signals_of
 from brickpilot.benchmark.real_logs import HiddenTest, RealLog
 from brickpilot.benchmark.real_score import FIGURE, Predictions, fits
+from brickpilot.campaign import engine
+from brickpilot.campaign import workers as workers_module
+from brickpilot.campaign.workers import Here, Workers
 from brickpilot.data import dataset as dataset_module
 from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset
@@ -66,6 +70,61 @@ class Work:
     seed: int = 0
     jobs: int = 2
     budget_s: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Asked:
+    """One data set for a worker."""
+
+    folder: Path
+    known: Mapping[str, RealLog]
+    work: Work
+    kept: Mapping[str, Mapping[str, Any]]
+    progress: Progress
+
+
+def run(
+    folders: Sequence[Path],
+    known: Mapping[str, RealLog],
+    work: Work,
+    kept: dict[str, dict[str, Any]],
+    path: Path,
+    *,
+    workers: Workers,
+    progress: Progress,
+) -> None:
+    """Runs data sets, and puts each result into `kept` and into the file `path` as it comes.
+
+    Args:
+        known: what is known of the logs, by name.
+        kept: the last results by name.
+        workers: where they run. In this process, each shows its own progress; else the number of them is shown.
+        progress: called with (done, all, text).
+
+    Raises:
+        InputError: a data set cannot be read.
+    """
+    here = isinstance(workers, Here)
+    inner, outer = (progress, _silent) if here else (_silent, progress)
+
+    def keep(part: engine.Part, result: dict[str, Any]) -> None:
+        kept[result["name"]] = result
+        real_results.save(kept, path)
+
+    parts = (
+        engine.Part(str(folder), _Asked(folder if here else folder.resolve(), known, work, kept, inner))
+        for folder in folders
+    )
+    told = engine.Progress(outer, len(folders), what="data sets")
+    engine.run(_run_asked, parts, keep=keep, workers=workers, progress=told)
+
+
+def _run_asked(asked: _Asked) -> dict[str, Any]:
+    return run_log(workers_module.shared(asked.folder), asked.known, asked.work, asked.kept, asked.progress)
+
+
+def _silent(done: int, total: int, text: str) -> None:
+    """Shows nothing: a worker has no terminal."""
 
 
 def run_log(

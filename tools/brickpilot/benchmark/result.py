@@ -16,6 +16,7 @@ from brickpilot.data.holdout import Roles
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.errors import InputError
+from brickpilot.vehicle import whole_file
 
 RESULTS = "results.jsonl"
 
@@ -48,7 +49,7 @@ def load(path: Path) -> list[dict[str, Any]]:
 def append(path: Path, result: Mapping[str, Any]) -> None:
     """Appends one line in one write, so that it is there completely or not at all. A line cut off before is removed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    line = (json.dumps(result, allow_nan=False) + "\n").encode()
+    line = _line(result).encode()
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         size = os.lseek(handle, 0, os.SEEK_END)
@@ -58,6 +59,24 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
+    """Returns the results of a file, those with `keys` last and in that order, and writes them so if they stand else.
+
+    Args:
+        keys: engine, name and seed of results, which may have come in any order.
+    """
+    found = {(one["engine"], one["name"], one["seed"]): one for one in load(path)}
+    places = {key: place for place, key in enumerate(keys)}
+    ordered = sorted(found, key=lambda key: places.get(key, -1))  # stable: the others stay in theirs
+    if ordered != list(found):
+        whole_file.write(path, "".join(_line(found[key]) for key in ordered))
+    return [found[key] for key in ordered]
+
+
+def _line(result: Mapping[str, Any]) -> str:
+    return json.dumps(result, allow_nan=False) + "\n"
 
 
 def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -51,7 +51,7 @@ class Maker:
     """Runs `tests/hidden` of a checkout."""
 
     def __init__(self, tests: Path) -> None:
-        self._tests = tests
+        self.tests = tests
 
     @classmethod
     def find(cls, start: Path) -> Maker:
@@ -109,7 +109,7 @@ class Maker:
         Raises:
             SimulationError: it failed; holds the last line of its stderr.
         """
-        path = os.pathsep.join(filter(None, [str(self._tests), os.environ.get("PYTHONPATH")]))
+        path = os.pathsep.join(filter(None, [str(self.tests), os.environ.get("PYTHONPATH")]))
         environment = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}
         done = subprocess.run(
             [sys.executable, "-m", module, *arguments], capture_output=True, text=True, env=environment, check=False

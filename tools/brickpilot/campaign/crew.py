@@ -16,7 +16,7 @@ class Part:
     """One call of the function.
 
     Attributes:
-        key: its name, once in a campaign: letters, digits, "-" and "_".
+        key: its name, once in a campaign. `store.Parts` takes letters, digits, "-" and "_".
         argument: what the function gets; picklable.
     """
 

@@ -190,8 +190,7 @@ def _client(scheduler: str) -> Any:
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # whatever the answer of another program leads to
-        why = type(error).__name__
-        message = f"no Dask scheduler answers there within {CONNECT_S:g} s ({why})"
+        message = f"no Dask scheduler answers there within {CONNECT_S:g} s"
         raise InputError(message, field=_field(scheduler)) from error
 
 

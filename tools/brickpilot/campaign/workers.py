@@ -1,12 +1,15 @@
-"""Where a campaign runs: on processes of this machine, or on a Dask cluster."""
+"""Where a campaign runs: on processes of this machine, on a Dask cluster, or in this process itself."""
 
 from __future__ import annotations
 
+import platform
 import re
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
-from brickpilot.campaign.crew import Crew, Function
+from brickpilot.campaign.crew import Crew, Finished, Function, Part
 from brickpilot.campaign.crew import Workers as Workers
 from brickpilot.errors import InputError
 
@@ -45,6 +48,31 @@ class Cluster:
         return DaskCrew(function, self.scheduler)
 
 
+@dataclass(frozen=True)
+class Here:
+    """This process, which does one part after the other, in order, and may be given what cannot be pickled."""
+
+    @contextmanager
+    def crew(self, function: Function) -> Iterator[Crew]:
+        yield _HereCrew(function)
+
+
+class _HereCrew:
+    def __init__(self, function: Function) -> None:
+        self._function = function
+        self._given: list[Part] = []
+
+    def room(self) -> int:
+        return 1 - len(self._given)
+
+    def give(self, part: Part) -> None:
+        self._given.append(part)
+
+    def wait(self) -> Sequence[Finished]:
+        part = self._given.pop()
+        return [Finished(part, self._function(part.argument))]
+
+
 def local(jobs: int) -> Local:
     """Returns so many processes of this machine. They start when they get their first parts."""
     return Local(jobs)
@@ -61,10 +89,21 @@ def cluster(scheduler: str) -> Cluster:
     return Cluster(scheduler)
 
 
-def chosen(jobs: int, scheduler: str | None) -> Workers:
-    """Returns the workers that the options `--jobs` and `--scheduler` ask for; a scheduler comes first.
+def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
+    """Returns the workers that options ask for; a scheduler comes first.
 
     Raises:
         InputError: the scheduler's address is none.
     """
     return local(jobs) if scheduler is None else cluster(scheduler)
+
+
+def shared(path: Path) -> Path:
+    """Returns a file or folder that the function of a part reads, for use in that function.
+
+    Raises:
+        InputError: it is not on this worker.
+    """
+    if not path.exists():
+        raise InputError(f"is not there on the worker {platform.node()}: each worker needs the same files", file=path)
+    return path

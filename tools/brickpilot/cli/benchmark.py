@@ -6,13 +6,23 @@ import json
 import os
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from brickpilot.benchmark.sets import QUICK, SUITES
-from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_option
+from brickpilot.cli.terminal import (
+    as_json,
+    at_a_time_option,
+    jobs_option,
+    progress_shown,
+    scheduler_option,
+    seed_option,
+)
 from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    from brickpilot.campaign.workers import Workers
 
 
 @click.group()
@@ -50,6 +60,8 @@ def benchmark() -> None:
 )
 @click.option("--data", metavar="DIR", help="Run the sets in this folder, which holds their truths too; make none.")
 @jobs_option
+@at_a_time_option
+@scheduler_option
 @click.option(
     "--out",
     metavar="DIR",
@@ -69,7 +81,7 @@ def benchmark() -> None:
 @as_json
 def benchmark_discover(
     suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
-    out: str, peer: Any, table_alone: bool, page: str | None, as_json: bool,
+    at_a_time: int, scheduler: str | None, out: str, peer: Any, table_alone: bool, page: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Runs discovery on data sets with one hidden effect, with several, with none, and with an effect of no library.
 
@@ -85,6 +97,7 @@ def benchmark_discover(
     if table_alone:
         results = result.load(folder / result.RESULTS)
     else:
+        workers = _workers(at_a_time, scheduler)
         if data is not None:
             maker = sets.Maker.near(Path.cwd())
             tasks = sets.existing(Path(data), only, limit)
@@ -92,7 +105,8 @@ def benchmark_discover(
             maker = sets.Maker.find(Path.cwd())
             tasks = sets.planned(maker, suite, engine, seed_offset, only, limit)
         with progress_shown(as_json) as progress:
-            results = blind_test.run(tasks, folder, maker=maker, jobs=jobs, peer=peer, progress=progress)
+            work = blind_test.Work(maker, jobs, peer)
+            results = blind_test.run(tasks, folder, work=work, workers=workers, progress=progress)
     found = table.table(results)
     table_text.write(found, folder)
     run_folder.write_file(benchmark_page.hidden_page(page_content.hidden(results, found)), folder / "report.html")
@@ -150,6 +164,8 @@ def benchmark_tune_peer(results: str, as_json: bool) -> None:
 )
 @seed_option
 @jobs_option
+@at_a_time_option
+@scheduler_option
 @click.option(
     "--results",
     metavar="FILE.json",
@@ -161,7 +177,8 @@ def benchmark_tune_peer(results: str, as_json: bool) -> None:
 @as_json
 def benchmark_real(
     folders: tuple[str, ...], fetched: str | None, out: str, only: tuple[str, ...], part: Any, peers: tuple[str, ...],
-    budget: float | None, seed: int, jobs: int, results: str, page: str | None, as_json: bool,
+    budget: float | None, seed: int, jobs: int, at_a_time: int, scheduler: str | None, results: str, page: str | None,
+    as_json: bool,
 ) -> None:  # fmt: skip
     """Runs discovery on measured data sets, and beside it well-known libraries on the same runs and inputs.
 
@@ -183,15 +200,13 @@ def benchmark_real(
             jobs=jobs,
             budget_s=budget,
         )
+        workers = _workers(at_a_time, scheduler)
         asked = _real_data_sets(folders, fetched, Path(out), only)
         for peer in work.peers:
             if missing := peer.missing():
                 click.echo(missing, err=True)
         with progress_shown(as_json) as progress:
-            for folder in asked:
-                result = real_run.run_log(folder, known, work, kept, progress)
-                kept[result["name"]] = result
-                real_results.save(kept, Path(results))
+            real_run.run(asked, known, work, kept, Path(results), workers=workers, progress=progress)
     if kept:
         html = benchmark_page.real_page(page_content.real(kept, known))
         run_folder.write_file(html, Path(results).with_name("report.html"))
@@ -224,6 +239,13 @@ def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, on
             raise InputError("no data: name a folder of data sets, or set BRICKPILOT_DATA to one", field="FOLDER")
         places.append(Path(os.environ["BRICKPILOT_DATA"]))
     return [one for one in real_run.data_sets(places) if _matches(one.name, only)] if places else []
+
+
+def _workers(at_a_time: int, scheduler: str | None) -> Workers:
+    """Returns where the data sets run: by default in this process, which shows the progress of each."""
+    from brickpilot.campaign import workers
+
+    return workers.Here() if scheduler is None and at_a_time == 1 else workers.chosen(at_a_time, scheduler)
 
 
 def _matches(name: str, patterns: tuple[str, ...]) -> bool:

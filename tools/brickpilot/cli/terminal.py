@@ -34,6 +34,19 @@ jobs_option = click.option(
     help="The number of fits that run at the same time.",
 )
 
+scheduler_option = click.option(
+    "--scheduler", metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler, not on this machine."
+)
+
+at_a_time_option = click.option(
+    "--workers",
+    "at_a_time",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    help="The number of data sets at the same time, each with --jobs fits.",
+)
+
 
 def settings_of(written: tuple[str, ...]) -> dict[str, int]:
     """Reads the options `--set NAME=VALUE`.
