@@ -28,7 +28,7 @@ MAY: dict[str, set[str]] = {
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
-    "export": {"data", "vehicle"},
+    "export": {"data", "vehicle", "link", "hil"},
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
         "benchmark", "export",

@@ -25,7 +25,7 @@ MUST_NOT = {
     "flash": {"fit", "hil"},
     "firmware": {"fit", "report", "flash"},
     "campaign": {"benchmark", "importers", "flash"},
-    "export": {"fit", "discover", "report", "hil"},
+    "export": {"fit", "discover", "report", "flash"},
     "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
     "cli": set[str](),

@@ -94,3 +94,49 @@ def _tell(line: str, left_out: Sequence[str]) -> None:
     for one in left_out:
         click.echo(f"not said  {one}")
     click.echo(line)
+
+
+@export.command()
+@click.argument("source", metavar="SOURCE")
+@click.option("--out", metavar="FILE", help="The file to write; default SOURCE with the ending .mcap.")
+def mcap(source: str, out: str | None) -> None:
+    """Writes a run as MCAP, and a layout for Foxglove beside it.
+
+    SOURCE is a run folder of `run` or `hil`, or a recording of `hil --record`. Every column and every signal is there
+    at every sample, as JSON with a schema; of a run also its poses. The layout has the same name and ends in
+    .foxglove.json.
+    """
+    from brickpilot.export import files, foxglove, mcap_file, run_read, run_topics, traffic_topics
+
+    given = Path(source)
+    if given.is_dir() or not given.exists():
+        run = run_read.read(given)
+        topics = run_topics.topics(run)
+        content = mcap_file.write(topics, run_topics.samples(run), {"summary.json": run.summary})
+        layout = foxglove.run_layout(topics)
+    else:
+        topics, samples = traffic_topics.read(given)
+        content = mcap_file.write(topics, samples, {})
+        layout = foxglove.traffic_layout(topics)
+    path = Path(out) if out else given.with_suffix(".mcap")
+    files.write({path: content, path.with_suffix(".foxglove.json"): layout.encode()})
+    click.echo(f"MCAP: {path}")
+    click.echo(f"layout of Foxglove: {path.with_suffix('.foxglove.json')}")
+
+
+@export.command()
+@click.argument("source", metavar="DIR")
+@click.option("--out", metavar="FILE", help="The file to write; default DIR.parquet.")
+def parquet(source: str, out: str | None) -> None:
+    """Writes the log of the run folder DIR as Parquet.
+
+    Each column has its unit in its metadata. A flight over a link gives a second file, which ends in -ticks.parquet.
+    """
+    from brickpilot.export import files, parquet_file, run_read
+
+    path = Path(out) if out else Path(source).with_suffix(".parquet")
+    tables = parquet_file.tables(run_read.read(Path(source)))
+    made = {path.with_name(f"{path.stem}{ending}{path.suffix}"): content for ending, content in tables.items()}
+    files.write(made)
+    for one in made:
+        click.echo(f"Parquet: {one}")

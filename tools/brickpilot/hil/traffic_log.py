@@ -64,7 +64,22 @@ class RecordingLink(WrappedLink):
 
 
 def read(file: Path) -> list[Message]:
-    """Returns the messages of a log in their order.
+    """Returns the messages of a log in their order. Raises InputError as `read_timed` does."""
+    return [(message.identifier, message.data) for message in read_timed(file)]
+
+
+@dataclass(frozen=True)
+class Timed:
+    """One message of a log: s of the clock that recorded it, and whether the host received it."""
+
+    time_s: float
+    identifier: int
+    data: bytes
+    received: bool
+
+
+def read_timed(file: Path) -> list[Timed]:
+    """Returns the messages of a log in their order, with their times.
 
     Raises:
         InputError: the file cannot be read, has another suffix, or is no log of CAN traffic.
@@ -73,7 +88,7 @@ def read(file: Path) -> list[Message]:
         raise InputError(f"needs one of the suffixes {', '.join(SUFFIXES)}", file=file)
     try:
         with can.LogReader(str(file)) as reader:
-            messages = [(message.arbitration_id, bytes(message.data)) for message in reader]
+            messages = [Timed(one.timestamp, one.arbitration_id, bytes(one.data), one.is_rx) for one in reader]
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=file) from error
     except Exception as error:  # a damaged file makes python-can raise errors of many types

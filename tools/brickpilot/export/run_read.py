@@ -1,0 +1,83 @@
+"""Reads a run folder of `brickpilot run` or `hil`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from brickpilot.errors import InputError
+
+Array = NDArray[np.float64]
+
+TIME = "time_s"
+_UNITS = {
+    "_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad", "_ms": "ms", "_m": "m", "_s": "s", "_a": "A",
+    "_v": "V", "_c": "C",
+}  # fmt: skip
+"""Ending of a column's name -> its unit, longer endings first."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as its folder holds it.
+
+    Attributes:
+        log: column -> (rows,), as in log.csv.
+        ticks: the same of ticks.csv; empty: the run was not flown over a link.
+        summary: the text of summary.json.
+    """
+
+    log: Mapping[str, Array]
+    ticks: Mapping[str, Array]
+    summary: bytes
+
+
+def read(folder: Path) -> Run:
+    """Returns the run in a folder.
+
+    Raises:
+        InputError: it is no run folder, or a file of it is damaged.
+    """
+    if not (folder / "log.csv").is_file() or not (folder / "summary.json").is_file():
+        raise InputError(
+            "is no run folder: it has no log.csv with a summary.json, as `run` and `hil` write", file=folder
+        )
+    ticks = folder / "ticks.csv"
+    return Run(_table(folder / "log.csv"), _table(ticks) if ticks.is_file() else {}, _bytes(folder / "summary.json"))
+
+
+def unit(column: str) -> str:
+    """Returns the unit of a column of a run, by its name; 1 for a share, a count or a flag."""
+    return next((unit for ending, unit in _UNITS.items() if column.endswith(ending)), "1")
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def _table(path: Path) -> dict[str, Array]:
+    """Returns the columns of a table of numbers, each as the nearest double. NaN is a number here."""
+    try:
+        frame = pd.read_csv(
+            path, float_precision="round_trip", keep_default_na=False, na_values=["nan"], dtype=np.float64
+        )
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    except (ValueError, pd.errors.ParserError) as error:
+        line = re.search(r"line (\d+)", str(error))
+        raise InputError(f"is no table of numbers: {error}", file=path, line=int(line[1]) if line else None) from error
+    if len(frame) == 0 or TIME not in frame.columns:
+        raise InputError(f"has no rows or no column {TIME}", file=path)
+    times = frame[TIME].to_numpy()
+    if not (np.isfinite(times).all() and (np.diff(times) >= 0).all() and times[0] >= 0):
+        raise InputError("has times that fall or are not numbers", file=path, field=TIME)
+    return {str(name): frame[name].to_numpy() for name in frame.columns}
