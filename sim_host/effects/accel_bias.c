@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     vehicle->output[OUTPUT_ACCEL_SURGE] += value[0];

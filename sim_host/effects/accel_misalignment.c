@@ -1,12 +1,11 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double surge = vehicle->output[OUTPUT_ACCEL_SURGE], sway = vehicle->output[OUTPUT_ACCEL_SWAY];
-    const double cosine = cos(value[0]), sine = sin(value[0]);
+    const real_t surge = vehicle->output[OUTPUT_ACCEL_SURGE], sway = vehicle->output[OUTPUT_ACCEL_SWAY];
+    real_t cosine, sine;
+    real_turn(value[0], &cosine, &sine);
     vehicle->output[OUTPUT_ACCEL_SURGE] = cosine * surge + sine * sway;
     vehicle->output[OUTPUT_ACCEL_SWAY] = cosine * sway - sine * surge;
 }

@@ -1,17 +1,14 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < 2; k++) {
-        const double voltage = vehicle->voltage[k];
-        const double beyond = fabs(voltage) - value[0];
-        if (beyond <= 0)
-            vehicle->voltage[k] = 0;
-        else if (beyond > 0 && value[1] < 0.5)
-            vehicle->voltage[k] = copysign(beyond, voltage); /* a floating motor is NaN: neither branch is taken */
+        const real_t voltage = vehicle->voltage[k];
+        const real_t beyond = real_abs(voltage) - value[0];
+        const real_t arrives = choose(value[1] < 0.5, real_signed(beyond, voltage), voltage);
+        const real_t driven = choose(beyond > 0, arrives, voltage); /* a floating motor is NaN and stays so */
+        vehicle->voltage[k] = choose(beyond <= 0, real_of(0), driven);
     }
 }
 

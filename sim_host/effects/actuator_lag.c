@@ -1,20 +1,17 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* memory: V at each motor, 0 at the run's start. The input is constant over a step, so the mean voltage is exact. */
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
-    if (!(value[0] > 0))
-        return;
-    const double a = vehicle->step / value[0];
-    const double passed = -expm1(-a);
+    const mask_t lags = value[0] > 0;
+    const real_t a = vehicle->step / value[0];
+    const real_t passed = -real_expm1(-a);
     for (int k = 0; k < 2; k++) {
-        const double wanted = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
-        const double missing = wanted - memory[k];
-        memory[k] += passed * missing;
-        if (!isnan(vehicle->voltage[k]))
-            vehicle->voltage[k] = wanted - missing * passed / a;
+        const real_t wanted = choose(is_nan(vehicle->voltage[k]), real_of(0), vehicle->voltage[k]);
+        const real_t missing = wanted - memory[k];
+        const real_t behind = wanted - missing * passed / a;
+        memory[k] = choose(lags, memory[k] + passed * missing, memory[k]);
+        vehicle->voltage[k] = choose(lags & mask_not(is_nan(vehicle->voltage[k])), behind, vehicle->voltage[k]);
     }
 }
 

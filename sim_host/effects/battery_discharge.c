@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-static void supply(const double *value, double *memory, vehicle_t *vehicle)
+static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     vehicle->supply = vehicle_supply_of(vehicle, vehicle->supply - value[0] * vehicle->state.charge);

@@ -1,14 +1,12 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 typedef struct {
-    double open;      /* V of the battery without current */
-    double given[2];  /* V at each motor that this effect passed on in the last motor step */
-    double passed[2]; /* share of it that the effects after this one let through: a dead band takes some */
+    real_t open;      /* V of the battery without current */
+    real_t given[2];  /* V at each motor that this effect passed on in the last motor step */
+    real_t passed[2]; /* share of it that the effects after this one let through: a dead band takes some */
 } sag_t;
 
-static void supply(const double *value, double *memory, vehicle_t *vehicle)
+static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     ((sag_t *)memory)->open = vehicle->supply;
@@ -17,52 +15,50 @@ static void supply(const double *value, double *memory, vehicle_t *vehicle)
 /* The mean current over the step is linear in the voltage; plant/motor.c computes it in the same way, with the speed at
  * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is beside L /
  * R. */
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     sag_t *sag = (sag_t *)memory;
-    double slope = 0, drawn = 0; /* the battery's current is drawn + slope V */
-    double share[2] = {0};
+    real_t slope = real_of(0), drawn = slope; /* the battery's current is drawn + slope V */
+    real_t share[2];
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        if (isnan(vehicle->voltage[k]))
-            continue;
+        const mask_t driven = mask_not(is_nan(vehicle->voltage[k]));
         const motor_t *motor = &vehicle->motor[k];
-        const double decay = motor->inductance > 0 ? vehicle->step * motor->resistance / motor->inductance : INFINITY;
-        const double left = isinf(decay) ? 0 : decay > 0 ? -expm1(-decay) / decay : 1;
-        const double gain = (1 - left) / motor->resistance;
+        const real_t decay =
+            choose(motor->inductance > 0, vehicle->step * motor->resistance / motor->inductance, real_of(INFINITY));
+        const real_t left = choose(decay > 0, -real_expm1(-decay) / decay, real_of(1));
+        const real_t gain = (1 - left) / motor->resistance;
         share[k] = vehicle->voltage[k] / vehicle->supply;
-        const double at_motor = share[k] * sag->passed[k];
-        slope += at_motor * at_motor * gain;
-        drawn +=
-            at_motor * (left * vehicle->state.current[k] - gain * motor->emf_constant * vehicle->state.wheel_speed[k]);
+        const real_t at_motor = share[k] * sag->passed[k];
+        const real_t current =
+            left * vehicle->state.current[k] - gain * motor->emf_constant * vehicle->state.wheel_speed[k];
+        slope = choose(driven, slope + at_motor * at_motor * gain, slope);
+        drawn = choose(driven, drawn + at_motor * current, drawn);
     }
-    const double agreed = (sag->open - value[0] * drawn) / (1 + value[0] * slope);
+    const real_t agreed = (sag->open - value[0] * drawn) / (1 + value[0] * slope);
     vehicle->supply = vehicle_supply_of(vehicle, agreed);
-    for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        if (!isnan(vehicle->voltage[k]))
-            vehicle->voltage[k] = share[k] * vehicle->supply;
-        sag->given[k] = vehicle->voltage[k];
-    }
+    for (int k = 0; k < vehicle_wheels(vehicle); k++)
+        sag->given[k] = vehicle->voltage[k] = share[k] * vehicle->supply; /* a floating motor is NaN and stays so */
 }
 
 /* Learns what the effects after this one let through. It goes half way each step, because the share that a dead band
  * lets through depends on the voltage. */
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     sag_t *sag = (sag_t *)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        const double ratio = vehicle->voltage[k] / sag->given[k];
-        if (isfinite(ratio))
-            sag->passed[k] += 0.5 * (ratio - sag->passed[k]);
+        const real_t ratio = vehicle->voltage[k] / sag->given[k];
+        const real_t passed = sag->passed[k] + 0.5 * (ratio - sag->passed[k]);
+        sag->passed[k] = choose(ratio * 0 == 0, passed, sag->passed[k]); /* where the ratio is finite */
     }
 }
 
-static void start(const double *value, double *memory, vehicle_t *vehicle)
+static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     (void)vehicle;
     sag_t *sag = (sag_t *)memory;
-    sag->passed[0] = sag->passed[1] = 1;
+    sag->passed[0] = sag->passed[1] = real_of(1);
 }
 
 static const bp_parameter_info PARAMETERS[] = {
@@ -91,7 +87,7 @@ const effect_t effect_battery_sag = {
              .source = "Shepherd 1965, Design of primary and secondary cells, the ohmic term",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(sag_t) / sizeof(double),
+    .memory_count = sizeof(sag_t) / sizeof(real_t),
     .hook = {[SITE_START] = start, [SITE_SUPPLY] = supply, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
     .undo = undo,
 };

@@ -1,18 +1,17 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle != BP_MOTOR)
-        vehicle->dry[DRY_SURGE] += 0.5 * hypot(value[0], value[1]);
+        vehicle->dry[DRY_SURGE] += 0.5 * real_hypot(value[0], value[1]);
 }
 
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+static void body(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double cosine = cos(vehicle->middle.heading), sine = sin(vehicle->middle.heading);
+    real_t cosine, sine;
+    real_turn(vehicle->middle.heading, &cosine, &sine);
     if (vehicle->vehicle == BP_MOTOR)
         return;
     vehicle->force_surge += 0.5 * (value[0] * cosine + value[1] * sine);

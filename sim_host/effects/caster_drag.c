@@ -1,17 +1,15 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* At rest the friction may oppose surge or yaw in full, since no direction of sliding divides it yet. */
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double along = vehicle->middle.surge, across = vehicle->middle.yaw_rate * value[1];
-    const double speed = hypot(along, across);
+    const real_t along = vehicle->middle.surge, across = vehicle->middle.yaw_rate * value[1];
+    const real_t speed = real_hypot(along, across);
     if (vehicle->vehicle == BP_MOTOR)
         return;
-    vehicle->dry[DRY_SURGE] += value[0] * (speed > 0 ? fabs(along) / speed : 1);
-    vehicle->dry[DRY_YAW] += value[0] * fabs(value[1]) * (speed > 0 ? fabs(across) / speed : 1);
+    vehicle->dry[DRY_SURGE] += value[0] * choose(speed > 0, real_abs(along) / speed, real_of(1));
+    vehicle->dry[DRY_YAW] += value[0] * real_abs(value[1]) * choose(speed > 0, real_abs(across) / speed, real_of(1));
 }
 
 static const bp_parameter_info PARAMETERS[] = {

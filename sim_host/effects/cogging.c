@@ -1,15 +1,13 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const bp_state *state = &vehicle->state;
+    const state_t *state = &vehicle->state;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        const double middle = state->wheel_angle[k] + 0.5 * vehicle->step * state->wheel_speed[k];
-        const double phase = value[2] + (k == 0 ? 0.5 : -0.5) * value[3];
-        vehicle->wheel_torque[k] -= value[0] * sin(value[1] * middle + phase);
+        const real_t middle = state->wheel_angle[k] + 0.5 * vehicle->step * state->wheel_speed[k];
+        const real_t phase = value[2] + (k == 0 ? 0.5 : -0.5) * value[3];
+        vehicle->wheel_torque[k] -= value[0] * real_sin(value[1] * middle + phase);
     }
 }
 
@@ -54,8 +52,9 @@ const effect_t effect_cogging = {
              .summary = "Magnets pull each motor towards a few rest positions per turn, with or without current.",
              .mechanism = "motor",
              .acts_on = "gear",
-             .equation = "T_c = -torque sin(order angle + phase), left phase + phase_difference / 2, right phase - "
-                         "phase_difference / 2",
+             .equation =
+                 "T_c = -torque real_sin(order angle + phase), left phase + phase_difference / 2, right phase - "
+                 "phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",
              .parameter_count = 4,

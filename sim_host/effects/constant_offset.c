@@ -1,9 +1,9 @@
 #include "effects/effect.h"
 
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double difference = vehicle->vehicle == BP_MOTOR ? 0 : value[1];
+    const real_t difference = vehicle->vehicle == BP_MOTOR ? real_of(0) : value[1];
     vehicle->wheel_torque[0] -= value[0] + difference;
     vehicle->wheel_torque[1] -= value[0] - difference;
 }

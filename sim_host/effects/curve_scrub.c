@@ -1,12 +1,10 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+static void body(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle != BP_MOTOR)
-        vehicle->drag_surge += value[0] * vehicle->build.mass * fabs(vehicle->middle.yaw_rate);
+        vehicle->drag_surge += value[0] * vehicle->build.mass * real_abs(vehicle->middle.yaw_rate);
 }
 
 static const bp_parameter_info PARAMETERS[] = {

@@ -1,36 +1,29 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static double sign(double value)
-{
-    return value > 0 ? 1 : value < 0 ? -1 : 0;
-}
-
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++)
-        vehicle->voltage[k] *= 1 + 0.5 * value[2] * sign(vehicle->voltage[k]);
+        vehicle->voltage[k] *= 1 + 0.5 * value[2] * real_sign(vehicle->voltage[k]);
 }
 
 /* Changes the drag at most so far that one direction is free of losses. */
-static void motor(const double *value, double *memory, vehicle_t *vehicle)
+static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         motor_t *motor = &vehicle->motor[k];
-        const double change = 0.5 * value[1] * sign(vehicle->state.wheel_speed[k]);
-        motor->drag = fmax(motor->drag + change, 0);
+        const real_t change = 0.5 * value[1] * real_sign(vehicle->state.wheel_speed[k]);
+        motor->drag = real_most(motor->drag + change, real_of(0));
     }
 }
 
 /* Friction in one direction only is half of it in both directions and half of it as a constant torque. */
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        vehicle->dry[DRY_LEFT + k] += 0.5 * fabs(value[0]);
+        vehicle->dry[DRY_LEFT + k] += 0.5 * real_abs(value[0]);
         vehicle->wheel_torque[k] -= 0.5 * value[0];
     }
 }

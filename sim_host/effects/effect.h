@@ -5,17 +5,22 @@
  *      the effect acts. brickpilot_sim.h explains every field of the row.
  *   2. add EFFECT(NAME) to the table in effects.c, at the place in the order where it acts.
  *   3. test it in tests/unit/effects/test_NAME.c, and give it a law of another engine in tests/hidden.
+ * Hooks that are written over real_t (effects/real.h) and do not branch by a value also run for several robots side by
+ * side; those that are written over double run robot by robot, which gives the same bytes and takes longer.
  * Nothing else lists effects: the command line, the fits, discovery and the reports read the table.
  */
 #ifndef BRICKPILOT_EFFECTS_EFFECT_H
 #define BRICKPILOT_EFFECTS_EFFECT_H
 
 #include "effects/vehicle.h"
+#if LANES > 1
+#include "effects_in_lanes.h" /* by CMake: a list of them, and names of their own for this width */
+#endif
 
 /* Makes the effect act at one site. `value` holds the parameters in the order of the row. `memory` is the effect's own
  * state in this run, `memory_count` doubles that are 0 at its start. Hooks are called in the order of the table. An
  * effect that is off costs nothing. */
-typedef void effect_hook_t(const double *value, double *memory, vehicle_t *vehicle);
+typedef void effect_hook_t(const real_t *value, real_t *memory, vehicle_t *vehicle);
 
 typedef enum {
     SITE_BUILD,  /* once, before the vehicle is put into its initial state. Changes build */

@@ -2,7 +2,7 @@
 
 #include "effects/slope.h"
 
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+static void body(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle == BP_MOTOR)
@@ -10,7 +10,7 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
     slope_push(vehicle, slope_pull(vehicle, value[0], value[1], vehicle->middle.heading));
 }
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     slope_show(vehicle, slope_pull(vehicle, value[0], value[1], slope_heading(vehicle)));

@@ -1,18 +1,16 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* The plant's wheel carries the rotor's inertia J_m and feels the torque K_t i. Let the rotor be ahead of the wheel by
  * the speed `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes; in the play the
  * motor drives the rotor alone; and momentum is kept when the rotor meets the tooth. */
 typedef struct {
-    double play;  /* rad by which the rotor is ahead of the wheel, from the middle of the play */
-    double slip;  /* rad/s: rate of `play` */
-    double speed; /* rad/s of the wheel, a motor step ago; NaN after an impact */
-    double accel; /* rad/s^2 of the wheel */
+    real_t play;  /* rad by which the rotor is ahead of the wheel, from the middle of the play */
+    real_t slip;  /* rad/s: rate of `play` */
+    real_t speed; /* rad/s of the wheel, a motor step ago; NaN after an impact */
+    real_t accel; /* rad/s^2 of the wheel */
 } mesh_t;
 
-static void start(const double *value, double *memory, vehicle_t *vehicle)
+static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     mesh_t *mesh = (mesh_t *)memory;
@@ -21,7 +19,7 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 /* The back EMF follows the rotor's speed, not the wheel's. */
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     const mesh_t *mesh = (const mesh_t *)memory;
@@ -30,44 +28,43 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 /* A drive that commands force has no inertia of its own, so the share is taken of the mass. */
-static double rotor_inertia(const vehicle_t *vehicle, int k, double share)
+static real_t rotor_inertia(const vehicle_t *vehicle, int k, real_t share)
 {
-    const double own = vehicle->motor[k].inertia;
-    return share * (own > 0 ? own : vehicle->build.mass);
+    const real_t own = vehicle->motor[k].inertia;
+    return share * choose(own > 0, own, vehicle->build.mass);
 }
 
 /* Torque that turns the rotor relative to the wheel. `damping` is how fast it falls with `slip`. */
-static double push(const vehicle_t *vehicle, int k, double inertia, double accel, double *damping)
+static real_t push(const vehicle_t *vehicle, int k, real_t inertia, real_t accel, real_t *damping)
 {
     const motor_t *motor = &vehicle->motor[k];
-    const double voltage = vehicle->voltage[k];
-    *damping = isnan(voltage) ? 0 : motor->torque_constant * motor->emf_constant / motor->resistance;
-    const double direct = isnan(voltage) ? 0 : motor->torque_per_volt * voltage;
+    const real_t voltage = vehicle->voltage[k];
+    const mask_t floats = is_nan(voltage);
+    *damping = choose(floats, real_of(0), motor->torque_constant * motor->emf_constant / motor->resistance);
+    const real_t direct = choose(floats, real_of(0), motor->torque_per_volt * voltage);
     return motor->torque_constant * vehicle->state.current[k] + direct - inertia * accel;
 }
 
-static void turn(mesh_t *mesh, vehicle_t *vehicle, int k, double gap, double share)
+static void turn(mesh_t *mesh, vehicle_t *vehicle, int k, real_t gap, real_t share)
 {
-    const double h = vehicle->step, speed = vehicle->state.wheel_speed[k];
-    if (!isnan(mesh->speed))
-        mesh->accel = (speed - mesh->speed) / h;
-    mesh->speed = speed;
+    const real_t h = vehicle->step, speed = vehicle->state.wheel_speed[k];
+    mesh->accel = choose(is_nan(mesh->speed), mesh->accel, (speed - mesh->speed) / h);
 
-    const double inertia = rotor_inertia(vehicle, k, share);
-    double damping;
-    const double torque = push(vehicle, k, inertia, mesh->accel, &damping);
-    const double before = mesh->slip;
+    const real_t inertia = rotor_inertia(vehicle, k, share);
+    real_t damping;
+    const real_t torque = push(vehicle, k, inertia, mesh->accel, &damping);
+    const real_t before = mesh->slip;
     mesh->slip += h * torque / (inertia + h * damping);
     mesh->play += 0.5 * h * (before + mesh->slip);
-    if (fabs(mesh->play) > 0.5 * gap) {
-        mesh->play = copysign(0.5 * gap, mesh->play);
-        mesh->slip = 0;
-        mesh->speed = before != 0 ? NAN : speed;
-    }
+    const mask_t meets = real_abs(mesh->play) > 0.5 * gap;
+    mesh->play = choose(meets, real_signed(0.5 * gap, mesh->play), mesh->play);
+    mesh->slip = choose(meets, real_of(0), mesh->slip);
+    const mask_t impact = before != 0;
+    mesh->speed = choose(meets & impact, real_of(NAN), speed);
     vehicle->wheel_torque[k] -= inertia * (mesh->slip - before) / h;
 }
 
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     mesh_t *mesh = (mesh_t *)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++)
@@ -109,6 +106,6 @@ const effect_t effect_gear_backlash = {
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.001},
-    .memory_count = 2 * sizeof(mesh_t) / sizeof(double),
+    .memory_count = 2 * sizeof(mesh_t) / sizeof(real_t),
     .hook = {[SITE_START] = start, [SITE_DRIVE] = drive, [SITE_WHEEL] = wheel},
 };

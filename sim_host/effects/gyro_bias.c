@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
 /* memory: s since the run's start. */
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     memory[0] += vehicle->step;
     vehicle->output[OUTPUT_YAW_RATE] += value[0];

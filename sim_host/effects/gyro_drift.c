@@ -1,10 +1,10 @@
 #include "effects/effect.h"
 
 /* memory: s since the run's start. The drift counts from power-on, so it goes on from run to run. */
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     memory[0] += vehicle->step;
-    const double age = vehicle->state.age;
+    const real_t age = vehicle->state.age;
     vehicle->output[OUTPUT_YAW_RATE] += value[0] * age;
     vehicle->output[OUTPUT_YAW_ANGLE] += value[0] * memory[0] * (age - 0.5 * memory[0]);
 }

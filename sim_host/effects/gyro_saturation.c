@@ -1,15 +1,15 @@
 #include "effects/effect.h"
 
 typedef struct {
-    double missing; /* rad/s by which the last yaw rate was cut */
-    double angle;   /* rad: the integral of it */
+    real_t missing; /* rad/s by which the last yaw rate was cut */
+    real_t angle;   /* rad: the integral of it */
 } lost_t;
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     lost_t *lost = (lost_t *)memory;
-    const double rate = vehicle->output[OUTPUT_YAW_RATE], limit = value[0];
-    const double missing = rate > limit ? rate - limit : rate < -limit ? rate + limit : 0;
+    const real_t rate = vehicle->output[OUTPUT_YAW_RATE], limit = value[0];
+    const real_t missing = choose(rate > limit, rate - limit, choose(rate < -limit, rate + limit, real_of(0)));
     lost->angle += 0.5 * vehicle->step * (lost->missing + missing);
     lost->missing = missing;
     vehicle->output[OUTPUT_YAW_RATE] -= missing;
@@ -37,6 +37,6 @@ const effect_t effect_gyro_saturation = {
              .source = "input range, IEEE Std 1431-2004; Titterton & Weston 2004",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(lost_t) / sizeof(double),
+    .memory_count = sizeof(lost_t) / sizeof(real_t),
     .hook = {[SITE_SENSOR] = sensor},
 };

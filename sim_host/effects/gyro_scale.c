@@ -1,15 +1,15 @@
 #include "effects/effect.h"
 
 typedef struct {
-    double started;
-    double heading; /* rad at the start, where the angle counts from */
+    real_t started;
+    real_t heading; /* rad at the start, where the angle counts from */
 } origin_t;
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     origin_t *origin = (origin_t *)memory;
-    if (origin->started == 0)
-        *origin = (origin_t){1, vehicle->output[OUTPUT_YAW_ANGLE]};
+    origin->heading = choose(origin->started == 0, vehicle->output[OUTPUT_YAW_ANGLE], origin->heading);
+    origin->started = real_of(1);
     vehicle->output[OUTPUT_YAW_RATE] += value[0] * vehicle->output[OUTPUT_YAW_RATE];
     vehicle->output[OUTPUT_YAW_ANGLE] += value[0] * (vehicle->output[OUTPUT_YAW_ANGLE] - origin->heading);
 }
@@ -39,7 +39,7 @@ const effect_t effect_gyro_scale = {
              .source = "scale-factor error, IEEE Std 1431-2004; Titterton & Weston 2004",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(origin_t) / sizeof(double),
+    .memory_count = sizeof(origin_t) / sizeof(real_t),
     .hook = {[SITE_SENSOR] = sensor},
     .undo = undo,
 };

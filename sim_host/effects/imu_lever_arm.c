@@ -1,11 +1,11 @@
 #include "effects/effect.h"
 
 /* Uses means over the body step, like the accelerations that it adds to. */
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double x = value[0], y = value[1];
-    const double turn = vehicle->state.yaw_rate - 0.5 * vehicle->step * vehicle->yaw_accel;
+    const real_t x = value[0], y = value[1];
+    const real_t turn = vehicle->state.yaw_rate - 0.5 * vehicle->step * vehicle->yaw_accel;
     vehicle->output[OUTPUT_ACCEL_SURGE] -= turn * turn * x + vehicle->yaw_accel * y;
     vehicle->output[OUTPUT_ACCEL_SWAY] -= turn * turn * y - vehicle->yaw_accel * x;
 }

@@ -1,15 +1,13 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const motor_t *motor = &vehicle->motor[k];
-        const double voltage = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
-        const double torque = motor->torque_constant * vehicle->state.current[k] + motor->torque_per_volt * voltage;
-        vehicle->dry[DRY_LEFT + k] += value[0] * fabs(torque);
+        const real_t voltage = choose(is_nan(vehicle->voltage[k]), real_of(0), vehicle->voltage[k]);
+        const real_t torque = motor->torque_constant * vehicle->state.current[k] + motor->torque_per_volt * voltage;
+        vehicle->dry[DRY_LEFT + k] += value[0] * real_abs(torque);
     }
 }
 

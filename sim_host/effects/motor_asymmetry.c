@@ -3,7 +3,7 @@
 /* This is a gain of the drive, not of the motor. It scales V, and so stall torque and speed alike. A difference of the
  * motors is torque_constant_asymmetry: it scales K_t V by 1 + c and K_t K_e by (1 + c)^2, which gives more torque and
  * less speed. Any run with a start and a steady speed distinguishes the two. A single motor has no other side. */
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle == BP_MOTOR)

@@ -1,12 +1,10 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+static void body(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    vehicle->drag_surge += value[0] * fabs(vehicle->middle.surge);
-    vehicle->drag_sway += value[0] * fabs(vehicle->middle.sway);
+    vehicle->drag_surge += value[0] * real_abs(vehicle->middle.surge);
+    vehicle->drag_sway += value[0] * real_abs(vehicle->middle.sway);
 }
 
 static const bp_parameter_info PARAMETERS[] = {

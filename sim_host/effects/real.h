@@ -63,6 +63,18 @@ IN_LANES real_t real_root(real_t value)
 {
     return sqrt(value);
 }
+IN_LANES real_t real_expm1(real_t value)
+{
+    return expm1(value);
+}
+IN_LANES real_t real_sin(real_t value)
+{
+    return sin(value);
+}
+IN_LANES real_t real_hypot(real_t a, real_t b)
+{
+    return hypot(a, b);
+}
 IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 {
     *cosine = cos(angle);
@@ -131,6 +143,27 @@ IN_LANES real_t real_root(real_t value)
         result[i] = sqrt(value[i]);
     return result;
 }
+IN_LANES real_t real_expm1(real_t value)
+{
+    real_t result = value;
+    for (int i = 0; i < LANES; i++)
+        result[i] = expm1(value[i]);
+    return result;
+}
+IN_LANES real_t real_sin(real_t value)
+{
+    real_t result = value;
+    for (int i = 0; i < LANES; i++)
+        result[i] = sin(value[i]);
+    return result;
+}
+IN_LANES real_t real_hypot(real_t a, real_t b)
+{
+    real_t result = a;
+    for (int i = 0; i < LANES; i++)
+        result[i] = hypot(a[i], b[i]);
+    return result;
+}
 IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 {
     real_t cosines = angle, sines = angle;
@@ -150,6 +183,15 @@ IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 IN_LANES real_t real_least(real_t value, real_t limit)
 {
     return choose(value < limit, value, limit);
+}
+/* The larger one; `limit` where the value is NaN. */
+IN_LANES real_t real_most(real_t value, real_t limit)
+{
+    return choose(value > limit, value, limit);
+}
+IN_LANES real_t real_sign(real_t value)
+{
+    return choose(value > 0, real_of(1), choose(value < 0, real_of(-1), real_of(0)));
 }
 IN_LANES mask_t is_nan(real_t value)
 {

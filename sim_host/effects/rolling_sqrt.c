@@ -1,13 +1,11 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* Acts as a bound of dry friction, because a force with an infinite slope at rest would ring. */
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < 2; k++)
-        vehicle->dry[DRY_LEFT + k] += value[0] * sqrt(fabs(vehicle->state.wheel_speed[k]));
+        vehicle->dry[DRY_LEFT + k] += value[0] * real_root(real_abs(vehicle->state.wheel_speed[k]));
 }
 
 static const bp_parameter_info PARAMETERS[] = {

@@ -2,19 +2,19 @@
 #ifndef BRICKPILOT_EFFECTS_SLOPE_H
 #define BRICKPILOT_EFFECTS_SLOPE_H
 
-#include <math.h>
-
 #include "effects/vehicle.h"
 
 /* Gravity's pull along the body's axes, per mass, m/s^2. */
 typedef struct {
-    double surge, sway;
+    real_t surge, sway;
 } pull_t;
 
 /* The pull at `heading`. slope_x, slope_y: sine of the angle by which the floor falls along the earth's axes. */
-static inline pull_t slope_pull(const vehicle_t *vehicle, double slope_x, double slope_y, double heading)
+static inline pull_t slope_pull(const vehicle_t *vehicle, real_t slope_x, real_t slope_y, real_t heading)
 {
-    const double gravity = vehicle->parameter[PARAMETER_GRAVITY], cosine = cos(heading), sine = sin(heading);
+    const real_t gravity = vehicle->parameter[PARAMETER_GRAVITY];
+    real_t cosine, sine;
+    real_turn(heading, &cosine, &sine);
     return (pull_t){gravity * (slope_x * cosine + slope_y * sine), gravity * (slope_y * cosine - slope_x * sine)};
 }
 
@@ -35,17 +35,19 @@ static inline void slope_show(vehicle_t *vehicle, pull_t pull)
 }
 
 /* Heading in the middle of the last body step, over which accelerations are means. For sensor hooks. */
-static inline double slope_heading(const vehicle_t *vehicle)
+static inline real_t slope_heading(const vehicle_t *vehicle)
 {
     return vehicle->state.heading - 0.5 * vehicle->step * vehicle->state.yaw_rate;
 }
 
 /* x there, m. */
-static inline double slope_position(const vehicle_t *vehicle)
+static inline real_t slope_position(const vehicle_t *vehicle)
 {
-    const bp_state *state = &vehicle->state;
-    const double heading = slope_heading(vehicle);
-    return state->x - 0.5 * vehicle->step * (state->surge * cos(heading) - state->sway * sin(heading));
+    const state_t *state = &vehicle->state;
+    const real_t heading = slope_heading(vehicle);
+    real_t cosine, sine;
+    real_turn(heading, &cosine, &sine);
+    return state->x - 0.5 * vehicle->step * (state->surge * cosine - state->sway * sine);
 }
 
 #endif

@@ -1,13 +1,11 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < 2; k++) {
-        const double speed = vehicle->state.wheel_speed[k] / value[2];
-        vehicle->dry[DRY_LEFT + k] += value[0] + value[1] * exp(-speed * speed);
+        const real_t speed = vehicle->state.wheel_speed[k] / value[2];
+        vehicle->dry[DRY_LEFT + k] += value[0] + value[1] * real_exp(-speed * speed);
     }
 }
 

@@ -1,13 +1,12 @@
 #include "effects/effect.h"
 
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < 2; k++) {
-        if (vehicle->voltage[k] > value[0])
-            vehicle->voltage[k] = value[0];
-        else if (vehicle->voltage[k] < -value[0])
-            vehicle->voltage[k] = -value[0]; /* a floating motor is NaN: neither branch is taken */
+        const real_t voltage = vehicle->voltage[k]; /* a floating motor is NaN and stays so */
+        const real_t least = choose(voltage < -value[0], -value[0], voltage);
+        vehicle->voltage[k] = choose(voltage > value[0], value[0], least);
     }
 }
 

@@ -2,13 +2,13 @@
 
 /* K_t and K_e come from one magnetic flux, so they differ together. A difference of K_t alone would look like a
  * difference of 1 / R where L / R is short. A single motor has no other side. */
-static void motor(const double *value, double *memory, vehicle_t *vehicle)
+static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle == BP_MOTOR)
         return;
     for (int k = 0; k < 2; k++) {
-        const double flux = 1 + (k == 0 ? 0.5 : -0.5) * value[0];
+        const real_t flux = 1 + (k == 0 ? 0.5 : -0.5) * value[0];
         vehicle->motor[k].torque_constant *= flux;
         vehicle->motor[k].emf_constant *= flux;
     }

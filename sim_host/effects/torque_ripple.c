@@ -1,18 +1,16 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void wheel(const double *value, double *memory, vehicle_t *vehicle)
+static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const bp_state *state = &vehicle->state;
+    const state_t *state = &vehicle->state;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const motor_t *motor = &vehicle->motor[k];
-        const double volts = isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
-        const double torque = motor->torque_constant * state->current[k] + motor->torque_per_volt * volts;
-        const double middle = state->wheel_angle[k] + 0.5 * vehicle->step * state->wheel_speed[k];
-        const double phase = value[2] + (k == 0 ? 0.5 : -0.5) * value[3];
-        vehicle->wheel_torque[k] += value[0] * torque * sin(value[1] * middle + phase);
+        const real_t volts = choose(is_nan(vehicle->voltage[k]), real_of(0), vehicle->voltage[k]);
+        const real_t torque = motor->torque_constant * state->current[k] + motor->torque_per_volt * volts;
+        const real_t middle = state->wheel_angle[k] + 0.5 * vehicle->step * state->wheel_speed[k];
+        const real_t phase = value[2] + (k == 0 ? 0.5 : -0.5) * value[3];
+        vehicle->wheel_torque[k] += value[0] * torque * real_sin(value[1] * middle + phase);
     }
 }
 
@@ -56,7 +54,7 @@ const effect_t effect_torque_ripple = {
              .summary = "The torque of a motor rises and falls with the wheel's angle, in proportion to its current.",
              .mechanism = "motor",
              .acts_on = "gear",
-             .equation = "T = K_t i (1 + amplitude sin(order angle + phase)), left phase + phase_difference / 2, "
+             .equation = "T = K_t i (1 + amplitude real_sin(order angle + phase)), left phase + phase_difference / 2, "
                          "right phase - phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",

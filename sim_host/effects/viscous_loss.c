@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-static void motor(const double *value, double *memory, vehicle_t *vehicle)
+static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++)

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-static void body(const double *value, double *memory, vehicle_t *vehicle)
+static void body(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     if (vehicle->vehicle != BP_MOTOR)

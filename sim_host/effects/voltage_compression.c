@@ -1,13 +1,11 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
-static void drive(const double *value, double *memory, vehicle_t *vehicle)
+static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    const double per_volt = value[0] / vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
+    const real_t per_volt = value[0] / vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
     for (int k = 0; k < vehicle_wheels(vehicle); k++)
-        vehicle->voltage[k] /= 1 + per_volt * fabs(vehicle->voltage[k]);
+        vehicle->voltage[k] /= 1 + per_volt * real_abs(vehicle->voltage[k]);
 }
 
 /* At -0.9 the gain at full voltage is ten times that at none, and still finite. */

@@ -60,17 +60,12 @@ static inline dry_vector_t dry_choose(mask_t mask, dry_vector_t yes, dry_vector_
     return (dry_vector_t){choose(mask, yes.left, no.left), choose(mask, yes.right, no.right)};
 }
 
-static inline real_t dry_sign(real_t value)
-{
-    return choose(value > 0, real_of(1), choose(value < 0, real_of(-1), real_of(0)));
-}
-
 /* The sum of the impulses that oppose the motions of `w`. */
 static inline dry_vector_t dry_opposing(dry_vector_t w, const real_t bound[DRY_COUNT])
 {
     real_t along[DRY_COUNT];
     for (int i = 0; i < DRY_COUNT; i++)
-        along[i] = bound[i] * dry_sign(dry_dot(DRY_MOTION[i], w));
+        along[i] = bound[i] * real_sign(dry_dot(DRY_MOTION[i], w));
     return (dry_vector_t){along[DRY_LEFT] + along[DRY_SURGE] + along[DRY_YAW],
                           along[DRY_RIGHT] + along[DRY_SURGE] - along[DRY_YAW]};
 }
@@ -109,7 +104,7 @@ static inline mask_t dry_holds(int j, dry_vector_t *w, dry_vector_t impulse, con
                                const real_t bound[DRY_COUNT])
 {
     const dry_way_t along = DRY_ALONG[j], motion = DRY_MOTION[j];
-    const real_t direction = dry_sign(dry_dot(along, impulse));
+    const real_t direction = real_sign(dry_dot(along, impulse));
     const dry_vector_t way = {direction * along.left, direction * along.right};
     const dry_vector_t opposed = dry_opposing(way, bound);
     const real_t push = dry_dots(way, impulse) - dry_dots(way, opposed);

@@ -7,7 +7,7 @@
 
 static const lanes_kernel_t *const KERNEL[] = {
     &lanes_kernel_2,
-#if defined(__x86_64__) && !defined(_WIN32)
+#ifdef LANES_WIDE
     &lanes_kernel_4,
     &lanes_kernel_8,
 #endif
@@ -56,13 +56,15 @@ static void take(lanes_t *lanes, int from, int lane, int first, int end)
 /* Gives a plant what the hooks of a site may read and the step has changed since the site before. */
 static void give_site(lanes_t *lanes, int lane, site_t site)
 {
-    plant_t *plant = &lanes->plant[lane];
     switch (site) {
-    case SITE_BODY: /* the first of a body step */
-        give(lanes, lane, 0, PLACE(command));
+    case SITE_BODY:
+        give(lanes, lane, PLACE(force_surge), PLACE(step));
         break;
     case SITE_SUPPLY:
-        give(lanes, lane, PLACE(supply), PLACE(supply) + 1);
+        give(lanes, lane, PLACE(supply), PLACE(voltage));
+        break;
+    case SITE_MOTOR:
+        give(lanes, lane, PLACE(motor), PLACE(build));
         break;
     case SITE_TIMING:
         give(lanes, lane, PLACE(step), PLACE(supply));
@@ -72,13 +74,12 @@ static void give_site(lanes_t *lanes, int lane, site_t site)
         give(lanes, lane, PLACE(step), PLACE(wheel_torque));
         break;
     case SITE_WHEEL:
-        if (plant->hook_count[SITE_DRIVE] == 0)
-            give_site(lanes, lane, SITE_DRIVE);
-        memset(plant->vehicle.wheel_torque, 0, sizeof plant->vehicle.wheel_torque);
-        memset(plant->vehicle.dry, 0, sizeof plant->vehicle.dry);
+        give(lanes, lane, PLACE(state.current), PLACE(state.current) + MOTION_COUNT);
+        give(lanes, lane, PLACE(step), PLACE(motor));
         break;
     case SITE_SENSOR:
         give(lanes, lane, 0, PLACE(motor));
+        give(lanes, lane, PLACE(output), vehicle_numbers());
         break;
     default:
         break;
@@ -93,7 +94,7 @@ static void take_site(lanes_t *lanes, int lane, site_t site)
         take(lanes, lane, lane, PLACE(force_surge), PLACE(step));
         break;
     case SITE_SUPPLY:
-        take(lanes, lane, lane, PLACE(supply), PLACE(supply) + 1);
+        take(lanes, lane, lane, PLACE(supply), PLACE(voltage));
         break;
     case SITE_MOTOR:
         take(lanes, lane, lane, PLACE(motor), PLACE(build));
@@ -108,31 +109,73 @@ static void take_site(lanes_t *lanes, int lane, site_t site)
         take(lanes, lane, lane, PLACE(state.heat), PLACE(state.heat) + 2);
         take(lanes, lane, lane, PLACE(wheel_torque), PLACE(motor));
         break;
+    case SITE_SENSOR:
+        take(lanes, lane, lane, PLACE(output), vehicle_numbers());
+        break;
     default:
         break;
     }
 }
 
-/* True where a plant has effects that act before its sensors. */
-static bool acts(const plant_t *plant)
+/* Gives each plant whose hooks run by themselves the state and what follows from it, or the motors. */
+static void tell(void *owner, site_t site)
 {
-    for (int site = SITE_TIMING; site < SITE_SENSOR; site++)
-        if (plant->hook_count[site] > 0)
-            return true;
-    return false;
+    lanes_t *lanes = owner;
+    const int first = site == SITE_MOTOR ? PLACE(motor) : 0, end = site == SITE_MOTOR ? PLACE(build) : PLACE(command);
+    for (int lane = 0; lane < lanes->count; lane++)
+        if (lanes->acts[lane] && lanes->status[lane] == 0)
+            give(lanes, lane, first, end);
 }
 
-static void run_site(void *owner, site_t site)
+static void run_batch(void *owner, site_t site, int batch)
 {
     lanes_t *lanes = owner;
     for (int lane = 0; lane < lanes->count; lane++) {
         plant_t *plant = &lanes->plant[lane];
-        const bool here = plant->hook_count[site] > 0 || (site == SITE_BODY && acts(plant));
-        if (!here || lanes->status[lane] != 0)
+        const hooks_t hooks = lanes->batch[site][batch][lane];
+        if (hooks.first == hooks.end || lanes->status[lane] != 0)
             continue;
         give_site(lanes, lane, site);
-        plant_run_site(plant, site);
+        for (int i = hooks.first; i < hooks.end; i++) {
+            const plant_hook_t *hook = &plant->hook[site][i];
+            hook->hook(hook->value, hook->memory, &plant->vehicle);
+        }
         take_site(lanes, lane, site);
+    }
+}
+
+/* The law in registers that stands for an effect, or -1. */
+static int law_of(lanes_t *lanes, const effect_t *effect)
+{
+    for (int i = 0; i < lanes->law_count; i++)
+        if (lanes->effect_of_law[i] == effect)
+            return i;
+    const effect_t *law = lanes->law_count < LAWS_MOST ? lanes->kernel->law(effect->info.name) : NULL;
+    if (law == NULL)
+        return -1;
+    lanes->view->law[lanes->law_count].effect = law;
+    lanes->effect_of_law[lanes->law_count] = effect;
+    return lanes->law_count++;
+}
+
+/* Puts the effects of plant `from` into a lane: those that have a law in registers. */
+static void enter_effects(lanes_t *lanes, int from, int lane)
+{
+    const bp_model *model = lanes->plant[from].model;
+    const double *memory = lanes->plant[from].memory;
+    const int width = lanes->kernel->width;
+    for (int e = 0; e < model->effect_count; e++) {
+        const effect_t *effect = model->effect[e].effect;
+        const int index = law_of(lanes, effect);
+        if (index >= 0) {
+            lanes_law_t *law = &lanes->view->law[index];
+            law->robots |= 1U << lane;
+            for (int i = 0; i < effect->info.parameter_count; i++)
+                law->value[i * width + lane] = model->effect[e].value[i];
+            for (int i = 0; i < effect->memory_count; i++)
+                law->memory[i * width + lane] = memory[i];
+        }
+        memory += effect->memory_count;
     }
 }
 
@@ -140,9 +183,72 @@ static void run_site(void *owner, site_t site)
 static void enter(lanes_t *lanes, int from, int lane)
 {
     const int width = lanes->kernel->width;
+    const vehicle_t *vehicle = &lanes->plant[from].vehicle;
     take(lanes, from, lane, 0, vehicle_numbers());
     for (int i = 0; i < PARAMETER_COUNT; i++)
-        lanes->view->parameter[i * width + lane] = lanes->plant[from].vehicle.parameter[i];
+        lanes->view->parameter[i * width + lane] = vehicle->parameter[i];
+    motor_t nominal[2];
+    plant_nominal_motors(vehicle, nominal);
+    for (int i = 0; i < (int)(PLACE(build) - PLACE(motor)); i++)
+        lanes->view->nominal[i * width + lane] = ((const double *)nominal)[i];
+    enter_effects(lanes, from, lane);
+}
+
+/* Where the plants are in their models' effects while the order of a site is made. */
+typedef struct {
+    int effect[LANES_MOST];
+    int hook[LANES_MOST]; /* how many of them had a hook at the site */
+} cursor_t;
+
+/* The effect that comes next at a site, of all plants, and NULL after the last. */
+static const effect_t *next_effect(const lanes_t *lanes, cursor_t *at, site_t site)
+{
+    const effect_t *first = NULL;
+    for (int lane = 0; lane < lanes->count; lane++) {
+        const bp_model *model = lanes->plant[lane].model;
+        int *e = &at->effect[lane];
+        while (*e < model->effect_count && model->effect[*e].effect->hook[site] == NULL)
+            ++*e;
+        if (*e == model->effect_count || first == model->effect[*e].effect)
+            continue;
+        const effect_t *effect = model->effect[*e].effect;
+        if (first == NULL || effect_index(effect->info.name) < effect_index(first->info.name))
+            first = effect;
+    }
+    return first;
+}
+
+/* Writes down in which order laws and batches of hooks run at a site. */
+static void order_site(lanes_t *lanes, site_t site)
+{
+    lanes_site_t *order = &lanes->view->site[site];
+    cursor_t at = {.effect = {0}};
+    int batches = 0;
+    bool open = false; /* the last step is a batch */
+    for (const effect_t *effect = next_effect(lanes, &at, site); effect != NULL;
+         effect = next_effect(lanes, &at, site)) {
+        const int law = law_of(lanes, effect);
+        if (law < 0 && !open)
+            for (int lane = 0; lane < lanes->count; lane++)
+                lanes->batch[site][batches][lane] =
+                    (hooks_t){(unsigned char)at.hook[lane], (unsigned char)at.hook[lane]};
+        if (law >= 0 || !open) {
+            order->step[order->count].law = law;
+            order->step[order->count++].batch = law < 0 ? batches++ : 0;
+        }
+        open = law < 0;
+        for (int lane = 0; lane < lanes->count; lane++) {
+            const bp_model *model = lanes->plant[lane].model;
+            if (at.effect[lane] == model->effect_count || model->effect[at.effect[lane]].effect != effect)
+                continue;
+            at.effect[lane]++;
+            at.hook[lane]++;
+            if (law < 0) {
+                lanes->batch[site][batches - 1][lane].end++;
+                lanes->acts[lane] |= site != SITE_SENSOR;
+            }
+        }
+    }
 }
 
 void lanes_open(lanes_t *lanes, int count)
@@ -154,17 +260,20 @@ void lanes_open(lanes_t *lanes, int count)
     lanes->kernel = KERNEL[narrowest];
     lanes->memory = lanes->space + LANES_ALIGNMENT - (uintptr_t)lanes->space % LANES_ALIGNMENT;
     lanes->view = lanes->kernel->open(lanes->memory, first->vehicle, first->profile);
-    lanes->view->run = run_site;
-    lanes->view->owner = lanes;
     lanes->count = count;
+    lanes->law_count = 0;
+    memset(lanes->status, 0, sizeof lanes->status);
+    memset(lanes->acts, 0, sizeof lanes->acts);
     for (int lane = 0; lane < lanes->kernel->width; lane++)
         enter(lanes, lane < count ? lane : 0, lane); /* a lane that is left over does as the first one does */
-    for (int lane = 0; lane < count; lane++) {
-        lanes->status[lane] = 0;
-        for (int site = 0; site < SITE_COUNT; site++)
-            lanes->view->acts[site] |= lanes->plant[lane].hook_count[site] > 0;
-        lanes->view->acts[SITE_BODY] |= acts(&lanes->plant[lane]);
-    }
+    for (int site = SITE_TIMING; site < SITE_COUNT; site++)
+        order_site(lanes, site);
+    lanes->view->tell = NULL;
+    for (int lane = 0; lane < count; lane++)
+        if (lanes->acts[lane])
+            lanes->view->tell = tell;
+    lanes->view->run = run_batch;
+    lanes->view->owner = lanes;
 }
 
 void lanes_restart(lanes_t *lanes, int lane, const bp_state *state)
@@ -198,10 +307,8 @@ void lanes_sense(lanes_t *lanes)
 
 void lanes_outputs(const lanes_t *lanes, int lane, const int *column, int count, double *out, ptrdiff_t stride)
 {
-    const plant_t *plant = &lanes->plant[lane];
-    const bool own = plant->hook_count[SITE_SENSOR] > 0;
-    const double *from = own ? plant->vehicle.output : lanes->view->output + lane;
-    const int width = own ? 1 : lanes->kernel->width;
+    const double *from = lanes->view->output + lane;
+    const int width = lanes->kernel->width;
     for (int i = 0; i < count; i++)
         out[i * stride] = from[(column != NULL ? column[i] : i) * width];
 }

@@ -1,5 +1,6 @@
 /* lanes.h: several plants that advance together, each in a lane of the processor's vector registers. They get the same
- * bytes as alone: the laws are the same files (effects/real.h), and the hooks of effects run plant by plant.
+ * bytes as alone: the laws are the same files (effects/real.h), and so are the effects that are written over real_t. The
+ * hooks of the others run plant by plant.
  *
  * Plants fit together that have the same kind of vehicle, profile and longest steps, and no tyres that slip. The caller
  * starts plant[0] to plant[count - 1], calls lanes_open(), and from then on reaches them by these functions alone. */
@@ -11,10 +12,19 @@
 
 enum { LANES_MOST = 8 };
 
+/* Hooks of one plant at a site, from its plant_t.hook[site]. */
+typedef struct {
+    unsigned char first, end;
+} hooks_t;
+
 typedef struct {
     plant_t plant[LANES_MOST];
     int count;
     int status[LANES_MOST]; /* 0, or why a plant has stopped; it then stays as it is */
+    int law_count;
+    const effect_t *effect_of_law[LAWS_MOST];
+    hooks_t batch[SITE_COUNT][LAWS_MOST + 1][LANES_MOST]; /* what runs robot by robot between two laws */
+    bool acts[LANES_MOST];                                /* this plant has such hooks before its sensors */
     const lanes_kernel_t *kernel;
     lanes_view_t *view;
     unsigned char *memory;

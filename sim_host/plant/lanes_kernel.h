@@ -1,9 +1,8 @@
 /* lanes_kernel.h: the step of plant/step.h in vector registers, and what plant/lanes.c knows of it.
  *
- * lanes_2.c, lanes_4.c and lanes_8.c make one kernel each, for registers of 128, 256 and 512 bits: they define LANES and
- * include lanes_laws.h. There a vehicle_t holds LANES robots, so the two sides share no type but this one. A number that
- * stands at place i of a plant's vehicle stands at place i * width + lane here.
- */
+ * lanes_laws.c is compiled once for each width, with the laws of effects that are written over real_t. There a vehicle_t
+ * holds LANES robots, so the two sides share no type but these. A number that stands at place i of a plant's vehicle
+ * stands at place i * width + lane here, and so in all arrays below. */
 #ifndef BRICKPILOT_PLANT_LANES_KERNEL_H
 #define BRICKPILOT_PLANT_LANES_KERNEL_H
 
@@ -12,19 +11,43 @@
 
 #include "effects/effect.h"
 
-enum { LANES_BYTES = 32768, LANES_ALIGNMENT = 64 }; /* of the memory of a group */
+enum { LANES_BYTES = 65536, LANES_ALIGNMENT = 64 }; /* of the memory of a group */
 
-/* One group of robots. Its arrays are `width` times as long as for one robot. */
+/* Effects of a group that run in registers: so many at most, with so many parameters and doubles of memory each. All
+ * others run robot by robot. */
+enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 8 };
+
+typedef struct {
+    const effect_t *effect; /* for the kernel alone */
+    unsigned robots;        /* one bit for each lane that has this effect */
+    double *value;          /* LAW_VALUES */
+    double *memory;         /* LAW_MEMORY */
+} lanes_law_t;
+
+/* What happens at a site, in the order of the table of effects. */
+enum { STEPS_MOST = 2 * LAWS_MOST + 1 };
+typedef struct {
+    int count;
+    struct {
+        int law;   /* an index into `law`; or -1: hooks that run robot by robot */
+        int batch; /* which ones: for `run` */
+    } step[STEPS_MOST];
+} lanes_site_t;
+
+/* One group of robots. */
 typedef struct {
     double *vehicle;   /* all numbers of vehicle_t: see vehicle_numbers */
+    double *nominal;   /* those of vehicle_t.motor, without effects */
     double *parameter; /* PARAMETER_COUNT */
     double *input;     /* 2, V */
     double *output;    /* OUTPUT_COUNT */
+    lanes_law_t law[LAWS_MOST];
 
-    /* Filled by the caller: the sites at which a robot has effects, and how to run them. SITE_BODY comes first in each
-     * body step, and SITE_MOTOR sets the nominal motors anew before. */
-    bool acts[SITE_COUNT];
-    void (*run)(void *owner, site_t site);
+    /* Filled by the caller: the effects, and how to run those that run robot by robot. Where there are any, `tell` is
+     * called before SITE_BODY, for what a body step has changed, and after SITE_MOTOR. */
+    lanes_site_t site[SITE_COUNT];
+    void (*tell)(void *owner, site_t site);
+    void (*run)(void *owner, site_t site, int batch);
     void *owner;
 } lanes_view_t;
 
@@ -36,10 +59,13 @@ typedef struct {
     /* Makes a group in `memory`, which has LANES_BYTES and that alignment. */
     lanes_view_t *(*open)(void *memory, int vehicle, int profile);
 
+    /* Finds the effect of this name, which has so many parameters and so much memory; NULL: it runs robot by robot. */
+    const effect_t *(*law)(const char *name);
+
     /* Advances by body_count steps of `step` s each; returns one bit for each lane whose state is finite. */
     unsigned (*advance)(void *memory, double step, int body_count, int motor_count);
 
-    /* Fills the view's `output`, without sensor effects. */
+    /* Fills the view's `output` anew. */
     void (*outputs)(void *memory);
 } lanes_kernel_t;
 

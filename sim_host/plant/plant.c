@@ -61,11 +61,15 @@ static motor_t nominal_motor(const vehicle_t *vehicle, int side)
     return motor;
 }
 
+void plant_nominal_motors(const vehicle_t *vehicle, motor_t motor[2])
+{
+    motor[0] = nominal_motor(vehicle, 0);
+    motor[1] = vehicle->vehicle == BP_MOTOR ? (motor_t){.resistance = 1} : nominal_motor(vehicle, 1);
+}
+
 static void set_motors(plant_t *plant)
 {
-    vehicle_t *vehicle = &plant->vehicle;
-    vehicle->motor[0] = nominal_motor(vehicle, 0);
-    vehicle->motor[1] = vehicle->vehicle == BP_MOTOR ? (motor_t){.resistance = 1} : nominal_motor(vehicle, 1);
+    plant_nominal_motors(&plant->vehicle, plant->vehicle.motor);
     run_hooks(plant, SITE_MOTOR);
 }
 
@@ -162,16 +166,6 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
         return BP_E_RANGE;
     sense(plant, 0);
     return 0;
-}
-
-void plant_run_site(plant_t *plant, site_t site)
-{
-    if (site == SITE_MOTOR)
-        set_motors(plant);
-    else if (site == SITE_SENSOR)
-        sense(plant, plant->vehicle.step);
-    else
-        run_hooks(plant, site);
 }
 
 /* Returns `state` with what it leaves open, NaN, taken from `now`. A state is made of doubles alone. */

@@ -61,9 +61,8 @@ int plant_advance(plant_t *plant, const double input[2], double dt);
 /* Counts the body steps in an interval of dt seconds, and the motor steps in each of them. BP_E_TIME: as above. */
 int plant_divide(const plant_t *plant, double dt, int *body_count, int *motor_count);
 
-/* Does what a step does at one of the sites, for a caller that does the rest of the step: sets the nominal motors or
- * outputs where the site has them, and runs the hooks. */
-void plant_run_site(plant_t *plant, site_t site);
+/* Fills both motors as they are without effects. */
+void plant_nominal_motors(const vehicle_t *vehicle, motor_t motor[2]);
 
 /* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor
  * effects that are on, and without noise. */

@@ -1,4 +1,5 @@
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,7 +12,7 @@
 /* Runs of random models go side by side and one at a time. Every byte must be the same: all outputs, where a run stopped,
  * why, and the last state. */
 
-enum { TRIALS = 160, RUNS = 11, SAMPLES = 24, RESTARTS = 3 };
+enum { TRIALS = 400, RUNS = 11, SAMPLES = 24, RESTARTS = 3 };
 
 typedef struct {
     bp_run run;
@@ -62,7 +63,7 @@ static double drawn(const bp_parameter_info *info)
 
 static void add_effects(bp_model *model)
 {
-    const int wanted = below(5);
+    const int wanted = chance(0.1) ? below(20) : below(5); /* more than fit into registers, too */
     for (int n = 0; n < wanted; n++) {
         int count = 0;
         while (bp_effect(count) != NULL)
@@ -161,12 +162,19 @@ static void simulate(given_t *given, int threads, int lanes)
         given[i].run = runs[i];
 }
 
+static void describe(const bp_model *model, int trial, int run, int lanes, char *text, size_t size)
+{
+    int used_size = snprintf(text, size, "trial %d, run %d, %d lanes:", trial, run, lanes);
+    for (int i = 0; i < model->effect_count && (size_t)used_size < size; i++)
+        used_size += snprintf(text + used_size, size - (size_t)used_size, " %s", model->effect[i].effect->info.name);
+}
+
 static void compare(int trial, int lanes)
 {
     for (int i = 0; i < RUNS; i++) {
         const given_t *one = &alone[i], *other = &together[i];
-        char where[80];
-        (void)snprintf(where, sizeof where, "trial %d, run %d, %d lanes", trial, i, lanes);
+        char where[400];
+        describe(one->run.model, trial, i, lanes, where, sizeof where);
         TEST_ASSERT_EQUAL_INT_MESSAGE(one->run.status, other->run.status, where);
         TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&one->run.final, &other->run.final, sizeof one->run.final, where);
         TEST_ASSERT_EQUAL_MEMORY_MESSAGE(one->output, other->output, sizeof one->output, where);
