@@ -37,6 +37,7 @@ nb_render_markdown_format = "myst"
 # In docstrings one back quote marks code, as in Markdown.
 default_role = "code"
 smartquotes = False
+add_module_names = False
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
