@@ -29,9 +29,10 @@ MAY: dict[str, set[str]] = {
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
     "export": {"data", "vehicle", "link", "hil"},
+    "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
-        "benchmark", "export",
+        "benchmark", "export", "tune",
     },
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip

@@ -26,6 +26,7 @@ MUST_NOT = {
     "firmware": {"fit", "report", "flash"},
     "campaign": {"benchmark", "importers", "flash"},
     "export": {"fit", "discover", "report", "flash"},
+    "tune": {"discover", "benchmark", "flash"},
     "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
     "cli": set[str](),

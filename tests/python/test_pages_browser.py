@@ -23,6 +23,7 @@ from brickpilot.report import benchmark_page, run_page, why_page, why_text
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
+from brickpilot.tune import page as tune_page
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
@@ -30,6 +31,7 @@ from findings import COMMAND, VERDICTS, all_verdicts
 from matplotlib.image import imread
 from pages import FAULTY, HOSTILE, assert_self_contained
 from synthetic import robot, write
+from tuned import poor
 
 STATED = "".join(
     f"{name} = {robot().parameters[name]}\n"
@@ -114,6 +116,7 @@ def pages(tmp_path_factory):
     flown = flight.fly(flight.plan(dataclasses.replace(mission, title=HOSTILE), rcx(), sensors="imu+encoders"))
     found["run"] = run_page.page(flown, flight_figures.summary(flown), COMMAND)
     found["hil"] = hil(folder)
+    found["tune"] = tune_page.page(poor(folder), COMMAND)
     results = quick_results()
     found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
     kept = real_results.load(real_results.KEPT)
@@ -158,7 +161,7 @@ def probed(dom: str) -> Any:
     return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
 
 
-KINDS = (*VERDICTS, "why", "compare", "calibrate", "run", "hil", "benchmark discover", "benchmark real")
+KINDS = (*VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "benchmark discover", "benchmark real")
 
 
 @pytest.mark.parametrize("kind", ["named", "run"])

@@ -38,6 +38,8 @@ NAMED = {
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
+    "tune/robot.py",  # a scenario's cruise
+    "tune/space.py",  # the gains that are tuned, and how far
     "vehicle/gains.py",  # pairs of gains of which one may not be above the other
     "vehicle/flight.py",  # a scenario's cruise
     "vehicle/compensation.py",  # the reserve, which depends on the robot's own battery

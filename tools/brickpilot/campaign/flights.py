@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures
 
@@ -35,7 +37,8 @@ UNITS = {
     "success": "", "cause": "", "reached_all": "", "waypoints_reached": "", "waypoints_total": "", "time_s": "s",
     "cross_track_rms_m": "m", "cross_track_max_m": "m", "heading_rms_rad": "rad", "closest_approach_max_m": "m",
     "position_estimate_error_m": "m", "overshoots": "", "saturated_surge_steps": "", "saturated_yaw_steps": "",
-    "charge_c": "C", "ended_at_s": "s", "final_mode": "", "fault": "", "seed": "", "motor_stream_sha256": "",
+    "charge_c": "C", "duty_travel": "", "ended_at_s": "s", "final_mode": "", "fault": "", "seed": "",
+    "motor_stream_sha256": "",
 }  # fmt: skip
 """The figures of a row -> unit, in the order of a row."""
 
@@ -45,7 +48,8 @@ def row(plan: flight.Plan) -> Row:
 
     Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why not, and
     is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest of the
-    waypoints' closest approaches, `charge_c` what the battery gave. A number that a flight does not have is NaN.
+    waypoints' closest approaches, `charge_c` what the battery gave, and `duty_travel` how far the duty of both motors
+    moved in all, which wears them. A number that a flight does not have is NaN.
     A flight whose simulation diverges fails for that cause, and has no further figures.
 
     Raises:
@@ -85,6 +89,7 @@ def figures(flown: flight.Flight) -> Row:
         "saturated_surge_steps": end["saturated_steps"]["surge"],
         "saturated_yaw_steps": end["saturated_steps"]["yaw"],
         "charge_c": float(flown.log["charge_c"][-1]),
+        "duty_travel": float(np.abs(np.diff(flown.motors.astype(np.int32), axis=0)).sum() / 32767),
         "ended_at_s": _number(end["ended_at_s"]),
         "final_mode": end["final_mode"],
         "fault": end["fault"],

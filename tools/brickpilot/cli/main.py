@@ -29,6 +29,7 @@ from brickpilot.cli.hil import hil
 from brickpilot.cli.import_log import import_log
 from brickpilot.cli.run import run
 from brickpilot.cli.settings import settings
+from brickpilot.cli.tune import tune
 from brickpilot.cli.upload import upload
 from brickpilot.cli.why import why
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
@@ -51,8 +52,8 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, firmware, flash, import_log, check, why, compare, calibrate, discover, benchmark,
-    effects, export, bench,
+    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, compare, calibrate, discover,
+    benchmark, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))

@@ -21,6 +21,7 @@ def track_to_html(
     circles: Sequence[tuple[float, float, float, bool]],
     *,
     link: str,
+    title: str = "track over the waypoints, seen from above",
 ) -> Markup:
     """Returns a track, seen from above, as an element of a page that can be played.
 
@@ -28,7 +29,7 @@ def track_to_html(
         time, heading: of the run, (n,): s, and rad clockwise from straight up.
         lines: (2, n) each: to the right, then up, m. The first one is played, and has the samples of `time`.
         circles: the waypoints: place to the right and up, radius, m, and whether it was reached.
-        link: see `Figure`.
+        link, title: see `Figure`.
     """
     kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), MOST_POINTS)
     spec = {
@@ -44,7 +45,7 @@ def track_to_html(
             for number, (x, y, radius, reached) in enumerate(circles, 1)
         ],
     }
-    return element(spec, "track over the waypoints, seen from above", 400)
+    return element(spec, title, 400)
 
 
 def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:

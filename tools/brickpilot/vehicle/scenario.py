@@ -12,6 +12,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from brickpilot import catalogue
 from brickpilot.compiled import interface
 from brickpilot.constants import STEP_S
@@ -226,3 +228,24 @@ def _effects(toml: TomlFile, value: object) -> dict[str, dict[str, float]]:
             for parameter, i in known[name].items()
         }
     return chosen
+
+
+def render_mission(mission: Scenario) -> str:
+    """Returns the file's text of a mission, which `load` reads back: all but `packaged` and the faults of a link."""
+    document = tomlkit.document()
+    document.update({"name": mission.name, "title": mission.title, "kind": "mission", "duration_s": mission.duration})
+    x, y, heading = mission.start
+    document["start"] = {"x_m": x, "y_m": y, "heading_deg": math.degrees(heading)}
+    optional: dict[str, object] = {
+        "start_at_s": mission.start_at,
+        "profile": mission.profile,
+        "sensors": mission.sensors,
+    }
+    optional |= {"seed": mission.seed, "cruise_m_s": dict(mission.cruise) or None}
+    document.update({name: value for name, value in optional.items() if value is not None})
+    document["waypoints_m"] = [list(point) for point in mission.waypoints]
+    if mission.parameters:
+        document["parameters"] = dict(mission.parameters)
+    if mission.effects:
+        document["effects"] = {name: dict(table) for name, table in mission.effects.items()}
+    return tomlkit.dumps(document)

@@ -1,0 +1,70 @@
+"""A small tuning in this process: the packaged firmware with poor gains, on a short mission."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+from brickpilot.campaign.crew import Crew, Finished, Function, Part
+from brickpilot.discover.default_sd import SD_SHARE
+from brickpilot.tune import robot
+from brickpilot.tune.search import Budget
+from brickpilot.tune.tune import Tuned, tune
+from brickpilot.vehicle import model
+from brickpilot.vehicle.model import rcx
+from pages import HOSTILE
+
+SHORT = """name = "short"
+title = "there and aside"
+kind = "mission"
+duration_s = 10
+waypoints_m = [[0.7, 0], [0.7, 0.6]]
+"""
+ROBOTS, JUDGES, BUDGET = 6, 60, Budget(44, None)
+
+
+class Inline:
+    """A crew that does each part when it is waited for."""
+
+    def __init__(self, function: Function) -> None:
+        self.function, self.parts = function, list[Part]()
+
+    def room(self) -> int:
+        return 3 - len(self.parts)
+
+    def give(self, part: Part) -> None:
+        assert self.room() > 0
+        self.parts.append(part)
+
+    def wait(self) -> Sequence[Finished]:
+        part = self.parts.pop()  # not in the order in which they were given
+        return [Finished(part, self.function(part.argument))]
+
+
+class Here:
+    """Workers that are this process."""
+
+    @contextmanager
+    def crew(self, function: Function) -> Iterator[Crew]:
+        yield Inline(function)
+
+
+def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot.Ready:
+    """Returns the packaged robot, and its mission, with what is usual for each kind of value."""
+    (folder / "short.toml").write_text(SHORT)
+    model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
+    route = str(folder / "short.toml")
+    return robot.problem(folder / "model.toml", robot.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
+
+
+@cache
+def poor(folder: Path) -> Tuned:
+    """Returns a tuning whose start turns too late to reach the second waypoint with many robots."""
+    given = ready(folder, HOSTILE)
+    start = {**given.problem.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
+    problem = dataclasses.replace(given.problem, start=start)
+    firmware = {**given.firmware, **start}
+    return tune(problem, firmware, Here(), robots=ROBOTS, judges=JUDGES, budget=BUDGET, show=lambda *_: None)

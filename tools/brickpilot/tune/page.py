@@ -1,0 +1,231 @@
+"""The page of `tune`: before and after, over the same robots that no search has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from brickpilot.campaign import robots
+from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
+from brickpilot.report.quantities import number
+from brickpilot.report.template import render
+from brickpilot.report.track import track_to_html
+from brickpilot.tune.judge import JUDGE, Change, Rate
+from brickpilot.tune.problem import Outcome, Raw, score
+from brickpilot.tune.tune import Tuned
+from brickpilot.vehicle import flight, flight_figures
+from brickpilot.vehicle.settings import settings
+
+Array = NDArray[np.float64]
+
+BEFORE: Colour = "orange"
+AFTER: Colour = "blue"
+_LOGGED = ("time_s", "true_x_m", "true_y_m", "true_heading_rad", "left_voltage_v", "right_voltage_v")
+_SHOWN_S = 1.0  # of a track beyond its last movement
+
+
+def page(tuned: Tuned, command: str) -> str:
+    """Returns the page as one self-contained HTML text; `command` repeats the tuning."""
+    judged = tuned.judged
+    return render(
+        "tune",
+        title=f"{tuned.problem.plan.model.name}: gains before and after",
+        sentence=sentence(tuned),
+        tuned=tuned,
+        rates=_rates(judged.rate_before, judged.rate_after),
+        changes=[_row(one) for one in judged.changes],
+        causes=_causes(judged.before, judged.after),
+        spreads=[_distribution(tuned, *one) for one in (("cross_track", "m"), ("time", "s"))],
+        gains=_gains(tuned),
+        ranges=_ranges(tuned),
+        tracks=[_track(tuned, place, why) for place, why in _chosen(tuned)],
+        trace=_trace(tuned),
+        command=command,
+    )
+
+
+def sentence(tuned: Tuned) -> str:
+    """Returns the result in words."""
+    before, after = tuned.judged.rate_before, tuned.judged.rate_after
+    said = (
+        f"{percent(before)} of {before.robots} robots that the data allow fly the mission with the gains before, and "
+        f"{percent(after)} with the gains found."
+    )
+    if tuned.kept_start:
+        return f"{said} The gains found are not better beyond chance, so the gains before are kept."
+    return said
+
+
+def percent(one: Rate) -> str:
+    """Returns a rate with its interval, as "93.1 % (91.3..94.5 %)"."""
+    return f"{100 * one.share:.1f} % ({100 * one.low:.1f}..{100 * one.high:.1f} %)"
+
+
+def change(one: Change) -> tuple[str, str, str, str]:
+    """Returns before, after, their difference and its interval, as texts."""
+    if not one.robots:
+        return ("\N{EN DASH}",) * 4
+    values = (one.before, one.after, one.after - one.before)
+    before, after, difference = (number(value) for value in values)
+    return before, after, difference, f"{number(one.low)}..{number(one.high)}"
+
+
+def _row(one: Change) -> dict[str, object]:
+    before, after, difference, interval = change(one)
+    cells = {"before": before, "after": after, "difference": difference, "interval": interval}
+    return {"name": one.name, "unit": one.unit, "robots": one.robots, **cells}
+
+
+def _rates(before: Rate, after: Rate) -> Markup:
+    return row_chart(
+        ["before", "after"],
+        {"share of robots": (AFTER, [100 * before.share, 100 * after.share])},
+        [(100 * one.low, 100 * one.high) for one in (before, after)],
+        "robots that fly the mission",
+        "%",
+        title=f"success before {percent(before)}, after {percent(after)}",
+        lines=[100.0],
+    )
+
+
+def _causes(before: Sequence[Outcome], after: Sequence[Outcome]) -> list[tuple[str, int, int]]:
+    names = dict.fromkeys(one.cause for one in (*before, *after) if one.cause)
+    return [(name, sum(one.cause == name for one in before), sum(one.cause == name for one in after)) for name in names]
+
+
+def _distribution(tuned: Tuned, field: str, unit: str) -> Markup:
+    """Draws the share of all robots whose figure is below each value."""
+    name = field.replace("_", "-")
+    flown = {"before": tuned.judged.before, "after": tuned.judged.after}
+    values = {
+        key: np.sort([getattr(one, field) for one in outcomes if not math.isnan(getattr(one, field))])
+        for key, outcomes in flown.items()
+    }
+    x = np.unique(np.concatenate(list(values.values())))
+    colours: dict[str, Colour] = {"before": BEFORE, "after": AFTER}
+    curves = [
+        Curve(key, 100 * np.searchsorted(values[key], x, side="right") / len(flown[key]), colours[key], 1.8)
+        for key in flown
+    ]
+    said = f"share of all robots with a {name} up to each value, before and after"
+    return to_html(Figure(said, x, [Panel("robots", "%", curves, 180)], f"{name} of a mission", unit))
+
+
+def _gains(tuned: Tuned) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
+    for name, low, high in zip(tuned.space.names, tuned.space.low, tuned.space.high, strict=True):
+        how = settings()[name]
+        before, after = tuned.problem.start[name], tuned.found[name]
+        rows.append(
+            {
+                "name": name,
+                "meaning": how.meaning,
+                "unit": "" if how.format.unit == "1" else how.format.unit,
+                "before": number(how.value(before)),
+                "after": number(how.value(after)),
+                "raw": f"{before} \N{RIGHTWARDS ARROW} {after}",
+                "searched": f"{number(how.value(round(low)))}..{number(how.value(round(high)))}",
+                "format": how.range,
+            }
+        )
+    return rows
+
+
+def _ranges(tuned: Tuned) -> Markup:
+    """Draws the found gains in units of those before, in the range that was searched."""
+    space = tuned.space
+    base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
+    found = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
+    ends = ((end + space.offset) / base for end in (space.low, space.high))
+    spans = [(low, high) for low, high in np.array(list(ends)).T.tolist()]
+    return row_chart(
+        list(space.names),
+        {"after": (AFTER, found.tolist())},
+        spans,
+        "gain over the gain before",
+        "",
+        title="gains after over those before, in the ranges searched",
+        lines=[1.0],
+        log=True,
+    )
+
+
+def _chosen(tuned: Tuned) -> list[tuple[int, str]]:
+    """Returns places of robots whose tracks are shown, and why each."""
+    before, after = ([score(one, tuned.by) for one in flown] for flown in (tuned.judged.before, tuned.judged.after))
+    median = int(np.argsort(before, kind="stable")[len(before) // 2])
+    picked = {median: "the robot in the middle before"}
+    picked.setdefault(int(np.argmax(before)), "the worst robot before")
+    picked.setdefault(int(np.argmax(after)), "the worst robot after")
+    return list(picked.items())
+
+
+def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
+    (robot,) = robots.draw(tuned.problem.allowed, tuned.problem.seed, JUDGE, [place])
+    lines, reached, clock = [], [], None
+    sets: tuple[tuple[str, Raw, Colour], ...] = (("after", tuned.found, AFTER), ("before", tuned.problem.start, BEFORE))
+    for name, gains, colour in sets:
+        plan = tuned.problem.planned(robot, gains)
+        log = flight.fly(plan, _LOGGED).log
+        moves = np.flatnonzero(np.abs(log["left_voltage_v"]) + np.abs(log["right_voltage_v"]) > 0)
+        shown = int(np.searchsorted(log["time_s"], log["time_s"][moves[-1] if len(moves) else 0] + _SHOWN_S))
+        track = np.array([log["true_y_m"][:shown], log["true_x_m"][:shown]])
+        if clock is None:
+            clock = (log["time_s"][:shown], log["true_heading_rad"][:shown])
+            times = log["time_s"], log["true_x_m"], log["true_y_m"]
+            reached = flight_figures.waypoints_reached(*times, plan.scenario.waypoints, plan.acceptance).at
+            lines.append(Curve(name, track, colour, 3.0))
+        else:
+            lines.append(Curve(name, _apart(track, len(clock[0])), colour, 1.5))
+    assert clock is not None
+    scenario = tuned.problem.plan.scenario
+    legs = np.array([scenario.start[:2], *scenario.waypoints]).T
+    lines.append(Curve("legs", legs[::-1], "grey", 1.0, dashed=True))
+    circles = [
+        (y, x, tuned.problem.plan.acceptance, moment is not None)
+        for (x, y), moment in zip(scenario.waypoints, reached, strict=True)
+    ]
+    title = f"tracks of {why}, number {place}, before and after"
+    drawn = track_to_html(*clock, lines, circles, link=f"robot {place}", title=title)
+    words = {
+        name: _words(one)
+        for name, one in (("before", tuned.judged.before[place]), ("after", tuned.judged.after[place]))
+    }
+    return {"why": why, "place": place, "explanation": robot.explanation, "drawn": drawn, **words}
+
+
+def _apart(track: Array, samples: int) -> Array:
+    """Returns a track of another number of samples than the one that is played, thinned."""
+    kept = track[:, :: max(track.shape[1] // 1000, 1)]
+    return kept[:, :-1] if kept.shape[1] == samples else kept
+
+
+def _words(one: Outcome) -> str:
+    if one.cause:
+        return f"failed: {one.cause}"
+    return f"arrived after {one.time:.1f} s, cross-track {1e3 * one.cross_track:.0f} mm rms"
+
+
+def _trace(tuned: Tuned) -> Markup | None:
+    """Draws the scores of the search, and how many flights succeeded."""
+    generations = tuned.searched.generations
+    if not generations:
+        return None
+    sets = np.array([float(one.sets) for one in generations])
+    scores = [
+        Curve("best of a generation", np.array([one.best for one in generations]), AFTER, 1.8),
+        Curve("middle", np.array([one.middle for one in generations]), "grey"),
+    ]
+    success = [Curve("flights", np.array([100 * one.success for one in generations]), "green")]
+    step = [Curve("step", np.array([one.step for one in generations]), "purple")]
+    panels = [
+        Panel("mean score", "", scores, 150, log=True),
+        Panel("success", "%", success, 110),
+        Panel("step of the search", "", step, 110),
+    ]
+    return to_html(Figure("scores over the gain sets flown", sets, panels, "gain sets flown", ""))

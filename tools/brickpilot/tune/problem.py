@@ -1,0 +1,149 @@
+"""What is tuned: the controller of one robot, flown by the robots that the data allow on one mission."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from brickpilot.campaign import flights, robots
+from brickpilot.campaign.robots import Allowed
+from brickpilot.firmware.closed_loop import ClosedLoop
+from brickpilot.vehicle import flight
+from brickpilot.vehicle.gains import Gains
+
+Raw = Mapping[str, int]
+"""Setting -> the raw integer that flies."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One robot's tuning; small, and picklable for workers.
+
+    Attributes:
+        plan: of a flight of the best explanation, with the firmware's own gains; `firmware` is left to `loop`.
+        loop: the robot's own firmware; None: the packaged one.
+        allowed: what the data allow of the robot.
+        start: the gains that are tuned, as the firmware has them today.
+        seed: of the drawn robots.
+    """
+
+    plan: flight.Plan
+    loop: ClosedLoop | None
+    allowed: Allowed
+    start: Raw
+    seed: int
+
+    def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
+        """Returns the plan of a drawn robot's flight with these gains."""
+        scenario = self.plan.scenario  # what it says of the plant holds for every robot
+        model = dataclasses.replace(
+            robot.model,
+            parameters={**robot.model.parameters, **scenario.parameters},
+            effects={**robot.model.effects, **scenario.effects},
+        )
+        return dataclasses.replace(
+            self.plan,
+            model=model,
+            seed=robot.seed,
+            devices=robot.devices,
+            gains=Gains(self.plan.model.name, gains),
+            firmware=None if self.loop is None else self.loop.library(),
+        )
+
+
+class Outcome(NamedTuple):
+    """What counts of a flight.
+
+    Attributes:
+        success: every waypoint reached, and no fault.
+        missed: share of the waypoints that were not reached; 1 where the simulation diverged.
+        cross_track: rms while driving, m; NaN: it never drove.
+        time: when the last waypoint was reached, s; NaN: it was not.
+        wear: how far the duty of both motors moved in all, in full duties.
+        cause: why it failed; empty: it did not.
+    """
+
+    success: bool
+    missed: float
+    cross_track: float
+    time: float
+    wear: float
+    cause: str
+
+
+class Batch(NamedTuple):
+    """Some flights with one gain set, as a worker gets them.
+
+    Attributes:
+        stream, places: of the drawn robots.
+    """
+
+    problem: Problem
+    gains: Raw
+    stream: int
+    places: tuple[int, ...]
+
+
+def fly_batch(batch: Batch) -> list[Outcome]:
+    """Returns the outcomes of the flights of a batch, in the order of its places."""
+    drawn = robots.draw(batch.problem.allowed, batch.problem.seed, batch.stream, batch.places)
+    return [_fly(batch.problem.planned(robot, batch.gains)) for robot in drawn]
+
+
+def _fly(plan: flight.Plan) -> Outcome:
+    row = flights.row(plan)
+    missed = 1.0 - float(row["waypoints_reached"]) / float(row["waypoints_total"])
+    track, time, wear = (float(row[name]) for name in ("cross_track_rms_m", "time_s", "duty_travel"))
+    return Outcome(bool(row["success"]), missed, track, time, wear, str(row["cause"]))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What the terms of the score are measured in.
+
+    Attributes:
+        acceptance: m, the robot's radius.
+        time: s, and
+        wear: full duties: the medians of the start's successful flights.
+        longest: s of a flight: the time of one that does not arrive.
+    """
+
+    acceptance: float
+    time: float
+    wear: float
+    longest: float
+
+
+MISSED, TIME, WEAR = 100.0, 0.5, 0.1
+"""Weights of the score. A waypoint missed by one robot of a hundred costs more than any change of the other terms that
+was seen; a radius of cross-track error is worth two of the start's times, and one of these five of its wear."""
+
+_LEAST = 0.1  # of the waypoints: what a fault after the last one counts as
+
+UNKNOWN_RADII = 5.0
+"""Cross-track error of a robot that never drove, in radii."""
+
+
+def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:
+    """Returns the scale by the start's flights."""
+    longest = problem.plan.scenario.duration
+    known = [one for one in outcomes if one.success]
+    time = float(np.median([one.time for one in known])) if known else longest
+    wear = float(np.median([one.wear for one in known or outcomes]))
+    return Scale(problem.plan.acceptance, time, max(wear, 1.0), longest)
+
+
+def score(one: Outcome, by: Scale) -> float:
+    """Returns the cost of a flight, to be averaged over robots; less is better.
+
+    100 (waypoints missed, share) + cross-track rms / radius + time / (2 start's time) + wear / (10 start's wear)
+    """
+    track = UNKNOWN_RADII if math.isnan(one.cross_track) else one.cross_track / by.acceptance
+    time = by.longest if math.isnan(one.time) else one.time
+    wear = by.wear if math.isnan(one.wear) else one.wear
+    return MISSED * max(one.missed, _LEAST * (not one.success)) + track + TIME * time / by.time + WEAR * wear / by.wear
