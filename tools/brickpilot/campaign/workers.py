@@ -13,7 +13,7 @@ from brickpilot.campaign.crew import Crew, Finished, Function, Part
 from brickpilot.campaign.crew import Workers as Workers
 from brickpilot.errors import InputError
 
-_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:\d{1,5}")
+_ADDRESS = re.compile(r"(tcp|tls)://([^\s/:]+|\[[0-9a-f:]+\]):\d{1,5}")
 
 
 @dataclass(frozen=True)
