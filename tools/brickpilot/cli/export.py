@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from brickpilot.cli.completion import model_files
+from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     from brickpilot.vehicle.model import Model
@@ -23,6 +24,21 @@ def _model(file: str | None) -> Model:
     from brickpilot.vehicle import model
 
     return model.load(file) if file else model.rcx()
+
+
+def _file(out: str | None, default: Path) -> Path:
+    """Returns the file to write. Raises InputError if `out` can only be a folder."""
+    path = Path(out) if out else default
+    if path.name in ("", ".."):
+        raise InputError("is a folder; name a file", file=out)
+    return path
+
+
+def _beside(folder: Path, ending: str) -> Path:
+    whole = folder.resolve()
+    return (
+        folder.parent / (whole.name + ending) if folder.name not in ("", "..") else whole.with_name(whole.name + ending)
+    )
 
 
 _model_option = click.option(
@@ -57,7 +73,7 @@ def fmu(model_file: str | None, fmi: str, sources_only: bool, out: str | None) -
     from brickpilot.export import fmu as fmus
 
     model = _model(model_file)
-    path = Path(out or f"{model.name}.fmu")
+    path = _file(out, Path(f"{fmus.identifier(model)}.fmu"))
     versions = fmus.VERSIONS if fmi == "both" else (fmi,)
     ends = {version: f"-fmi{version[0]}" if fmi == "both" else "" for version in versions}
     made = {
@@ -84,10 +100,28 @@ def mjcf(model_file: str | None, out: str | None) -> None:
     from brickpilot.export import mjcf as mjcfs
 
     model = _model(model_file)
-    path = Path(out or f"{model.name}.xml")
+    path = _file(out, Path(f"{files.plain_name(model.name)}.xml"))
     made = mjcfs.write(model)
     files.write({path: made.text.encode()})
     _tell(f"MJCF: {path}", made.left_out)
+
+
+@export.command()
+@_model_option
+@click.option("--out", metavar="FILE", help="The file to write; default NAME.urdf.")
+def urdf(model_file: str | None, out: str | None) -> None:
+    """Writes a model as URDF: links, masses, wheels, losses and limits.
+
+    What is not in the file is printed, and stands in it as a comment.
+    """
+    from brickpilot.export import files
+    from brickpilot.export import urdf as urdfs
+
+    model = _model(model_file)
+    path = _file(out, Path(f"{files.plain_name(model.name)}.urdf"))
+    made = urdfs.write(model)
+    files.write({path: made.text.encode()})
+    _tell(f"URDF: {path}", made.left_out)
 
 
 def _tell(line: str, left_out: Sequence[str]) -> None:
@@ -118,7 +152,7 @@ def mcap(source: str, out: str | None) -> None:
         topics, samples = traffic_topics.read(given)
         content = mcap_file.write(topics, samples, {})
         layout = foxglove.traffic_layout(topics)
-    path = Path(out) if out else given.with_suffix(".mcap")
+    path = _file(out, given.with_suffix(".mcap") if given.is_file() else _beside(given, ".mcap"))
     files.write({path: content, path.with_suffix(".foxglove.json"): layout.encode()})
     click.echo(f"MCAP: {path}")
     click.echo(f"layout of Foxglove: {path.with_suffix('.foxglove.json')}")
@@ -134,7 +168,7 @@ def parquet(source: str, out: str | None) -> None:
     """
     from brickpilot.export import files, parquet_file, run_read
 
-    path = Path(out) if out else Path(source).with_suffix(".parquet")
+    path = _file(out, _beside(Path(source), ".parquet"))
     tables = parquet_file.tables(run_read.read(Path(source)))
     made = {path.with_name(f"{path.stem}{ending}{path.suffix}"): content for ending, content in tables.items()}
     files.write(made)

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from brickpilot.errors import InputError
+
+
+def plain_name(name: str) -> str:
+    """Returns a name with "_" for whatever is no letter, digit or "_", so that any file system and program takes it."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
 
 
 def write(contents: Mapping[Path, bytes]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 import tempfile
 import uuid
 import zipfile
@@ -12,7 +11,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
-from brickpilot.export import fmu_description, fmu_sources
+from brickpilot.export import files, fmu_description, fmu_sources
 from brickpilot.export.fmu_variables import variables
 from brickpilot.vehicle.model import Model
 
@@ -47,8 +46,8 @@ def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
 
 def identifier(model: Model) -> str:
     """Returns the model's name as a C identifier."""
-    word = re.sub(r"\W", "_", model.name, flags=re.ASCII)
-    return f"model_{word}" if not word or word[0].isdigit() else word
+    word = files.plain_name(model.name)
+    return f"model_{word}" if word[0].isdigit() else word
 
 
 def _content(model: Model, version: str) -> dict[str, bytes]:

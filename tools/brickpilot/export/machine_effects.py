@@ -7,8 +7,8 @@ the file says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Container, Mapping
+from dataclasses import fields, replace
 
 from brickpilot import catalogue
 from brickpilot.export.machine import Machine, Pair, nominal
@@ -18,18 +18,29 @@ Values = Mapping[str, float]
 Told = Callable[[Machine, Values], Machine]
 """Returns the machine with the effect in it."""
 
+_EVERYTHING = frozenset(field.name for field in fields(Machine))
 
-def tell(model: Model) -> tuple[Machine, list[str]]:
-    """Returns the robot with every effect that can be told, and the names of the others, in the table's order."""
+
+def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
+    """Returns the robot with every effect that can be told, and the names of the others, in the table's order.
+
+    Args:
+        holds: the attributes of `Machine` that the file has a place for; an effect on another one is not told.
+    """
     machine, untold = nominal(model), []
     for effect in catalogue.effects_of(model.effects):
         presets = {info.name: info.preset for info in effect.parameters}
         act = _TOLD.get(effect.name)
-        if act is None:
+        changed = act(machine, presets | dict(model.effects[effect.name])) if act else None
+        if changed is None or any(one not in holds for one in _differing(machine, changed)):
             untold.append(effect.name)
         else:
-            machine = act(machine, presets | dict(model.effects[effect.name]))
+            machine = changed
     return machine, untold
+
+
+def _differing(one: Machine, other: Machine) -> list[str]:
+    return [field.name for field in fields(Machine) if getattr(one, field.name) != getattr(other, field.name)]
 
 
 def _more(pair: Pair, left: float, right: float) -> Pair:

@@ -1,0 +1,151 @@
+"""A model as URDF, the file format of robots in ROS: links with masses, joints with losses and limits.
+
+Its frame has y to the left and z up, so y and yaw have the other sign. `base_footprint` lies on the floor, in the
+middle between the wheels, and `base_link` above it on the axle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree as Xml
+
+from brickpilot.errors import InputError
+from brickpilot.export.machine import Machine, losses, radii
+from brickpilot.export.machine_effects import tell
+from brickpilot.vehicle.model import Model
+
+SIDES = ("left", "right")
+
+_HOLDS = frozenset({"mass", "yaw_inertia", "com", "rim", "limit", "flux", "gain", "dry", "viscous", "imu"})
+_WHEEL_SHARE = 1e-2  # of the robot's mass, each wheel
+_ELECTRIC = "motors: their resistance, inductance and constants stand in the limits of effort and velocity alone"
+_AIR = "the drag of the air"
+_FLOOR = "wheels that hold on the floor without slip: a simulator has contacts of its own"
+_PAPER = "the profile paper, whose wheels do not carry the body"
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A URDF file, and what of the model is not in it, one line each."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
+def write(model: Model) -> Urdf:
+    """Returns the model as URDF.
+
+    Raises:
+        InputError: the wheels alone have more yaw inertia than the robot.
+    """
+    machine, untold = tell(model, _HOLDS)
+    left_out = [*untold, _ELECTRIC]
+    left_out += [_AIR] if machine.air > 0 else []
+    left_out += [_FLOOR] if model.vehicle != "motor" else []
+    left_out += [_PAPER] if model.profile == "paper" else []
+    root = Xml.Element("robot", name=model.name)
+    root.append(Xml.Comment(_remarks(left_out)))
+    if model.vehicle == "motor":
+        _bench(root, model, machine)
+    else:
+        _robot(root, machine)
+    Xml.indent(root)
+    return Urdf(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
+
+
+def _remarks(left_out: Sequence[str]) -> str:
+    lines = ["Made by Brickpilot. SI; y is to the left, yaw counter-clockwise.", "Not in this file:"]
+    return "\n     ".join([*lines, *(f"  {line}" for line in left_out)]).replace("--", "- -") + " "
+
+
+def _text(*numbers: float) -> str:
+    return " ".join(repr(float(number) + 0.0) for number in numbers)
+
+
+def _link(
+    root: Xml.Element, name: str, mass: float, inertia: Sequence[float], centre: Sequence[float] = (0, 0, 0)
+) -> Xml.Element:
+    """Adds a link. `inertia`: about x, y and z at its centre of mass."""
+    link = Xml.SubElement(root, "link", name=name)
+    inertial = Xml.SubElement(link, "inertial")
+    Xml.SubElement(inertial, "origin", xyz=_text(*centre), rpy="0 0 0")
+    Xml.SubElement(inertial, "mass", value=_text(mass))
+    xx, yy, zz = (_text(one) for one in inertia)
+    Xml.SubElement(inertial, "inertia", {"ixx": xx, "ixy": "0", "ixz": "0", "iyy": yy, "iyz": "0", "izz": zz})
+    return link
+
+
+def _shape(link: Xml.Element, turn: str, kind: str, *, felt: bool = False, **size: str) -> None:
+    for what in ("visual", "collision") if felt else ("visual",):
+        shown = Xml.SubElement(link, what)
+        Xml.SubElement(shown, "origin", xyz="0 0 0", rpy=turn)
+        Xml.SubElement(Xml.SubElement(shown, "geometry"), kind, size)
+
+
+def _joint(root: Xml.Element, name: str, kind: str, parent: str, child: str, place: Sequence[float]) -> Xml.Element:
+    joint = Xml.SubElement(root, "joint", name=name, type=kind)
+    Xml.SubElement(joint, "parent", link=parent)
+    Xml.SubElement(joint, "child", link=child)
+    Xml.SubElement(joint, "origin", xyz=_text(*place), rpy="0 0 0")
+    return joint
+
+
+def _robot(root: Xml.Element, machine: Machine) -> None:
+    values, wheels, track = machine.values, radii(machine), machine.values["half_track"]
+    axle = sum(wheels) / 2
+    wheel, spin = _WHEEL_SHARE * machine.mass, values["wheel_inertia"]
+    across = spin / 2
+    base = machine.mass - 2 * wheel
+    ahead, left = machine.com[0] * machine.mass / base, -machine.com[1] * machine.mass / base
+    around = 2 * (across + wheel * (track**2 + machine.com[0] ** 2 + machine.com[1] ** 2))
+    turning = machine.yaw_inertia - around - base * ((ahead - machine.com[0]) ** 2 + (left + machine.com[1]) ** 2)
+    if turning <= 0:
+        raise InputError("is too small beside the inertia of the wheels", field="parameters.yaw_inertia")
+    Xml.SubElement(root, "link", name="base_footprint")
+    body = _link(root, "base_link", base, [turning] * 3, (ahead, left, 0))
+    _shape(body, "0 0 0", "box", size=_text(2.4 * track, 1.4 * track, 0.6 * track))
+    _joint(root, "base", "fixed", "base_footprint", "base_link", (0, 0, axle))
+    for k, (side, y) in enumerate(zip(SIDES, (track, -track), strict=True)):
+        link = _link(root, f"{side}_wheel", wheel, (across, spin, across))
+        turned = "1.5707963267948966 0 0"
+        _shape(link, turned, "cylinder", felt=True, radius=_text(wheels[k]), length=_text(0.3 * track))
+        place = (0, y, wheels[k] - axle)
+        joint = _joint(root, f"{side}_wheel_joint", "continuous", "base_link", f"{side}_wheel", place)
+        Xml.SubElement(joint, "axis", xyz="0 1 0")
+        _limits(joint, machine, k, losses(machine)[k])
+    Xml.SubElement(root, "link", name="imu_link")
+    _joint(root, "imu", "fixed", "base_link", "imu_link", (machine.imu[0], -machine.imu[1], 0))
+
+
+def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> None:
+    """Writes what the motor holds at the largest voltage: its torque at rest, and its speed without load."""
+    values = machine.values
+    volts = min(values["battery_voltage"] * machine.gain[k], machine.limit or float("inf"))
+    torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]
+    per_volt = values["force_per_volt"] or values["torque_per_volt"]
+    effort = per_volt * volts if per_volt > 0 else torque * volts / values["resistance"]
+    fastest = effort / damping if damping > 0 else 0.0
+    if per_volt <= 0 and torque * emf > 0:
+        fastest = torque * volts / (torque * emf + damping * values["resistance"])
+    Xml.SubElement(joint, "limit", effort=_text(effort), velocity=_text(fastest))
+    Xml.SubElement(joint, "dynamics", damping=_text(damping), friction=_text(machine.dry[k]))
+
+
+def _bench(root: Xml.Element, model: Model, machine: Machine) -> None:
+    """A motor and its load: a joint that turns, or one that slides where the input commands a force."""
+    values = machine.values
+    linear = values["force_per_volt"] > 0
+    lever = 1.0 if linear else values["wheel_radius"]
+    inertia = (0.0 if linear else values["wheel_inertia"]) + machine.mass * lever**2
+    weight = machine.mass * values["gravity"] * values["rolling_friction"] * lever**2
+    Xml.SubElement(root, "link", name="base_link")
+    load = _link(root, "load", inertia, [inertia] * 3) if linear else _link(root, "load", 1.0, [inertia] * 3)
+    _shape(load, "0 0 0", "cylinder", radius="0.02", length="0.02")
+    joint = _joint(root, "load_joint", "prismatic" if linear else "continuous", "base_link", "load", (0, 0, 0))
+    Xml.SubElement(joint, "axis", xyz="0 0 1")
+    _limits(joint, machine, 0, values["viscous_friction"] + weight + machine.viscous[0])
+    if linear:
+        limit = joint.find("limit")
+        assert limit is not None
+        limit.attrib.update({"lower": "-1000", "upper": "1000"})
