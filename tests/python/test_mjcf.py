@@ -178,7 +178,7 @@ def test_a_motor_turns_its_load_as_in_the_plant(values: dict[str, float]) -> Non
 
 def test_the_firmware_flies_the_robot_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
     """The firmware is at the other end of a CAN bus, in lockstep, and sees MuJoCo's robot instead of the plant's."""
-    flown = fly_in_process("coupled", "ideal")
+    flown = fly_in_process("coupled", "ideal", duration=36.0)
     end = mujoco_robot.MujocoEnd(mjcf.write(models.rcx()).text, flown.plan)
     monkeypatch.setattr(fly, "open_plant", lambda *_: mujoco_robot.opened(end))
     with ends.both_ends("can:virtual") as both:
