@@ -156,7 +156,7 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
 def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
     main.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
-    host = {"full_loop", "plant", "lockstep_pty", "full_loop_scipy", "plant_scipy"}
+    host = {"full_loop", "plant", "plant_lanes", "plant_lanes_dry", "lockstep_pty", "full_loop_scipy", "plant_scipy"}
     laws = {f"control_{brick}_{peer}" for brick in ("h8", "avr") for peer in ("q16", "float")}
     assert figures.keys() == host | laws
     assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the design's promise

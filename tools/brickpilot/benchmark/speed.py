@@ -11,6 +11,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from brickpilot import catalogue
 from brickpilot.benchmark import control_peers, machine, scipy_robot
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle import flight, plant, scenario
@@ -74,6 +75,29 @@ def _plant_alone(model: Model) -> float:
     return float(time_s[-1])
 
 
+def _many(model: Model, lanes: int) -> float:
+    """Simulates 16 runs of as many robots, as a fit does, up to `lanes` of them side by side, on one thread."""
+    time_s = np.arange(2_001, dtype=np.float64) * STEP_S
+    inputs = 6 * np.sin(np.outer(time_s, [1.0, 1.7])) + 3
+    mass = model.parameters["mass"]
+    robots = [dataclasses.replace(model, parameters={**model.parameters, "mass": mass + 0.01 * i}) for i in range(16)]
+    jobs = [(one, plant.OpenLoopRun(time_s, inputs)) for one in robots]
+    plant.simulate(jobs, signals=("yaw_rate", "wheel_speed_left", "wheel_speed_right"), lanes=lanes)
+    return 16 * float(time_s[-1])
+
+
+def _side_by_side(model: Model) -> dict[str, Figure]:
+    """Returns how fast the plant simulates many runs on one core, beside the same runs one at a time."""
+    found = {}
+    rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
+    dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
+    for name, one in (("plant_lanes", model), ("plant_lanes_dry", dry)):
+        alone, many = (_best(partial(_many, one, lanes)) for lanes in (1, plant.MOST_LANES))
+        peer = f"the same 16 runs one at a time, {alone * 2 / MOTOR_STEP_S:.2e} motor steps/s"
+        found[name] = Figure(many * 2 / MOTOR_STEP_S, "motor steps/s", peer, many / alone, machine.describe())
+    return found
+
+
 _MUJOCO_ROBOT = f"""
 <mujoco><option timestep="{MOTOR_STEP_S}" integrator="implicitfast" gravity="0 0 0"/>
 <default><geom type="cylinder" size=".04 .01" euler="90 0 0" mass=".02" contype="0" conaffinity="0"/></default>
@@ -133,7 +157,7 @@ def host() -> dict[str, Figure]:
         first = {name: found[f"{name}_scipy"] for name in ("full_loop", "plant")}
     steps = max(_lockstep_pty() for _ in range(3))
     link = Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S, on)
-    return first | found | {"lockstep_pty": link}
+    return first | found | _side_by_side(model) | {"lockstep_pty": link}
 
 
 def _scipy(model: Model, name: str) -> tuple[str, float]:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Array32 = NDArray[np.int32]
 
+MOST_LANES = 8
+"""Runs that the compiled plant simulates side by side at most."""
+
 TROUBLE = {  # status of the C interface -> what it means
     -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
     -3: "out of memory",
@@ -249,13 +252,20 @@ def _initial(state: State | Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def simulate(
-    jobs: Sequence[tuple[Model, OpenLoopRun]], threads: int = 1, *, signals: Collection[str] | None = None
+    jobs: Sequence[tuple[Model, OpenLoopRun]],
+    threads: int = 1,
+    *,
+    signals: Collection[str] | None = None,
+    lanes: int = MOST_LANES,
 ) -> list[Simulated]:
     """Simulates each run under its model, on up to `threads` threads; the results do not depend on how many.
+
+    Runs that are near each other in `jobs` and have the same sample times go side by side in vector registers.
 
     Args:
         signals: the outputs to keep, of those that the vehicle has; None: all. Copying the rest out costs more time
             than simulating it.
+        lanes: at most so many runs side by side; the processor may have room for fewer. Results do not depend on it.
 
     Raises:
         SimulationError: of the first run that failed, e.g. because its state diverged.
@@ -279,7 +289,7 @@ def simulate(
         for (model, run), (time, volts), start, one in zip(jobs, inputs, [0, *ends], restarts, strict=False)
     ]  # fmt: skip
     requests = np.array(rows, dtype=_layout("bp_run"))
-    library.bp_simulate(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads)
+    library.bp_simulate_lanes(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads, lanes)
     failed = np.flatnonzero(requests["status"])
     if len(failed):
         index = int(failed[0])
