@@ -24,8 +24,7 @@ def stage(root: Path, pages: Path) -> None:
             _copy(root, pages, (path.parent / target).resolve())
         _write(pages / path.relative_to(root), _to_front_page(root, path, text))
     front = (pages / TOP).read_text(encoding="utf-8")
-    contents = Path(__file__).with_name("contents.md").read_text(encoding="utf-8")
-    _write(pages / "index.md", f"{front}\n{contents}")
+    _write(pages / "index.md", f"{front}\n{_contents(root)}")
     (pages / TOP).unlink()
 
 
@@ -37,6 +36,16 @@ def documents(root: Path) -> Iterator[Path]:
             parts = path.relative_to(root).parts
             if not NOT_OURS & set(parts) and not any(part.startswith(".") for part in parts):
                 yield path
+
+
+def _contents(root: Path) -> str:
+    """Returns the contents of the site: contents.md, and below it the documents that it does not list."""
+    listed = Path(__file__).with_name("contents.md").read_text(encoding="utf-8")
+    names = [path.relative_to(root).with_suffix("").as_posix() for path in documents(root)]
+    others = [
+        name for name in names if f"{name}{TOP[-3:]}" != TOP and not re.search(rf"(^|<){name}(>|$)", listed, re.M)
+    ]
+    return listed + ("\n```{toctree}\n:hidden:\n:caption: More\n\n" + "\n".join(others) + "\n```\n" if others else "")
 
 
 def _files(text: str) -> Iterator[str]:
