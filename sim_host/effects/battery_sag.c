@@ -12,7 +12,7 @@ static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
     ((sag_t *)memory)->open = vehicle->supply;
 }
 
-/* The mean current over the step is linear in the voltage; plant/motor.c computes it in the same way, with the speed at
+/* The mean current over the step is linear in the voltage; plant/motor.h computes it in the same way, with the speed at
  * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is beside L /
  * R. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)

@@ -267,7 +267,7 @@ void lanes_open(lanes_t *lanes, int count)
     for (int lane = 0; lane < lanes->kernel->width; lane++)
         enter(lanes, lane < count ? lane : 0, lane); /* a lane that is left over does as the first one does */
     for (int site = SITE_TIMING; site < SITE_COUNT; site++)
-        order_site(lanes, site);
+        order_site(lanes, (site_t)site);
     lanes->view->tell = NULL;
     for (int lane = 0; lane < count; lane++)
         if (lanes->acts[lane])
