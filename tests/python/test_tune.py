@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import tuned
 from brickpilot.campaign import workers
+from brickpilot.tune import flying, search, space
 from brickpilot.tune import problem as problems
-from brickpilot.tune import search, space
-from brickpilot.tune.judge import judge, rate
+from brickpilot.tune.judge import JUDGE, judge, rate
 from brickpilot.tune.page import page
 from brickpilot.tune.problem import Outcome, Scale, score
 from brickpilot.tune.tune import to_json, tune
@@ -55,6 +55,17 @@ def test_the_same_seed_gives_the_same_gains_on_processes_and_another_seed_others
     assert to_json(here) == to_json(there)
     other = dataclasses.replace(poor.problem, seed=1)
     assert to_json(tune(other, firmware, tuned.Here(), **options))["gains"] != to_json(here)["gains"]
+
+
+def test_all_sets_of_a_generation_are_flown_by_the_same_robots_and_the_next_by_others(tmp_path: Path) -> None:
+    given = tuned.ready(tmp_path).problem
+    with flying.flyer(given, tuned.Here(), lambda _: None) as fly:
+        one, other = fly.fly([given.start, given.start], search.SEARCH, range(10))
+        assert one == other
+        assert len(set(one)) == 10
+        assert not set(fly.fly([given.start], search.SEARCH, range(10, 20))[0]) & set(one)
+        assert not set(fly.fly([given.start], JUDGE, range(10))[0]) & set(one)
+        assert fly.fly([given.start], search.SEARCH, [3])[0] == one[3:4]
 
 
 def test_gains_that_are_not_better_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

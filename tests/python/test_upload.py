@@ -13,6 +13,7 @@ from brickpilot.hil import ends
 from brickpilot.link import infrared as infrared_link
 from brickpilot.link import tower
 from brickpilot.link.session import REALTIME, Session
+from brickpilot.vehicle.gains import Gains
 from rcx_autopilot import Autopilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 
@@ -46,12 +47,15 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
     (tmp_path / "two.toml").write_text(MISSION)
     brick = Autopilot()
     with RcxBrick(device=brick) as far:
+        Gains("two", {"heading_kp": 901, "speed_ki": 1111}).save(tmp_path / "gains.toml")
         options = ("--set", "heading_kp=900", "--set", "acceptance=150", "--start")
+        options += ("--gains", str(tmp_path / "gains.toml"))
         found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *options)
         assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
     with RcxBrick(device=brick) as far:  # a pseudo-terminal cannot be set up twice
         session = Session(ends.open_link(f"infrared:{far.path}"), "again")
-        assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)
+        assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)  # what is set wins
+        assert session.read("speed_ki") == 1111
         assert session.route() == [(1000, 500), (0, -250)]
         with pytest.raises(InputError, match="start: has no meaning in mode run"):
             session.command("start")

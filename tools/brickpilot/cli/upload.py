@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 @click.option(
     "--compensation", "compensation_file", metavar="FILE", help="Send this compensation.toml of the robot too."
 )
+@click.option("--gains", "gains_file", metavar="FILE", help="Send this gains.toml of `brickpilot tune` too.")
 @click.option(
     "--set",
     "written",
@@ -48,6 +49,7 @@ def upload(
     spec: str,
     profile: str | None,
     compensation_file: str | None,
+    gains_file: str | None,
     written: tuple[str, ...],
     start: bool,
     as_json: bool,
@@ -57,14 +59,15 @@ def upload(
     SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
     is read back from the brick and compared. The brick keeps route and settings until its program ends.
     """
-    from brickpilot.vehicle import compensation, flight, model, scenario
+    from brickpilot.vehicle import compensation, flight, gains, model, scenario
 
-    settings = settings_of(written)
+    settings = settings_of(written)  # these win over the gain set's
     chosen = scenario.load(scenario.find(scenario_name))
     if not chosen.waypoints:
         raise InputError("has no waypoints", field=scenario_name)
     undone = compensation.load(Path(compensation_file)) if compensation_file else None
-    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=undone)
+    tuned = gains.load(Path(gains_file)) if gains_file else None
+    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=undone, gains=tuned)
     sent_again = _send(spec, plan, settings, start)
     figures = {
         "link": spec,

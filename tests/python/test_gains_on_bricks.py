@@ -1,0 +1,85 @@
+"""A gain set in the images of both bricks: the raw integers that were tuned fly on the processors of RCX and AVR."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
+from brickpilot.firmware.robot import Robot
+from brickpilot.hil import avr_flight, ends, fly
+from brickpilot.hil.avr_robot import open_robot
+from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.h8_simulator import H8SIM_REPLY_S
+from brickpilot.link.links import StreamLink
+from brickpilot.link.session import LOCKSTEP, REALTIME, Session
+from brickpilot.vehicle import flight
+from brickpilot.vehicle.flight import Flight, Plan
+from test_firmware import OWN, ROOT, write
+from test_gains import TUNED
+
+TARGET = "avr:328p-rotation"
+
+
+def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, Plan]:
+    """Returns the robot `middle`, whose headers with the gains stand in `folder`, and the plan of its flight."""
+    own = robot.load(write(folder, "middle", OWN["middle"]))
+    mission, flags = simulate.mission(own, None), boards.flags_of(boards.BOARDS[board], sensors, ROOT)
+    tuned = robot.with_gains(own, TUNED)
+    headers.write(tuned, mission, boards.BOARDS[board], boards.step_of(flags), folder / "own", ROOT)
+    return own, dataclasses.replace(simulate.plan(own, mission, sensors, 0), steps=steps)
+
+
+def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPatch) -> Flight:
+    """Returns the flight of the firmware without these gains, which gets them as settings."""
+    monkeypatch.chdir(ROOT)
+    library = closed_loop.of(own, boards.BOARDS[board], plan.sensors).library()
+    return flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
+
+
+def test_the_rcx_processor_flies_with_them_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own, plan = planned(tmp_path, "rcx", "imu", 1000)
+    flags = boards.flags_of(boards.RCX, "imu", ROOT)
+    built = boards.run(
+        [str(ROOT / "firmware/targets/h8sim/build"), str(tmp_path / "h8"), f"-I{tmp_path}/own", *flags], ROOT
+    )
+    simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
+    ours, theirs = socket.socketpair()
+    command = ["stdbuf", "-o0", simulator, built.strip()]
+    with theirs:
+        brick = subprocess.Popen(
+            command, bufsize=0, stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=subprocess.DEVNULL
+        )
+    link = StreamLink(ours)
+    end = ends.Ends(link, None, H8SIM_REPLY_S)
+    there = fly.fly(end, "h8", plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None).flight.motors
+    link.close()
+    brick.wait(10.0)
+    here = in_process(own, plan, "rcx", monkeypatch).motors
+    np.testing.assert_array_equal(there, here)
+    assert np.abs(here).max() > 10_000
+
+
+def test_the_avr_image_holds_them_and_drives_on_simavr_as_the_simulation_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, plan = planned(tmp_path, "avr", "imu+encoders", round(1.8 / 0.003))
+    plan = dataclasses.replace(plan, start_step=100)  # it waits for the gyro's bias all the same
+    (tmp_path / "image").mkdir()
+    boards.build(boards.BOARDS["avr"], "imu+encoders", tmp_path / "own", tmp_path / "image", ROOT)
+    image = tmp_path / "image/brickpilot.elf"
+    log = np.zeros((plan.steps, len(flight.log_names())))
+    motors = np.zeros((plan.steps, 2), dtype=np.int16)
+    with open_robot(plan, image, AVR_TARGETS[TARGET].chip, log, motors, None) as brick:
+        session = Session(brick, TARGET, lambda *_: None, avr_flight.REPLY_S)
+        session.open("coupled", REALTIME)
+        assert {name: session.read(name) for name in TUNED.raw} == TUNED.raw
+    flown = avr_flight.fly(plan, TARGET, image, telemetry_every=10, progress=lambda *_: None).flight
+    simulated = in_process(own, plan, "avr", monkeypatch)
+    apart = np.hypot(*(flown.log[name] - simulated.log[name] for name in ("true_x_m", "true_y_m")))
+    assert np.hypot(simulated.log["true_x_m"][-1], simulated.log["true_y_m"][-1]) > 0.05
+    assert apart.max() < 0.005
