@@ -8,7 +8,8 @@ from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
 # The peers of discovery spell out their own library of laws; the README's picture shows one example; the kept results
-# of the benchmark on real logs say what was found; the example logs hide effects; the exporter for
+# of the benchmark on real logs say what was found; the example logs hide effects,
+# and the example campaigns draw some; the exporter for
 # rigid-body simulators says which laws these have themselves, and lists all others.
 MAY_NAME = frozenset(
     {
@@ -16,7 +17,9 @@ MAY_NAME = frozenset(
         Path("tools/brickpilot/benchmark/sindy_library.py"),
         Path("tools/brickpilot/export/machine_effects.py"),
         Path("tools/brickpilot/gen/discovery_picture.py"),
+        Path("tools/examples/gain_sweep.toml"),
         Path("tools/examples/make_logs.py"),
+        Path("tools/examples/tolerances.toml"),
     }
 )
 # Documents and notebooks report what was found in which data set.

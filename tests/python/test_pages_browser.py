@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from benchmark_results import quick_results
 from brickpilot.benchmark import page_content, real_logs, real_results, table
+from brickpilot.campaign import conduct, file
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
@@ -28,6 +29,7 @@ from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
+from here import Here
 from matplotlib.image import imread
 from pages import FAULTY, HOSTILE, assert_self_contained
 from synthetic import robot, write
@@ -117,6 +119,7 @@ def pages(tmp_path_factory):
     found["run"] = run_page.page(flown, flight_figures.summary(flown), COMMAND)
     found["hil"] = hil(folder)
     found["tune"] = tune_page.page(poor(folder), COMMAND)
+    found["campaign"] = campaign(folder)
     results = quick_results()
     found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
     kept = real_results.load(real_results.KEPT)
@@ -142,6 +145,21 @@ def hil(folder: Path) -> str:
     return (folder / "hil" / "report.html").read_text(encoding="utf-8")
 
 
+def campaign(folder: Path) -> str:
+    """Returns the page of a campaign of short flights, some of which fail, with hostile names."""
+    (folder / "short.toml").write_text(
+        'name = "short"\nkind = "mission"\nduration_s = 2\nwaypoints_m = [[0.3, 0], [0.5, 0.2]]\n'
+    )
+    (folder / "trial.toml").write_text(
+        '[campaign]\nname = "trial"\nruns = 120\nscenario = "short.toml"\nsensors = ["imu", "imu+encoders"]\n[vary]\n'
+        'parameter.mass = { distribution = "normal", mean = 0.9, sd = 0.1 }\ngain.heading_kp = [8, 12]\n'
+    )
+    given = file.load(folder / "trial.toml")
+    hostile = dataclasses.replace(given, name=HOSTILE)
+    conduct.conduct(hostile, folder / "trial", Here(), lambda *_: None, HOSTILE)
+    return (folder / "trial" / "report.html").read_text(encoding="utf-8")
+
+
 def browse(folder: Path, html: str, *flags: str, scheme: str = "") -> tuple[str, str]:
     """Opens the page in headless Chromium without network; returns its standard output and error."""
     if BROWSER is None:
@@ -161,10 +179,12 @@ def probed(dom: str) -> Any:
     return json.loads(unescape(re.search(r"<title>(.*?)</title>", dom)[1]))
 
 
-KINDS = (*VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "benchmark discover", "benchmark real")
+KINDS = (
+    *VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "campaign", "benchmark discover", "benchmark real",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["named", "run"])
+@pytest.mark.parametrize("kind", ["named", "run", "campaign"])
 def test_the_keyboard_reaches_everything(pages, tmp_path, kind):
     html = pages[kind].replace("</body>", f"{PROBE}</body>")
     for _ in range(8):  # on a busy machine the window may get its focus too late
@@ -224,7 +244,7 @@ def test_light_and_dark_mode_are_both_drawn(pages, tmp_path):
         assert np.ptp(chart, axis=(0, 1)).min() > 0.3  # curves, not a blank
 
 
-@pytest.mark.parametrize(("kind", "least", "most"), [("named", 3, 15), ("run", 3, 8)])
+@pytest.mark.parametrize(("kind", "least", "most"), [("named", 3, 15), ("run", 3, 8), ("campaign", 3, 8)])
 def test_the_page_prints(pages, tmp_path, kind, least, most):
     _, log = browse(
         tmp_path, pages[kind], f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer", scheme="0"

@@ -42,6 +42,14 @@ UNITS = {
 }  # fmt: skip
 """The figures of a row -> unit, in the order of a row."""
 
+WORDS = ("cause", "final_mode", "fault", "motor_stream_sha256")
+"""The figures that are texts."""
+
+TRUTHS = ("success", "reached_all")
+COUNTS = (
+    "waypoints_reached", "waypoints_total", "overshoots", "saturated_surge_steps", "saturated_yaw_steps", "seed",
+)  # fmt: skip
+
 
 def row(plan: flight.Plan) -> Row:
     """Flies a mission and returns its figures. Where its scenario has faults, a link is between plant and brick.

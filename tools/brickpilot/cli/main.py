@@ -18,6 +18,7 @@ from brickpilot.cli.bench import bench
 from brickpilot.cli.benchmark import benchmark
 from brickpilot.cli.brick import brick
 from brickpilot.cli.calibrate import calibrate
+from brickpilot.cli.campaign import campaign
 from brickpilot.cli.check import check
 from brickpilot.cli.compare import compare
 from brickpilot.cli.discover import discover
@@ -53,7 +54,7 @@ def whole_lines(command: click.Command) -> click.Command:
 
 COMMANDS = (
     run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, compare, calibrate, discover,
-    benchmark, effects, export, bench,
+    campaign, benchmark, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))

@@ -91,10 +91,12 @@ class TomlFile:
                 self._check_integers((*key, name), inner)
 
     def line(self, key: Key) -> int | None:
-        """Returns the line of the key, or of the nearest table that holds it."""
+        """Returns the line of the key, or of the first one in it, or of the nearest table that holds it."""
         for depth in range(len(key), 0, -1):
             if key[:depth] in self._lines:
                 return self._lines[key[:depth]]
+            if inside := [line for other, line in self._lines.items() if other[:depth] == key[:depth]]:
+                return min(inside)
         return None
 
     def refuse(self, key: Key, message: str) -> NoReturn:

@@ -1,0 +1,142 @@
+"""What a campaign draws: distributions, designs, and the sensitivity that follows from a design."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brickpilot.campaign import designs, file, runs, sensitivity
+from brickpilot.campaign.distributions import Distribution
+from brickpilot.campaign.file import Campaign
+from brickpilot.campaign.inputs import Input
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+
+HEAD = '[campaign]\nname = "drawn"\nseed = 5\nsensors = "imu+encoders"\n'
+VARIED = """[vary]
+parameter.mass = { distribution = "normal", mean = 0.9, sd = 0.05 }
+parameter.battery_voltage = { distribution = "uniform", low = 7, high = 9 }
+parameter.rolling_friction = { distribution = "normal", mean = 0.0, sd = 0.01 }
+effect.coulomb_friction.torque = { distribution = "lognormal", median = 0.01, sd_of_log = 0.5, high = 0.02 }
+effect.coulomb_friction.chance = 0.25
+effect.yaw_scrub.moment = { distribution = "loguniform", low = 1e-3, high = 1e-1 }
+sensor.gyro_noise_sd = { distribution = "choice", values = [0.01, 0.02, 0.03], weights = [1, 2, 1] }
+"""
+LAWS: dict[str, Callable[[Array], Array]] = {
+    "parameter.mass": stats.norm(0.9, 0.05).cdf,
+    "parameter.battery_voltage": stats.uniform(7, 2).cdf,
+    "parameter.rolling_friction": stats.halfnorm(0, 0.01).cdf,  # a friction below 0 is not physical
+    "effect.coulomb_friction.torque": lambda x: (
+        stats.lognorm(0.5, scale=0.01).cdf(x) / stats.lognorm(0.5, scale=0.01).cdf(0.02)
+    ),
+    "effect.yaw_scrub.moment": stats.loguniform(1e-3, 1e-1).cdf,
+}
+
+
+def campaign(folder: Path, size: str = "runs = 4000", varied: str = VARIED) -> Campaign:
+    (folder / "drawn.toml").write_text(HEAD + size + "\n" + varied)
+    return file.load(folder / "drawn.toml")
+
+
+def columns(given: Campaign, start: int = 0, stop: int | None = None) -> dict[str, list[object]]:
+    shares = designs.drawn_shares(given)(start, file.runs(given) if stop is None else stop)
+    drawn = runs.drawn(given, shares)
+    return {name: [one[name] for one in drawn] for name in drawn[0]}
+
+
+@pytest.mark.parametrize(
+    "size", ["runs = 3000", 'design = "latin_hypercube"\nruns = 3000', 'design = "sobol"\nruns = 2048']
+)
+def test_each_distribution_is_what_the_file_says(size: str, tmp_path: Path) -> None:
+    found = columns(campaign(tmp_path, size))
+    for name, law in LAWS.items():
+        assert stats.kstest(found[name], law).pvalue > 1e-3, name
+        assert stats.kstest(np.array(found[name]) * 1.3, law).pvalue < 1e-3, name  # so the test can fail
+    noise = [found["sensor.gyro_noise_sd"].count(one) for one in (0.01, 0.02, 0.03)]
+    assert stats.chisquare(noise, np.array([0.25, 0.5, 0.25]) * sum(noise)).pvalue > 1e-3
+    on = found["effect.coulomb_friction.on"]
+    assert stats.binomtest(on.count(True), len(on), 0.25).pvalue > 1e-3
+
+
+def test_a_run_is_the_same_whatever_else_is_drawn(tmp_path: Path) -> None:
+    few, many = campaign(tmp_path, "runs = 30"), campaign(tmp_path, "runs = 4000")
+    more = campaign(tmp_path, "runs = 30", VARIED + "parameter.half_track = [0.07, 0.071]\n")
+    for name, values in columns(few).items():
+        assert values == columns(many, 0, 30)[name] == columns(more)[name]
+        assert values[20:23] == columns(few, 20, 23)[name]
+    assert [designs.noise_seed(few, k) for k in range(30)] == [designs.noise_seed(many, k) for k in range(30)]
+    other = dataclasses.replace(few, seed=6)
+    assert columns(other)["parameter.mass"] != columns(few)["parameter.mass"]
+    assert designs.noise_seed(other, 0) != designs.noise_seed(few, 0)
+    by_part = [run.plan for part in runs.parts(few) for run in runs.planned(part.argument)]
+    assert runs.one(few, 17).plan == by_part[17]
+
+
+def test_a_latin_hypercube_has_one_run_in_each_stratum(tmp_path: Path) -> None:
+    given = campaign(tmp_path, 'design = "latin_hypercube"\nruns = 50')
+    shares = designs.drawn_shares(given)(0, 50)
+    assert (np.sort(np.floor(shares * 50), axis=0) == np.arange(50)[:, None]).all()
+
+
+@pytest.mark.parametrize(
+    ("size", "block"), [('design = "saltelli"\nsamples = 8', 9), ('design = "morris"\ntrajectories = 5', 8)]
+)
+def test_the_runs_of_a_block_differ_in_inputs_alone(size: str, block: int, tmp_path: Path) -> None:
+    given = campaign(tmp_path, size)
+    assert file.runs(given) == given.count * block
+    seeds = [designs.noise_seed(given, k) for k in range(file.runs(given))]
+    assert seeds == [seeds[block * (k // block)] for k in range(len(seeds))]
+    assert len(set(seeds)) == given.count
+
+
+def cube(design: str, size: int) -> Campaign:
+    """A campaign of three inputs in -pi..pi, for a figure that is no flight's."""
+    law = Distribution("uniform", -np.pi, np.pi, -np.pi, np.pi)
+    inputs = tuple(Input(name, "", law) for name in ("one", "two", "three"))
+    plain = file.load(Path(__file__).parents[2] / "tools" / "examples" / "tolerances.toml")
+    return dataclasses.replace(plain, design=design, count=size, inputs=inputs)
+
+
+def ishigami(given: Campaign) -> tuple[dict[str, Array], Array]:
+    """Returns the inputs and Ishigami and Homma's function of them (1990), whose indices are known."""
+    x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
+    return x, np.sin(x["one"]) + 7 * np.sin(x["two"]) ** 2 + 0.1 * x["three"] ** 4 * np.sin(x["one"])
+
+
+FIRST, TOTAL = {"one": 0.3139, "two": 0.4424, "three": 0.0}, {"one": 0.5576, "two": 0.4424, "three": 0.2437}
+
+
+def test_saltelli_gives_the_indices_of_a_known_function() -> None:
+    given = cube("saltelli", 1024)
+    x, figure = ishigami(given)
+    for values in (figure, np.where(np.arange(len(figure)) == 77, np.nan, figure)):  # a run without the figure
+        found = sensitivity.indices(given, x, values)
+        assert [one.input for one in found] == ["one", "two", "three"]
+        for one in found:
+            assert one.total is not None
+            assert one.total_half is not None
+            assert abs(one.value - FIRST[one.input]) < max(one.half, 0.02)
+            assert abs(one.total - TOTAL[one.input]) < max(one.total_half, 0.02)
+            assert one.half < 0.15
+
+
+def test_independent_draws_give_the_first_order_alone() -> None:
+    given = cube("monte_carlo", 4000)
+    for one in sensitivity.indices(given, *ishigami(given)):
+        assert one.value == pytest.approx(FIRST[one.input], abs=0.04)
+    assert sensitivity.indices(given, {}, np.ones(4000)) == []
+    assert sensitivity.indices(given, {}, np.where(np.arange(4000) < 90, np.arange(4000.0), np.nan)) == []
+
+
+def test_morris_orders_a_linear_function_by_its_slopes() -> None:
+    given = cube("morris", 20)
+    x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
+    found = sensitivity.indices(given, x, 3 * x["two"] - x["three"])
+    assert [one.input for one in found] == ["two", "three", "one"]
+    assert found[0].value / found[1].value == pytest.approx(3.0)
+    assert found[2].value == pytest.approx(0.0, abs=1e-12)

@@ -1,0 +1,127 @@
+"""Designs: which shares of the inputs' distributions each run has. All are drawn from the campaign's seed.
+
+A run is known by its number. Its draws depend on that number, the campaign's file and its seed, and on nothing else.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.campaign.file import Campaign, runs
+from brickpilot.errors import InputError
+
+Array = NDArray[np.float64]
+
+MORRIS_LEVELS = 4
+MORRIS_EDGE = 0.025
+"""Morris goes to the ends of each distribution; one without ends is asked for its quantiles 2.5 % to 97.5 % alone."""
+
+
+def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
+    """Returns what gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
+
+    Where runs are drawn one by one, so are the shares; other designs are made as a whole, here.
+    """
+    if campaign.design == "monte_carlo":
+        return partial(_independent, campaign)
+    if campaign.design == "grid":
+        return partial(_grid, campaign)
+    whole = _whole(campaign)
+    return lambda start, stop: whole[start:stop]
+
+
+def problem(campaign: Campaign) -> dict[str, Any]:
+    """Returns the inputs as SALib takes them: it samples and analyses shares."""
+    names = [one.name for one in campaign.drawn]
+    return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+
+
+def block(campaign: Campaign, index: int) -> int:
+    """Returns which block a run belongs to. The runs of a block share their sensors' noise and their route.
+
+    In a design that compares runs in which one input differs, such a group is a block: so nothing else differs. In
+    other designs each run is a block.
+    """
+    size = {"saltelli": len(campaign.drawn) + 2, "morris": len(campaign.drawn) + 1}.get(campaign.design, 1)
+    return index // size
+
+
+def stream(campaign: Campaign, number: int, purpose: str) -> np.random.Generator:
+    """Returns the random numbers of one run or block for one purpose, such as an input's name."""
+    key = (number, zlib.crc32(purpose.encode()))
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(campaign.seed, spawn_key=key)))
+
+
+def noise_seed(campaign: Campaign, index: int) -> int:
+    """Returns the seed of a run's sensors and of its faults, 0..2^63 - 1."""
+    words = np.random.SeedSequence(campaign.seed, spawn_key=(block(campaign, index),)).generate_state(1, np.uint64)
+    return int(words[0]) >> 1
+
+
+def levels(campaign: Campaign, index: int) -> tuple[int, ...]:
+    """Returns the level of each axis of a grid in a run: the last axis changes fastest, after the repeats."""
+    axes = [one.levels for one in campaign.drawn if one.listed]
+    return tuple(int(one) for one in np.unravel_index(index // campaign.count, axes))
+
+
+def _independent(campaign: Campaign, start: int, stop: int) -> Array:
+    names = [one.name for one in campaign.drawn]
+    drawn = [[stream(campaign, index, name).random() for name in names] for index in range(start, stop)]
+    return np.array(drawn).reshape(stop - start, len(names))
+
+
+def _grid(campaign: Campaign, start: int, stop: int) -> Array:
+    """Returns the middle of each level of the axes; what is no axis is drawn for each run."""
+    found = _independent(campaign, start, stop)
+    axes = [(column, one.levels) for column, one in enumerate(campaign.drawn) if one.listed]
+    for row, index in enumerate(range(start, stop)):
+        for (column, count), level in zip(axes, levels(campaign, index), strict=True):
+            found[row, column] = (level + 0.5) / count
+    return found
+
+
+def _whole(campaign: Campaign) -> Array:
+    """Returns the shares of all runs, where a design is made as a whole."""
+    from scipy.stats import qmc
+
+    dimensions = len(campaign.drawn)
+    seed = np.random.SeedSequence(campaign.seed, spawn_key=(zlib.crc32(b"design"),))
+    if campaign.design == "latin_hypercube":
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(campaign.count))
+    if campaign.design == "sobol":
+        sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
+        return np.asarray(sampler.random_base2(campaign.count.bit_length() - 1))
+    return _by_salib(campaign, int(seed.generate_state(1)[0]))
+
+
+def _by_salib(campaign: Campaign, seed: int) -> Array:
+    sample: Any
+    if campaign.design == "saltelli":
+        sample = salib("sample.sobol").sample
+        found = sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed)
+    else:
+        sample = salib("sample.morris").sample
+        found = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
+        found = MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * found
+    assert found.shape == (runs(campaign), len(campaign.drawn))
+    return np.asarray(found)
+
+
+def salib(module: str) -> Any:
+    """Returns a module of SALib.
+
+    Raises:
+        InputError: SALib is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(f"SALib.{module}")
+    except ModuleNotFoundError:
+        raise InputError("the library SALib is not installed: pip install 'brickpilot[campaign]'") from None

@@ -1,0 +1,277 @@
+"""The campaign file.
+
+    [campaign]
+    name     = "tolerances"
+    design   = "monte_carlo"      # the default; or "latin_hypercube", "sobol", "grid", "saltelli", "morris"
+    runs     = 1000               # of monte_carlo, latin_hypercube and sobol (a power of two)
+                                  # grid: repeats = 1 of each point; saltelli: samples, a power of two, each of
+                                  # (inputs + 2) runs; morris: trajectories, each of (inputs + 1) runs
+    seed     = 0                  # of all draws; the noise of a run follows from it and the run's number
+    scenario = "mission"          # a packaged mission or a file beside this one; or a list, which is an input too
+    sensors  = "imu+encoders"     # as of `run`; or a list
+    profile  = "coupled"
+    model    = "model.toml"       # files beside this one, as of `run`; all are optional
+    gains    = "gains.toml"
+    compensation = "compensation.toml"
+
+    [vary]                        # each input: a number, a list, or a distribution
+    parameter.mass               = { distribution = "normal", mean = 0.9, sd = 0.05 }     # low, high: cut it off
+    parameter.battery_voltage    = { distribution = "uniform", low = 7.5, high = 9.5 }    # or "loguniform"
+    effect.NAME.PARAMETER        = { distribution = "lognormal", median = 0.01, sd_of_log = 0.5 }
+    effect.NAME.chance           = 0.3                                                    # of a run to have it
+    sensor.gyro_noise_sd         = { distribution = "choice", values = [0.01, 0.02], weights = [3, 1] }
+    gain.heading_kp              = [10, 12, 14]      # equally likely values; the axis of a grid
+    start.heading_deg            = 5                 # fixed
+
+    [route]                       # instead of the scenario's: waypoints drawn in a box
+    waypoints = 6
+    x_m = [-1.5, 1.5]
+    y_m = [-1.5, 1.5]
+    least_leg_m = 0.5             # of the start and all waypoints, each from the next
+    duration_s = 90               # of the flight; default: the scenario's
+
+    [[faults]]                    # as in a scenario; from_s, to_s and rate may be distributions
+    kind = "drop"
+    from_s = 5
+    to_s = { distribution = "uniform", low = 6, high = 20 }
+    rate = { distribution = "uniform", low = 0, high = 0.5 }
+    chance = 0.5                  # of a run to have it
+
+`ranges` and `effects` of `varied.py` list what `[vary]` takes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from brickpilot import __version__
+from brickpilot.campaign import distributions, inputs
+from brickpilot.campaign.inputs import Input
+from brickpilot.constants import STEP_S
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError
+from brickpilot.vehicle import compensation, gains, model, scenario
+from brickpilot.vehicle.compensation import Compensation
+from brickpilot.vehicle.faults import Fault
+from brickpilot.vehicle.gains import Gains
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.scenario import Scenario
+
+COUNTS = {
+    "monte_carlo": "runs", "latin_hypercube": "runs", "sobol": "runs", "grid": "repeats", "saltelli": "samples",
+    "morris": "trajectories",
+}  # fmt: skip
+"""Design -> the key that says how large it is."""
+
+MOST_RUNS = 1_000_000
+DEFAULT_RUNS = 1000
+_KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation")
+_POWERS_OF_TWO = ("sobol", "saltelli")
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where routes are drawn: so many waypoints between these places, in m, no leg shorter than `least_leg`."""
+
+    waypoints: int
+    x: tuple[float, float]
+    y: tuple[float, float]
+    least_leg: float
+    duration: float | None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign file with all that it names.
+
+    Attributes:
+        count: runs, repeats, samples or trajectories: see COUNTS.
+        inputs: all that may differ between runs, in the file's order; fixed ones too.
+        faults: name -> fault, as far as it is fixed.
+        box: of drawn routes; None: the routes are those of the scenarios.
+    """
+
+    name: str
+    design: str
+    count: int
+    seed: int
+    scenarios: tuple[Scenario, ...]
+    sensors: tuple[str, ...]
+    profile: str | None
+    model: Model
+    gains: Gains | None
+    compensation: Compensation | None
+    inputs: tuple[Input, ...]
+    faults: Mapping[str, Fault] = field(default_factory=dict)
+    box: Box | None = None
+
+    @property
+    def drawn(self) -> tuple[Input, ...]:
+        """The inputs in which runs differ: the dimensions of the design."""
+        return tuple(one for one in self.inputs if one.varies)
+
+    @property
+    def over_a_link(self) -> bool:
+        """Whether runs may have faults, which need a link."""
+        return bool(self.faults) or any(one.faults for one in self.scenarios)
+
+    def identity(self) -> str:
+        """Returns a text that differs where the results would: the contents of all files count, not their names."""
+        return hashlib.sha256(f"{__version__} {self!r}".encode()).hexdigest()
+
+
+def load(path: Path, *, count: int | None = None, seed: int | None = None) -> Campaign:
+    """Reads and checks a campaign file.
+
+    Args:
+        count, seed: instead of the file's.
+
+    Raises:
+        InputError: naming the file, line and key.
+    """
+    toml = TomlFile(path)
+    toml.known_keys((), toml.data, ("campaign", "vary", "route", "faults"))
+    if "campaign" not in toml.data:
+        toml.refuse(("campaign",), "is missing")
+    head = toml.table(("campaign",), toml.data["campaign"])
+    design = toml.choice(("campaign", "design"), head.get("design", "monte_carlo"), COUNTS)
+    for name in set(COUNTS.values()) - {COUNTS[design]}:
+        if name in head:
+            toml.refuse(("campaign", name), f"does not belong to {design}, which takes {COUNTS[design]}")
+    toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]))
+    if "name" not in head:
+        toml.refuse(("campaign", "name"), "is missing")
+    scenarios, sensors = _scenarios(toml, head), _choices(toml, head, "sensors", scenario.SENSORS)
+    found = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
+    found += inputs.parse(toml, sensors)
+    faults, of_faults = inputs.faults(toml, min(one.duration for one in scenarios))
+    made = Campaign(
+        name=toml.file_name(("campaign", "name"), head["name"]),
+        design=design,
+        count=_count(toml, head, design, count),
+        seed=int(toml.number(("campaign", "seed"), head.get("seed", 0), 0, 2**63 - 1)) if seed is None else seed,
+        scenarios=scenarios,
+        sensors=sensors,
+        profile=toml.choice(("campaign", "profile"), head["profile"], scenario.PROFILES) if "profile" in head else None,
+        model=model.load(_beside(toml, head, "model")) if "model" in head else model.rcx(),
+        gains=gains.load(_beside(toml, head, "gains")) if "gains" in head else None,
+        compensation=compensation.load(_beside(toml, head, "compensation")) if "compensation" in head else None,
+        inputs=tuple(one for one in (*found, *of_faults) if one is not None),
+        faults=faults,
+        box=_box(toml),
+    )
+    _check(toml, made)
+    return made
+
+
+def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
+    """Returns a file that is named from the campaign file's folder."""
+    path = toml.path.parent / toml.text(("campaign", key), head[key])
+    if not path.is_file():
+        toml.refuse(("campaign", key), f"no such file: {head[key]!r}")
+    return path
+
+
+def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Returns the value of a key, or the values of its list; the packaged default where the file has none."""
+    given = head.get(key, known[0])
+    values = given if isinstance(given, list) else [given]
+    if not values or len({str(one) for one in values}) < len(values):
+        toml.refuse(("campaign", key), "needs a value, or a list of values that differ")
+    return tuple(toml.choice(("campaign", key), one, known) for one in values)
+
+
+def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
+    given = head.get("scenario", "mission")
+    names = given if isinstance(given, list) else [given]
+    found = []
+    for name in names:
+        text = toml.text(("campaign", "scenario"), name)
+        path = scenario.packaged().get(text, toml.path.parent / text)
+        if not path.is_file():
+            known = ", ".join(scenario.packaged())
+            toml.refuse(("campaign", "scenario"), f"{text!r} is no file, and no scenario of that name; known: {known}")
+        found.append(scenario.load(path))
+        if found[-1].kind != "mission":
+            toml.refuse(("campaign", "scenario"), f"{text!r} is a manoeuvre; a campaign flies missions")
+    if not found or len({one.name for one in found}) < len(found):
+        toml.refuse(("campaign", "scenario"), "needs a scenario, or a list of scenarios with different names")
+    return tuple(found)
+
+
+def _count(toml: TomlFile, head: Mapping[str, Any], design: str, given: int | None) -> int:
+    key = ("campaign", COUNTS[design])
+    preset = 1 if design == "grid" else DEFAULT_RUNS
+    if design not in ("monte_carlo", "latin_hypercube", "grid") and key[1] not in head and given is None:
+        toml.refuse(key, "is missing")
+    value = head.get(key[1], preset) if given is None else given
+    count = int(toml.number(key, value, 1, MOST_RUNS))
+    if count != value:
+        toml.refuse(key, f"{value} is not a whole number")
+    if design in _POWERS_OF_TWO and count & (count - 1):
+        below = 1 << (count.bit_length() - 1)
+        toml.refuse(key, f"{count} is not a power of two, as {design} needs; {below} and {2 * below} are")
+    return count
+
+
+def _box(toml: TomlFile) -> Box | None:
+    if "route" not in toml.data:
+        return None
+    table = toml.table(("route",), toml.data["route"])
+    toml.known_keys(("route",), table, ("waypoints", "x_m", "y_m", "least_leg_m", "duration_s"))
+    for name in ("waypoints", "x_m", "y_m"):
+        if name not in table:
+            toml.refuse(("route", name), "is missing")
+    whole = distributions.Range(1, 32, "", whole=True)
+    waypoints = distributions.parse(toml, ("route", "waypoints"), table["waypoints"], whole)
+    if waypoints.varies:
+        toml.refuse(("route", "waypoints"), "needs one whole number")
+    x, y = (_ends(toml, name, table[name]) for name in ("x_m", "y_m"))
+    across = min(x[1] - x[0], y[1] - y[0])
+    least = toml.number(("route", "least_leg_m"), table.get("least_leg_m", across / 4), 0.01, across / 2, "m")
+    duration = table.get("duration_s")
+    if duration is not None:
+        duration = toml.number(("route", "duration_s"), duration, STEP_S, 3600.0, "s")
+    return Box(int(waypoints.values[0]), x, y, least, duration)
+
+
+def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
+    key = ("route", name)
+    if not isinstance(value, list) or len(value) != 2:
+        toml.refuse(key, "needs [from, to]")
+    far = inputs.far()
+    low, high = (toml.number(key, one, -far, far, "m") for one in value)
+    if high - low < 0.1:
+        toml.refuse(key, "needs a box of 0.1 m or more")
+    return low, high
+
+
+def _check(toml: TomlFile, made: Campaign) -> None:
+    """Refuses what no design can fly."""
+    axes = [one for one in made.drawn if one.listed]
+    if made.design == "grid" and not axes:
+        toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")
+    if made.design not in ("monte_carlo", "grid") and not made.drawn:
+        toml.refuse(("vary",), f"has nothing that varies, and {made.design} draws only that")
+    total = runs(made)
+    if total > MOST_RUNS:
+        key = ("campaign", COUNTS[made.design]) if made.design != "grid" else ("vary",)
+        toml.refuse(key, f"would be {total} runs, more than {MOST_RUNS}")
+    if made.profile == "paper" and made.compensation is not None:
+        raise InputError("needs the profile coupled", file=toml.path, field="campaign.compensation")
+
+
+def runs(campaign: Campaign) -> int:
+    """Returns how many runs the campaign has."""
+    inputs_drawn = len(campaign.drawn)
+    if campaign.design == "grid":
+        total = campaign.count
+        for one in campaign.drawn:
+            total *= one.levels if one.listed else 1
+        return total
+    per_count = {"saltelli": inputs_drawn + 2, "morris": inputs_drawn + 1}.get(campaign.design, 1)
+    return campaign.count * per_count

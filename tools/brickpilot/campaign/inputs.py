@@ -1,0 +1,177 @@
+"""The inputs of a campaign: what may differ between runs, each with its name, unit and distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.campaign import distributions, varied
+from brickpilot.campaign.distributions import Distribution, Range
+from brickpilot.campaign.varied import ON, Value
+from brickpilot.compiled import interface
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.vehicle import faults as scenario_faults
+from brickpilot.vehicle.faults import Fault
+from brickpilot.vehicle.settings import settings
+
+CHANCE = "chance"
+_FAULT_NUMBERS = ("from_s", "to_s", "rate")
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input.
+
+    Attributes:
+        name: KIND.NAME, as "parameter.mass"; or "scenario" or "sensors".
+        labels: of the values 0, 1, ... of a distribution that draws texts; empty: it draws numbers.
+        chance: it is the switch of an effect or a fault, which is on with this probability; None: it is none.
+    """
+
+    name: str
+    unit: str
+    distribution: Distribution
+    labels: tuple[str, ...] = ()
+    chance: float | None = None
+
+    @property
+    def varies(self) -> bool:
+        """Whether runs can differ in it."""
+        return self.distribution.varies
+
+    @property
+    def listed(self) -> bool:
+        """Whether it is an axis of a grid."""
+        return self.distribution.listed
+
+    @property
+    def levels(self) -> int:
+        """How many values an input has that is drawn from a list."""
+        return len(self.distribution.values)
+
+    def values(self, shares: NDArray[np.float64]) -> list[Value]:
+        """Returns the values below which these shares (n,) of its probability lie, as they fly."""
+        found = self.distribution.at(shares).tolist()
+        if self.labels:
+            return [self.labels[int(one)] for one in found]
+        if self.chance is not None:
+            return [bool(one) for one in found]
+        kind, _, name = self.name.partition(".")
+        if kind == "gain":
+            return [settings()[name].value(settings()[name].raw(one)) for one in found]
+        return list(found)
+
+
+def far() -> float:
+    """Returns the largest coordinate of a waypoint that the firmware takes, m."""
+    return float(interface()[1].BP_MAX_COORDINATE_M)
+
+
+def labelled(name: str, labels: Sequence[str]) -> Input | None:
+    """Returns the input that chooses among texts; None: there is but one."""
+    if len(labels) < 2:
+        return None
+    chosen = Distribution("choice", values=tuple(float(k) for k in range(len(labels))), listed=True)
+    return Input(name, "", chosen, tuple(labels))
+
+
+def _switch(toml: TomlFile, key: Key, name: str, value: object) -> list[Input]:
+    """Returns the switch of an effect or a fault; none where it is on in every run."""
+    chance = toml.number(key, value, 0.0, 1.0)
+    if chance in (0.0, 1.0):
+        return [Input(f"{name}.{ON}", "", Distribution("fixed", values=(chance,)), chance=chance)]
+    law = Distribution("choice", values=(0.0, 1.0), weights=(1.0 - chance, chance))
+    return [Input(f"{name}.{ON}", "", law, chance=chance)]
+
+
+def parse(toml: TomlFile, sensors: Sequence[str]) -> list[Input]:
+    """Reads `[vary]`.
+
+    Raises:
+        InputError: naming file, line and key.
+    """
+    table = toml.table(("vary",), toml.data.get("vary", {}))
+    toml.known_keys(("vary",), table, (*varied.ranges(), "effect"))
+    found: list[Input] = []
+    for kind, entries in table.items():
+        entries = toml.table(("vary", kind), entries)
+        if kind == "effect":
+            found += _effects(toml, entries)
+            continue
+        toml.known_keys(("vary", kind), entries, varied.ranges()[kind])
+        if kind == "sensor" and "ideal" in sensors:
+            toml.refuse(("vary", kind), "ideal sensors have no noise; name others in campaign.sensors")
+        for name, entry in entries.items():
+            found.append(_number(toml, ("vary", kind, name), f"{kind}.{name}", entry, varied.ranges()[kind][name]))
+    return found
+
+
+def _number(toml: TomlFile, key: Key, name: str, entry: object, physical: Range) -> Input:
+    return Input(name, physical.unit, distributions.parse(toml, key, entry, physical))
+
+
+def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:
+    toml.known_keys(("vary", "effect"), entries, varied.effects())
+    found: list[Input] = []
+    for effect, entry in entries.items():
+        key = ("vary", "effect", effect)
+        given, known = toml.table(key, entry), varied.effects()[effect]
+        toml.known_keys(key, given, (*known, CHANCE))
+        found += _switch(toml, (*key, CHANCE), f"effect.{effect}", given.get(CHANCE, 1.0))
+        found += [
+            _number(toml, (*key, name), f"effect.{effect}.{name}", one, known[name])
+            for name, one in given.items()
+            if name != CHANCE
+        ]
+    return found
+
+
+def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Input]]:
+    """Reads `[[faults]]`: name -> fault as far as it is fixed, and the inputs of the faults.
+
+    A fault's name is its kind, with a number where a kind is there before: drop, drop_2.
+
+    Raises:
+        InputError: naming file, line and key.
+    """
+    given = toml.data.get("faults", [])
+    if not isinstance(given, list):
+        toml.refuse(("faults",), "needs to be a list of tables, [[faults]]")
+    fixed: list[dict[str, Any]] = []
+    found: list[Input] = []
+    names: list[str] = []
+    for index, entry in enumerate(given):
+        key, table = ("faults", index), dict(toml.table(("faults", index), entry))
+        kind = toml.choice((*key, "kind"), table.get("kind"), varied.LINK_KINDS)
+        before = sum(name.partition("_#")[0] == kind for name in names)
+        names.append(f"{kind}_#{before + 1}")
+        name = f"fault.{_name(names[-1])}"
+        if CHANCE in table:
+            found += _switch(toml, (*key, CHANCE), name, table.pop(CHANCE))
+        for number in _FAULT_NUMBERS:
+            if isinstance(table.get(number), dict | list):
+                physical = Range(0.0, 1.0, "") if number == "rate" else Range(0.0, duration, "s")
+                found.append(_number(toml, (*key, number), f"{name}.{number}", table[number], physical))
+                law = found[-1].distribution
+                table[number] = _latest(law) if number == "from_s" else _earliest(law)
+        fixed.append(table)
+    made = scenario_faults.parse(toml, fixed, duration)
+    return {_name(name): fault for name, fault in zip(names, made, strict=True)}, found
+
+
+def _name(counted: str) -> str:
+    kind, _, number = counted.partition("_#")
+    return kind if number == "1" else f"{kind}_{number}"
+
+
+def _latest(law: Distribution) -> float:
+    """Returns the largest value: a fault has to end after the latest start."""
+    return max(law.values) if law.values else law.high
+
+
+def _earliest(law: Distribution) -> float:
+    return min(law.values) if law.values else law.low

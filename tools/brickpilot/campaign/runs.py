@@ -1,0 +1,179 @@
+"""The runs of a campaign: the plan of each, and their flights in parts as the engine takes them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from brickpilot.campaign import designs, flights, varied
+from brickpilot.campaign.crew import Part
+from brickpilot.campaign.file import Box, Campaign, runs
+from brickpilot.campaign.varied import ON, Drawn
+from brickpilot.vehicle import flight
+from brickpilot.vehicle.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+PART_RUNS = 100
+LINK_PART_RUNS = 10
+"""Runs of a part at most: a few seconds of work. A flight over a link takes some fifty times as long."""
+
+_LEAST_PARTS = 20
+"""A campaign has so many parts or more, so that all workers have some."""
+
+_TRIES = 1000
+
+INDEX = "run"
+_ROUTE_LENGTH = "route.length_m"
+_ROUTE = "route.waypoints_m"
+_PURPOSE = "route"
+
+
+@dataclass(frozen=True)
+class Block:
+    """The runs start..stop - 1 of a campaign: what a part's worker gets.
+
+    Attributes:
+        shares: (runs, inputs drawn): see `designs.shares`.
+    """
+
+    campaign: Campaign
+    start: int
+    stop: int
+    shares: Array
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: its number, its inputs, and the plan of its flight."""
+
+    index: int
+    drawn: Drawn
+    plan: flight.Plan
+
+
+def part_size(campaign: Campaign) -> int:
+    """Returns how many runs a part has. It depends on the campaign alone, as a table's bytes do."""
+    most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
+    return min(most, -(-runs(campaign) // _LEAST_PARTS))
+
+
+def parts(campaign: Campaign) -> Iterator[Part]:
+    """Yields the parts of a campaign in order; their keys sort as they do."""
+    total, size, shares = runs(campaign), part_size(campaign), designs.drawn_shares(campaign)
+    for start in range(0, total, size):
+        stop = min(start + size, total)
+        yield Part(f"{start:07}", Block(campaign, start, stop, shares(start, stop)))
+
+
+def fly(block: Block) -> pa.Table:
+    """Flies the runs of a part and returns a row for each: number, inputs, figures."""
+    rows = []
+    for run in planned(block):
+        rows.append({INDEX: run.index} | _inputs(block.campaign, run) | dict(flights.row(run.plan)))
+    return table(block.campaign, rows)
+
+
+def one(campaign: Campaign, index: int) -> Run:
+    """Returns one run. It is drawn with its part, so that it is the same to the last bit."""
+    size = part_size(campaign)
+    start = index - index % size
+    stop = min(start + size, runs(campaign))
+    block = Block(campaign, start, stop, designs.drawn_shares(campaign)(start, stop))
+    return next(run for run in planned(block) if run.index == index)
+
+
+def planned(block: Block) -> Iterator[Run]:
+    """Yields the runs of a part."""
+    campaign = block.campaign
+    values = drawn(campaign, block.shares)
+    for index, given in zip(range(block.start, block.stop), values, strict=True):
+        yield Run(index, given, _plan(campaign, index, given))
+
+
+def drawn(campaign: Campaign, shares: Array) -> list[dict[str, varied.Value]]:
+    """Returns the inputs of runs, fixed ones too, from their shares (runs, inputs drawn)."""
+    columns, at = {}, 0
+    for one in campaign.inputs:
+        columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))
+        at += one.varies
+    return [{name: column[row] for name, column in columns.items()} for row in range(len(shares))]
+
+
+def _plan(campaign: Campaign, index: int, given: Drawn) -> flight.Plan:
+    scenario = next(one for one in campaign.scenarios if one.name == given.get("scenario", campaign.scenarios[0].name))
+    if campaign.box is not None:
+        scenario = _routed(campaign, index, scenario, given)
+    plan = flight.plan(
+        scenario,
+        campaign.model,
+        profile=campaign.profile,
+        sensors=str(given.get("sensors", campaign.sensors[0])),
+        seed=designs.noise_seed(campaign, index),
+        compensation=campaign.compensation,
+        gains=varied.tuned(campaign.gains, given),
+    )
+    return varied.applied(plan, given, campaign.faults)
+
+
+def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) -> Scenario:
+    """Returns the scenario with a route that is drawn for this run."""
+    box: Box | None = campaign.box
+    assert box is not None
+    start = (float(given.get("start.x_m", scenario.start[0])), float(given.get("start.y_m", scenario.start[1])))
+    dice = designs.stream(campaign, designs.block(campaign, index), _PURPOSE)
+    points = [start]
+    while len(points) <= box.waypoints:
+        for _ in range(_TRIES):
+            x, y = (round(float(dice.uniform(*ends)), 3) for ends in (box.x, box.y))
+            if np.hypot(x - points[-1][0], y - points[-1][1]) >= box.least_leg:
+                break
+        points.append((x, y))
+    return dataclasses.replace(scenario, waypoints=tuple(points[1:]), duration=box.duration or scenario.duration)
+
+
+def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
+    """Returns the inputs of a run as columns: what an effect or a fault would have is blank where the run lacks it."""
+    found: dict[str, Any] = dict(run.drawn)
+    for name, value in run.drawn.items():
+        if name.endswith(f".{ON}") and value is False:
+            base = name.removesuffix(ON)
+            found |= {other: None for other in found if other.startswith(base) and other != name}
+    if campaign.box is not None:
+        scenario = run.plan.scenario
+        corners = np.array([scenario.start[:2], *scenario.waypoints])
+        found[_ROUTE_LENGTH] = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+        found[_ROUTE] = "; ".join(f"{x:g} {y:g}" for x, y in scenario.waypoints)
+    return found
+
+
+def schema(campaign: Campaign) -> pa.Schema:
+    """Returns the columns of the table, each with its unit."""
+    columns = [(INDEX, pa.int64(), "")]
+    for one in campaign.inputs:
+        kind = pa.string() if one.labels else pa.bool_() if one.chance is not None else pa.float64()
+        columns.append((one.name, kind, one.unit))
+    if campaign.box is not None:
+        columns += [(_ROUTE_LENGTH, pa.float64(), "m"), (_ROUTE, pa.string(), "")]
+    columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in flights.UNITS.items()]
+    return pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns])
+
+
+_KINDS = (
+    dict.fromkeys(flights.WORDS, pa.string())
+    | dict.fromkeys(flights.TRUTHS, pa.bool_())
+    | dict.fromkeys(flights.COUNTS, pa.int64())
+)
+
+
+def table(campaign: Campaign, rows: list[dict[str, Any]]) -> pa.Table:
+    """Returns rows as a table; a number that is not there is null."""
+    columns = schema(campaign)
+    arrays = [pa.array([row[field.name] for row in rows], field.type, from_pandas=True) for field in columns]
+    return pa.Table.from_arrays(arrays, schema=columns)

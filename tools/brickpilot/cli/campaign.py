@@ -1,0 +1,98 @@
+"""`brickpilot campaign`."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.errors import WorkFailedError
+
+if TYPE_CHECKING:
+    from brickpilot.campaign.file import Campaign
+
+
+@click.command()
+@click.argument("file")
+@click.option("--out", metavar="DIR", help="The folder to write; default runs/campaign-NAME.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), default=2, show_default=True, help="The processes of this machine that fly."
+)
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the workers of this Dask scheduler instead.")
+@click.option(
+    "--runs",
+    "count",
+    type=click.IntRange(1),
+    help="How many runs instead of the file's; of grid repeats, of saltelli samples, of morris trajectories.",
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="The seed of all draws, instead of the file's.")
+@click.option(
+    "--replay", "index", type=int, metavar="RUN", help="Fly this run alone again and write its run folder, as run does."
+)
+@as_json
+def campaign(
+    file: str, out: str | None, jobs: int, scheduler: str | None, count: int | None, seed: int | None,
+    index: int | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Flies many missions, Monte Carlo or a designed sweep, and shows how many succeed and what that depends on.
+
+    FILE says what differs between the runs: parameters, effects, noise of sensors, faults of the link, gains, routes.
+    The folder holds runs.parquet with a row for each run, summary.json and report.html. The same command goes on where
+    it was stopped; the same seed gives the same bytes, whatever the number of workers.
+    """
+    from brickpilot.campaign import conduct, workers
+    from brickpilot.campaign import file as campaign_file
+
+    given = campaign_file.load(Path(file), count=count, seed=seed)
+    command = ["brickpilot", "campaign", file]
+    command += ["--runs", str(count)] if count is not None else []
+    command += ["--seed", str(seed)] if seed is not None else []
+    if index is not None:
+        _replay(given, index, out, command, as_json)
+        return
+    folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
+    with progress_shown(as_json) as show:
+        found = conduct.conduct(given, folder, workers.chosen(jobs, scheduler), show, shlex.join(command))
+    if as_json:
+        click.echo(json.dumps(found))
+        return
+    _print(found)
+    click.echo(f"report: {folder / conduct.PAGE}")
+
+
+def _print(found: dict[str, Any]) -> None:
+    from brickpilot.report import campaign_page
+
+    click.echo(campaign_page.verdict(found))
+    for cause, count in found["causes"].items():
+        click.echo(f"{count:8} {cause}")
+    sensitivity = found["sensitivity"]
+    for figure, indices in ({} if sensitivity is None else sensitivity["figures"]).items():
+        strongest = ", ".join(f"{one['input']} {one.get('total', one['index']):.2f}" for one in indices[:3])
+        if strongest:
+            click.echo(f"{campaign_page.WORDS[figure]} depends on: {strongest}")
+
+
+def _replay(given: Campaign, index: int, out: str | None, command: list[str], as_json: bool) -> None:
+    from brickpilot.campaign import replay
+    from brickpilot.report import link_figures, run_folder, run_page
+
+    found = replay.replay(given, index)
+    folder = Path(out) if out else Path("runs") / f"{given.name}-run-{index}"
+    figures = found.figures | {"campaign": given.name, "run": index, "inputs": found.inputs}
+    link = None if found.ticks is None else link_figures.shown(found.ticks, realtime=False)
+    page = run_page.page(found.flight, figures, shlex.join([*command, "--replay", str(index)]), link)
+    run_folder.write(found.flight, figures, page, folder, found.ticks)
+    if as_json:
+        click.echo(json.dumps(figures))
+    else:
+        for name, value in found.inputs.items():
+            click.echo(f"{name:40} {value if isinstance(value, str | bool) else f'{value:.6g}'}")
+        click.echo(f"motor stream {figures['motor_stream_sha256']}")
+        click.echo(f"report: {folder / 'report.html'}")
+    if figures["failure"] is not None:
+        raise WorkFailedError(f"run {index} of {given.name}: {figures['failure']}")

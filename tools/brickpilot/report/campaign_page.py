@@ -1,0 +1,201 @@
+"""The page of a campaign: success rates, causes, distributions, worst runs, and what the figures depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
+from brickpilot.report.quantities import DASH, number, percent, quantity, scaled, unit_text
+from brickpilot.report.template import render
+
+Array = NDArray[np.float64]
+
+WORDS = {
+    "success": "success",
+    "cross_track_rms_m": "cross-track error, rms",
+    "cross_track_max_m": "cross-track error, largest",
+    "heading_rms_rad": "heading error, rms",
+    "closest_approach_max_m": "widest pass of a waypoint",
+    "position_estimate_error_m": "error of the position estimate, rms",
+    "time_s": "time to the last waypoint",
+    "charge_c": "charge from the battery",
+    "duty_travel": "travel of the motors' duty",
+    "ended_at_s": "end of the mission",
+    "waypoints_reached": "waypoints reached",
+    "overshoots": "overshoots",
+    "saturated_surge_steps": "steps with surge saturated",
+    "saturated_yaw_steps": "steps with yaw saturated",
+    "reached_all": "all waypoints reached",
+}
+"""Figure -> what the page calls it."""
+
+_MOST_ROWS = 20  # inputs of a figure in one chart of indices
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often a figure lies between `edges` (bars + 1,), in runs that succeeded and in runs that failed (bars,)."""
+
+    figure: str
+    unit: str
+    edges: Array
+    succeeded: Array
+    failed: Array
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """A figure (n,) of runs against one of their inputs (n,), which does not decrease."""
+
+    figure: str
+    input: str
+    unit: str
+    x: Array
+    values: Array
+    success: NDArray[np.bool_]
+
+
+def page(summary: Mapping[str, Any], histograms: Sequence[Histogram], scatters: Sequence[Scatter], command: str) -> str:
+    """Returns the page as one self-contained HTML text.
+
+    Args:
+        summary: the content of `summary.json`.
+        command: the command line of the campaign.
+    """
+    sensitivity = summary["sensitivity"]
+    return render(
+        "campaign",
+        title=f"Campaign: {summary['name']}",
+        summary=summary,
+        verdict=verdict(summary),
+        rates=_rates_chart(summary),
+        causes=_causes(summary),
+        histograms=[(WORDS[one.figure], _histogram(one)) for one in histograms],
+        rows=[_row(name, one) for name, one in summary["figures"].items() if one["known"]],
+        worst=[_worst(one, command) for one in summary["worst"]],
+        method=None if sensitivity is None else sensitivity["method"],
+        indices=_indices(sensitivity),
+        scatters=[(f"{WORDS[one.figure]} against {one.input}", _scatter(one)) for one in scatters],
+        command=command,
+    )
+
+
+def rate_text(rate: Mapping[str, Any]) -> str:
+    """Returns a success rate with its interval, as "94.2 % (92.1 % to 95.8 %)"."""
+    low, high = rate["ci95"]
+    return f"{_percent(rate['rate'])} ({_percent(low)} to {_percent(high)})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f}\N{NO-BREAK SPACE}%"
+
+
+def verdict(summary: Mapping[str, Any]) -> str:
+    """Returns the result in one sentence."""
+    success = summary["success"]
+    return (
+        f"{success['count']} of {success['of']} missions succeeded: {rate_text(success)}. Success is every waypoint "
+        "reached, and no fault; the interval is 95 %."
+    )
+
+
+def _rates_chart(summary: Mapping[str, Any]) -> Markup:
+    """Draws a row for all runs, and one for each value of an input that has few."""
+    rows = [("all runs", summary["success"])]
+    for name, values in summary["by_choice"].items():
+        rows += [(f"{name} = {value}", rate) for value, rate in values.items()]
+    text = "; ".join(f"{label} {rate_text(rate)}" for label, rate in rows)
+    return row_chart(
+        [label for label, _ in rows],
+        {"succeeded": ("blue", [100 * rate["rate"] for _, rate in rows])},
+        [(100 * rate["ci95"][0], 100 * rate["ci95"][1]) for _, rate in rows],
+        "missions that succeeded",
+        "%",
+        title=f"success rates: {text}",
+    )
+
+
+def _causes(summary: Mapping[str, Any]) -> list[tuple[str, int, str]]:
+    of = summary["runs"]
+    return [(cause, count, percent(count / of)) for cause, count in summary["causes"].items()]
+
+
+def _histogram(one: Histogram) -> Markup:
+    """Draws all runs as bars, and those that failed as bars before them."""
+    factor, unit = scaled(float(np.abs(one.edges).max()), one.unit) if one.unit else (1.0, "")
+    middles = (one.edges[:-1] + one.edges[1:]) / 2 / factor
+    curves = [Curve("all runs", one.succeeded + one.failed, "blue", shape="bars")]
+    if one.failed.any():
+        curves.append(Curve("failed", one.failed, "orange", shape="bars"))
+    return to_html(
+        Figure(f"distribution of {WORDS[one.figure]}", middles, [Panel("runs", "", curves)], WORDS[one.figure], unit)
+    )
+
+
+def _row(name: str, one: Mapping[str, Any]) -> list[str]:
+    """Returns a row of the table of figures: name, unit, runs that have it, mean, sd and quantiles."""
+    top = max(abs(one["min"]), abs(one["max"]))
+    factor, unit = scaled(top, one["unit"]) if one["unit"] else (1.0, "")
+    cells = [number(one[key] / factor) for key in ("mean", "sd", "min", "q05", "median", "q95", "max")]
+    return [WORDS[name], unit or DASH, str(one["known"]), *cells]
+
+
+def _worst(one: Mapping[str, Any], command: str) -> dict[str, Any]:
+    widest, track = one["closest_approach_max_m"], one["cross_track_rms_m"]
+    return {
+        "run": one["run"],
+        "cause": one["cause"] or "success",
+        "reached": f"{one['waypoints_reached']} of {one['waypoints_total']}",
+        "widest": DASH if widest is None else str(quantity(widest, "m")),
+        "track": DASH if track is None else str(quantity(track, "m")),
+        "command": f"{command} --replay {one['run']}",
+    }
+
+
+def _indices(sensitivity: Mapping[str, Any] | None) -> list[tuple[str, Markup]]:
+    """Draws the inputs of each figure, the strongest uppermost."""
+    if sensitivity is None:
+        return []
+    return [
+        (WORDS[name], _index_chart(name, rows[:_MOST_ROWS])) for name, rows in sensitivity["figures"].items() if rows
+    ]
+
+
+def _index_chart(figure: str, rows: Sequence[Mapping[str, Any]]) -> Markup:
+    with_total = "total" in rows[0]
+    curves: dict[str, tuple[Colour, list[float | None]]] = {}
+    if with_total:
+        curves["total"] = ("orange", [one["total"] for one in rows])
+    curves["alone" if with_total else "index"] = ("blue", [one["index"] for one in rows])
+    text = "; ".join(f"{one['input']} {number(one['total' if with_total else 'index'])}" for one in rows)
+    return row_chart(
+        [one["input"] for one in rows],
+        curves,
+        [tuple(one["total_ci95" if with_total else "ci95"]) for one in rows],
+        "index",
+        "",
+        title=f"what {WORDS[figure]} depends on: {text}",
+        lines=(0.0,),
+    )
+
+
+def _scatter(one: Scatter) -> Markup:
+    kinds: tuple[tuple[str, Colour, NDArray[np.bool_]], ...] = (
+        ("succeeded", "blue", one.success),
+        ("failed", "orange", ~one.success),
+    )
+    curves = [
+        Curve(name, np.where(chosen, one.values, np.nan), colour, shape="marks")
+        for name, colour, chosen in kinds
+        if chosen.any()
+    ]
+    unit = one.figure.rpartition("_")[2]
+    title = f"{WORDS[one.figure]} against {one.input}"
+    panel = Panel(WORDS[one.figure], unit if unit in ("m", "s", "rad") else "", curves, 220)
+    return to_html(Figure(title, one.x, [panel], one.input, unit_text(one.unit)))
