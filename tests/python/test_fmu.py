@@ -12,7 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.export import fmu
+from brickpilot.export import fmu, fmu_description
 from brickpilot.vehicle import model as models
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
@@ -180,6 +180,27 @@ def test_parameters_have_the_ranges_and_units_of_the_tables(units: Callable[[str
             assert float(row.start) == model.effects[effect.name].get(info.name, info.preset)
             assert (float(row.min), float(row.max), row.description) == (info.minimum, info.maximum, info.meaning)
     assert rows["yaw_rate"].unit == "rad/s"
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("N m s/rad", {"kg": "1", "m": "2", "s": "-1", "rad": "-1"}),
+        ("V", {"kg": "1", "m": "2", "s": "-3", "A": "-1"}),
+        ("ohm", {"kg": "1", "m": "2", "s": "-3", "A": "-2"}),
+        ("N m s^0.5/rad^0.5", None),
+        ("1", {}),
+    ],
+)
+def test_units_are_told_in_base_units_where_fmi_can_say_them(unit: str, exponents: dict[str, str] | None) -> None:
+    assert fmu_description._exponents(unit) == exponents
+
+
+def test_every_unit_of_the_tables_is_understood() -> None:
+    infos = [*catalogue.parameters(), *(info for effect in catalogue.effects() for info in effect.parameters)]
+    units = {info.unit for info in infos} | {info.linear_unit for info in infos} | set(catalogue.outputs().values())
+    not_whole = {unit for unit in units if fmu_description._exponents(unit) is None}
+    assert not_whole == {unit for unit in units if "0.5" in unit}
 
 
 def test_values_that_are_set_before_the_start_count(unit: Callable[..., Unit]) -> None:
