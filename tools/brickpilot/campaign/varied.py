@@ -27,20 +27,23 @@ ON = "on"
 LINK_KINDS = tuple(kind for kind in KINDS if kind not in AVR_KINDS)
 """The faults that a campaign can have."""
 
-_SIZE = (0.0, 1e3)
-_DEVICES = {
-    "accel_noise_sd": Range(*_SIZE, "m/s^2"),
-    "accel_range": Range(0.1, 1e3, "m/s^2"),
-    "accel_bias_surge": Range(-100.0, 100.0, "m/s^2"),
-    "accel_bias_sway": Range(-100.0, 100.0, "m/s^2"),
-    "gyro_noise_sd": Range(*_SIZE, "rad/s"),
-    "gyro_range": Range(0.1, 1e3, "rad/s"),
-    "gyro_bias": Range(-100.0, 100.0, "rad/s"),
+_AXES = {"accel": "m/s^2", "gyro": "rad/s"}
+_OF_AXES = {"noise_sd": (0.0, 1e3), "range": (0.1, 1e3), "bias": (-100.0, 100.0)}
+_OTHER_DEVICES = {
     "bits": Range(0, 24, "", whole=True),
     "counts_per_turn": Range(1.0, 1e5, ""),
     "battery_resolution": Range(1e-6, 10.0, "V"),
 }
-"""The fields of `bp_devices`."""
+
+
+def _sensor_ranges() -> dict[str, Range]:
+    """Returns the fields of `bp_devices`, each with the range of its kind."""
+    found = {}
+    for name, _ in interface()[0].typeof("bp_devices").fields:
+        axis, _, rest = name.partition("_")
+        kind = next((kind for kind in _OF_AXES if rest.startswith(kind)), "")
+        found[name] = Range(*_OF_AXES[kind], _AXES[axis]) if kind else _OTHER_DEVICES[name]
+    return found
 
 
 @cache
@@ -64,7 +67,7 @@ def ranges() -> Mapping[str, Mapping[str, Range]]:
     }
     return {
         "parameter": {info.name: Range(info.minimum, info.maximum, info.unit) for info in catalogue.parameters()},
-        "sensor": _DEVICES,
+        "sensor": _sensor_ranges(),
         "gain": tuned,
         "start": {
             "x_m": Range(-far, far, "m"),
