@@ -118,7 +118,14 @@ IN_LANES mask_t mask_not(mask_t mask)
 }
 IN_LANES real_t choose(mask_t mask, real_t yes, real_t no)
 {
+#ifdef __clang__ /* whose version 14 joins these operations of bits to a wrong one, with AVX-512 */
+    real_t result = no;
+    for (int i = 0; i < LANES; i++)
+        result[i] = mask[i] != 0 ? yes[i] : no[i];
+    return result;
+#else
     return (real_t)((mask & (mask_t)yes) | (~mask & (mask_t)no));
+#endif
 }
 IN_LANES real_t real_abs(real_t value)
 {
