@@ -151,7 +151,9 @@ def altered(folder: Path) -> Path:
     return folder
 
 
-def test_a_worker_of_another_version_is_named(cluster: Cluster, tmp_path: Path) -> None:
+def test_a_worker_of_another_version_is_named_before_anything_runs(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     other: list[Worker] = []
 
     def join() -> None:
@@ -159,6 +161,7 @@ def test_a_worker_of_another_version_is_named(cluster: Cluster, tmp_path: Path) 
 
     try:
         late = refused(cluster.address, function=campaign_parts.process, arguments=itertools.count(), then=join)
+        monkeypatch.setattr(dask_crew.DaskCrew, "give", None)  # nothing may be given
         at_start = refused(cluster.address)
     finally:
         other[0].send_signal(signal.SIGKILL)

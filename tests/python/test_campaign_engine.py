@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +115,16 @@ def test_workers_have_one_thread_of_blas() -> None:
     assert found
     assert set(found) == {1}
     assert os.environ.get("MKL_NUM_THREADS") is None  # this process keeps its own
+
+
+def test_a_worker_that_does_not_start_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(process: SpawnProcess) -> None:
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(SpawnProcess, "start", start)
+    with pytest.raises(OSError, match="no more processes"):
+        results(campaign_parts.squared, [1])
+    assert multiprocessing.active_children() == []
 
 
 def test_an_answer_may_be_longer_than_a_pipe() -> None:

@@ -54,6 +54,7 @@ class LocalCrew:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
         for worker in self._workers:
             worker.pipe.close()  # a worker that waits for a part ends at this
             if worker.part is not None:
@@ -90,11 +91,11 @@ class LocalCrew:
     def _started(self) -> _Worker:
         ours, theirs = _CONTEXT.Pipe()
         process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
+        worker = _Worker(process, ours)
+        self._workers.append(worker)  # before it starts: whatever happens in between, `__exit__` ends it
         with _quiet_and_single_threaded():
             process.start()
         theirs.close()  # so that its end is seen here
-        worker = _Worker(process, ours)
-        self._workers.append(worker)
         return worker
 
     def _heard(self, worker: _Worker) -> Finished | None:

@@ -141,7 +141,7 @@ class Parts:
             data = _whole(path)
         if data is None:
             raise WorkFailedError(f"{path}: was damaged after it was written: run the campaign again")
-        return pq.read_table(BytesIO(data))
+        return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # parts are small
 
     def _claim(self) -> None:
         """Writes whose folder this is, or refuses it if it is another campaign's."""
