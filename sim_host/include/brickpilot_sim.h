@@ -276,6 +276,10 @@ const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond th
  * route that the firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
+/* Bytes of the plant's state. Where two libraries share a plant (run/build), they were compiled from the same one only if
+ * both say the same. */
+int bp_plant_size(void);
+
 /* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
  * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's
  * columns of the log are 0. The loop ignores controller, start_step, cruise and settings. */

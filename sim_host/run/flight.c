@@ -272,6 +272,11 @@ int bp_fly(bp_flight *request)
     return request->status;
 }
 
+int bp_plant_size(void)
+{
+    return (int)sizeof(plant_t);
+}
+
 struct bp_loop {
     bp_flight request;
     flight_t flight;

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from brickpilot import compiled
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
 from brickpilot.vehicle import flight
@@ -34,6 +36,14 @@ def test_gains_as_settings_in_process_are_those_compiled_into_the_firmware(
     assert np.abs(linked.motors).max() > 5_000
     untuned = flight.fly(dataclasses.replace(plan, firmware=library))
     assert not np.array_equal(untuned.motors, linked.motors)
+
+
+def test_a_library_of_another_plant_is_refused(tmp_path: Path) -> None:
+    source = tmp_path / "other.c"
+    source.write_text("int bp_plant_size(void) { return 77; }\n")
+    subprocess.run(["cc", "-shared", "-fPIC", str(source), "-o", str(tmp_path / "other.so")], check=True)
+    with pytest.raises(InputError, match="the checkout: has another plant than the installed package"):
+        compiled.closed_loop(tmp_path / "other.so")
 
 
 def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

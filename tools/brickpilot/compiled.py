@@ -9,6 +9,8 @@ from typing import Any
 
 from cffi import FFI
 
+from brickpilot.errors import InputError
+
 _ENDINGS = {"win32": ".dll", "darwin": ".dylib"}  # of a shared library, else ".so"
 
 
@@ -28,8 +30,16 @@ def library(name: str = "brickpilot_sim") -> Path:
 
 @cache
 def closed_loop(file: Path) -> Any:
-    """Returns a loaded library of `sim_host/run/build`: `bp_fly` with another firmware inside, on the same plant."""
-    return interface()[0].dlopen(str(file))
+    """Returns a loaded library of `sim_host/run/build`: `bp_fly` with another firmware inside, on the same plant.
+
+    Raises:
+        InputError: the checkout that it was compiled from has another plant than this package.
+    """
+    ffi, plant = interface()
+    loop: Any = ffi.dlopen(str(file))
+    if loop.bp_plant_size() != plant.bp_plant_size():
+        raise InputError("has another plant than the installed package; run pip install ./tools", field="the checkout")
+    return loop
 
 
 def _declarations(header: Path) -> str:
