@@ -5,15 +5,19 @@
 
 #include "plant/contact.h"
 
-static const lanes_kernel_t *const KERNEL[] = {
-    &lanes_kernel_2,
-#ifdef LANES_WIDE
-    &lanes_kernel_4,
-    &lanes_kernel_8,
+/* The build says how wide the kernels are that it has; without them each run goes alone. */
+#ifndef LANES_BUILT
+#define LANES_BUILT 1
 #endif
-};
 
-enum { KERNELS = sizeof KERNEL / sizeof KERNEL[0] };
+static const lanes_kernel_t *const KERNEL[] = {
+#if LANES_BUILT >= 2
+    &lanes_kernel_2,
+#endif
+#if LANES_BUILT >= 8
+    &lanes_kernel_4, &lanes_kernel_8,
+#endif
+    NULL};
 
 /* Places of numbers in a vehicle_t. */
 #define PLACE(field) ((int)(offsetof(vehicle_t, field) / sizeof(double)))
@@ -22,7 +26,7 @@ enum { MOTION_COUNT = 6 }; /* currents, speeds and angles of the wheels: what ch
 int lanes_widest(int limit)
 {
     int widest = 1;
-    for (int i = 0; i < KERNELS; i++)
+    for (int i = 0; KERNEL[i] != NULL; i++)
         if (KERNEL[i]->width <= limit && KERNEL[i]->runs_here())
             widest = KERNEL[i]->width;
     return widest;

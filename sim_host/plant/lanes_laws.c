@@ -1,4 +1,6 @@
-/* The kernel of lanes_kernel.h for LANES robots. */
+/* The kernel of lanes_kernel.h for LANES robots; nothing where the build does not say how many. */
+#ifdef LANES
+
 #include <string.h>
 
 #include "plant/contact_load.h"
@@ -185,3 +187,5 @@ const lanes_kernel_t lanes_kernel_2 =
      .law = law,
      .advance = advance,
      .outputs = outputs};
+
+#endif
