@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from brickpilot.benchmark import power_law, scaling
 from brickpilot.benchmark.result import truth_fields
 from pages import HOSTILE
 
@@ -74,3 +75,15 @@ def _quick(name, group, law, verdict, *effects, mechanism=None, cpu_s, after=1.2
     run = {"engine": "planar", "seed": 7, "suite": group, "seed_offset": 0, "version": "0", "error": None}
     said = {"verdict": verdict, "effects": list(effects), "mechanism": mechanism, "held_out": held}
     return {"name": name, **run, **truth_fields(name, truth), **said, "cpu_s": cpu_s, "elapsed_s": cpu_s + 1.0}
+
+
+def scaling_results() -> scaling.Scaling:
+    """Returns figures of `brickpilot bench --scaling`: linear work, work that grows with the square, three workers."""
+    sizes = (10, 20, 40, 80)
+    sweeps = []
+    for name, power in (("linear", 1.0), ("square", 2.0)):
+        rows = tuple((1e-3 * size**power, 1.02e-3 * size**power) for size in sizes)
+        what = f"{name} work {HOSTILE}"
+        sweeps.append(scaling.Measured(name, what, "runs", sizes, rows, 1e-4, power_law.fit(sizes, rows)))
+    crowd = scaling.Crowd((1, 2, 3), 100, ((10.0, 11.0), (20.0, 19.0), (18.0, 17.5)), 2)
+    return scaling.Scaling(f"a processor {HOSTILE}, 2 cores", tuple(sweeps), crowd)

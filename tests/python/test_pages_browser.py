@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_results import quick_results
-from brickpilot.benchmark import page_content, real_logs, real_results, table
+from benchmark_results import quick_results, scaling_results
+from brickpilot.benchmark import page_content, real_logs, real_results, scaling, table
 from brickpilot.campaign import conduct, file
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
-from brickpilot.report import benchmark_page, run_page, why_page, why_text
+from brickpilot.report import benchmark_page, run_page, scaling_page, why_page, why_text
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
@@ -124,6 +124,7 @@ def pages(tmp_path_factory):
     found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
     kept = real_results.load(real_results.KEPT)
     found["benchmark real"] = benchmark_page.real_page(page_content.real(kept, real_logs.by_name()))
+    found["bench scaling"] = scaling_page.page(scaling.as_dict(scaling_results()), HOSTILE)
     return found
 
 
@@ -181,6 +182,7 @@ def probed(dom: str) -> Any:
 
 KINDS = (
     *VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "campaign", "benchmark discover", "benchmark real",
+    "bench scaling",
 )  # fmt: skip
 
 

@@ -5,9 +5,9 @@
     .venv/bin/python tests/speed/counts.py --write   # keeps them, for the compiler that built the program
 
 Times on a shared machine say little; instructions of the same program are the same to the last one. Only our own are
-counted: libm chooses its functions by the processor. Each compiler makes other code, so the counts are kept by compiler, and
-tests/gates/test_instruction_counts.py compares those of the same one. Several runs at a time also depend on whether the
-processor has AVX2.
+counted: libm chooses its functions by the processor. Each compiler makes other code, so the counts are kept by
+compiler, and tests/gates/test_instruction_counts.py compares those of the same one. Several runs at a time also depend
+on whether the processor has AVX2.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
+from pathlib import Path
 from typing import Any
 
 import click
@@ -37,9 +39,32 @@ _KERNEL_S = 8.0
     type=click.FloatRange(STEP_S),
     help="With h8 and avr: fly this much of the mission; the default is all of it, which takes one or two minutes.",
 )
+@click.option(
+    "--scaling",
+    is_flag=True,
+    help="Measure how time grows with runs, samples, candidates and workers instead, in three to five minutes; "
+    "writes report.html and scaling.json.",
+)
+@click.option("--out", metavar="DIR", help="With --scaling: the folder to write; default runs/bench-scaling.")
 @as_json
-def bench(target: str, profile: str | None, sensors: str | None, seconds: float | None, as_json: bool) -> None:
-    """Measures speed: on this machine beside a peer, or on a brick's processor."""
+def bench(
+    target: str, profile: str | None, sensors: str | None, seconds: float | None, scaling: bool, out: str | None,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Measures speed: on this machine beside peers, or on a brick's processor.
+
+    On this machine the full loop and the plant run beside MuJoCo and SciPy; and with a checkout and the bricks'
+    compilers, the control law on each brick's processor beside Q16.16 and floating point in software.
+    """
+    if scaling:
+        if target != "host":
+            raise InputError("works only without --target", field="--scaling")
+        _refuse("h8", profile=profile, sensors=sensors)
+        _refuse("h8 or avr", seconds=seconds)
+        _scaling(Path(out or "runs/bench-scaling"), as_json)
+        return
+    if out is not None:
+        raise InputError("works only with --scaling", field="--out")
     if target.startswith("avr"):
         _refuse("h8", profile=profile, sensors=sensors)
         _avr(target, seconds, as_json)
@@ -60,6 +85,31 @@ def bench(target: str, profile: str | None, sensors: str | None, seconds: float 
         return
     for line in bench_module.lines(found, laws):
         click.echo(line)
+
+
+def _scaling(folder: Path, as_json: bool) -> None:
+    """Measures how time grows, and writes its page and its figures."""
+    from brickpilot.benchmark import scaling as scaling_module
+    from brickpilot.report import run_folder, scaling_page
+
+    with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
+        with progress_shown(as_json) as progress:
+            found = scaling_module.as_dict(scaling_module.measure(progress))
+        command = shlex.join(["brickpilot", "bench", "--scaling", "--out", str(folder)])
+        (beside / "scaling.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        (beside / "report.html").write_text(scaling_page.page(found, command), encoding="utf-8")
+    if as_json:
+        click.echo(json.dumps(found, allow_nan=False))
+        return
+    click.echo(f"on {found['machine']}")
+    for one in found["sweeps"].values():
+        low, high = one["exponent"]["ci95"]
+        growth = f"{one['growth']}, exponent {one['exponent']['value']:.2f} ({low:.2f} to {high:.2f})"
+        ratio = f"{one['times_as_long']:6.1f} times as long for {one['times_work']:4.1f} times the {one['unit']}"
+        click.echo(f"{ratio}: {growth}; {one['what']}")
+    for number, gain in zip(found["workers"]["numbers"], found["workers"]["gain"], strict=True):
+        click.echo(f"{gain:6.2f} times the flights of one worker with {number} on {found['workers']['cores']} cores")
+    click.echo(f"report: {folder / 'report.html'}")
 
 
 def _refuse(target: str, **given: str | float | None) -> None:

@@ -1,0 +1,83 @@
+"""The page of `brickpilot bench --scaling`. It shows what `benchmark.scaling.as_dict` has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from brickpilot.report.plot import Curve, Figure, Panel, to_html
+from brickpilot.report.template import render
+
+Content = Mapping[str, Any]
+
+
+def page(content: Content, command: str) -> str:
+    """Returns the page as one self-contained HTML text."""
+    sweeps = content["sweeps"].values()
+    return render(
+        "scaling",
+        title="How time grows",
+        command=command,
+        machine=content["machine"],
+        sweeps=[(one, _row(one), _growth(one)) for one in sweeps],
+        linear=sum(one["growth"] == "linear" for one in sweeps),
+        worse=[one["what"] for one in sweeps if one["growth"] == "more than linear"],
+        crowd=content["workers"],
+        crowd_rows=list(zip(content["workers"]["numbers"], content["workers"]["gain"], strict=True)),
+        crowd_figure=_crowd(content["workers"]),
+    )
+
+
+def _row(one: Content) -> dict[str, str]:
+    low, high = one["exponent"]["ci95"]
+    each = 1e6 * min(one["seconds"][-1]) / one["sizes"][-1]
+    return {
+        "more": f"{one['times_work']:.3g}",
+        "longer": f"{one['times_as_long']:.3g}",
+        "exponent": f"{one['exponent']['value']:.2f}",
+        "interval": f"{low:.2f} to {high:.2f}",
+        "each": f"{each:.3g} µs" if each < 1e3 else f"{each / 1e3:.3g} ms",
+    }
+
+
+def _growth(one: Content) -> Markup:
+    """Draws time against size as multiples of the smallest, both logarithmic: each repeat, and linear growth."""
+    sizes = np.array(one["sizes"], dtype=float) / one["sizes"][0]
+    seconds = np.array(one["seconds"], dtype=float)
+    times = seconds / seconds[0].min()
+    curves = [
+        Curve(f"repeat {k + 1}" if times.shape[1] > 1 else "measured", times[:, k], "blue", shape="marks")
+        for k in range(times.shape[1])
+    ]
+    curves.append(Curve("linear growth", sizes, "grey", dashed=True))
+    low, high = one["exponent"]["ci95"]
+    return to_html(
+        Figure(
+            title=f"{one['what']}: exponent {one['exponent']['value']:.2f}, {low:.2f} to {high:.2f}",
+            x=sizes,
+            panels=[Panel("times as long", "", curves, height=190, log=True)],
+            x_label=f"times as many {one['unit']}, from {one['sizes'][0]:,}",
+            x_unit="",
+            log=True,
+        )
+    )
+
+
+def _crowd(workers: Content) -> Markup:
+    rates = np.array(workers["flights_per_s"], dtype=float)
+    numbers = np.array(workers["numbers"], dtype=float)
+    gains = rates / rates[0].max()
+    curves = [Curve(f"repeat {k + 1}", gains[:, k], "blue", shape="marks") for k in range(gains.shape[1])]
+    curves.append(Curve("one core each", np.minimum(numbers, workers["cores"]), "grey", dashed=True))
+    return to_html(
+        Figure(
+            title=f"flights per second by workers, on {workers['cores']} cores",
+            x=numbers,
+            panels=[Panel("times as many flights a second", "", curves, height=190)],
+            x_label="workers",
+            x_unit="",
+        )
+    )
