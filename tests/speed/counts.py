@@ -48,6 +48,7 @@ KERNELS = (
     Kernel("effects_of_10", "plant_advance", STEPS),
     Kernel("simulate_1", "bp_simulate", SAMPLES - 1),
     Kernel("simulate_8", "bp_simulate", RUNS * (SAMPLES - 1)),
+    Kernel("simulate_8_effects", "bp_simulate", RUNS * (SAMPLES - 1)),
     Kernel("predict", "bp_predict", SAMPLES - 1),
 )
 
@@ -61,6 +62,7 @@ FIGURES: dict[str, Callable[[Counted], float]] = {
     "body step with two effects": lambda n: n["effects_of_10", "plant_advance"],
     "simulate, a sample of 10 ms": lambda n: n["simulate_1", "bp_simulate"],
     "simulate 8 runs, a sample of one": lambda n: n["simulate_8", "bp_simulate"],
+    "simulate 8 runs with two effects, a sample of one": lambda n: n["simulate_8_effects", "bp_simulate"],
     "Kalman filter, a sample of 10 ms": lambda n: n["predict", "bp_predict"],
 }
 """Name -> instructions of one, from the counts per time of the kernels."""

@@ -5,6 +5,7 @@
  * Nothing of it depends on time or on the machine. What is counted is a function of the plant or of the firmware that the kernel calls, so
  * what a kernel does before does not count.
  */
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -78,7 +79,7 @@ static void inputs(double *time, double *input)
 }
 
 /* Robots whose mass differs, in one call and one thread. */
-static int simulate(int count)
+static int simulate(int count, bool effects)
 {
     static double time[SAMPLES], input[2 * SAMPLES], output[RUNS][SAMPLES * OUTPUT_COUNT];
     bp_run runs[RUNS];
@@ -86,7 +87,9 @@ static int simulate(int count)
 
     inputs(time, input);
     for (int i = 0; i < count; i++) {
-        bp_model *const model = bp_model_new(BP_DIFF_DRIVE, BP_COUPLED);
+        bp_model *model = bp_model_new(BP_DIFF_DRIVE, BP_COUPLED);
+        if (effects)
+            model = with_effects(model);
         status |= bp_model_set(model, "mass", 0.9 + 0.01 * i);
         runs[i] = (bp_run){.model = model, .samples = SAMPLES, .time = time, .input = input, .output = output[i]};
     }
@@ -128,9 +131,11 @@ static int kernel(const char *name)
     if (strcmp(name, "effects_of_10") == 0)
         return advance(with_effects(bp_model_new(BP_DIFF_DRIVE, BP_COUPLED)), 0.0003);
     if (strcmp(name, "simulate_1") == 0)
-        return simulate(1);
+        return simulate(1, false);
     if (strcmp(name, "simulate_8") == 0)
-        return simulate(RUNS);
+        return simulate(RUNS, false);
+    if (strcmp(name, "simulate_8_effects") == 0)
+        return simulate(RUNS, true);
     if (strcmp(name, "predict") == 0)
         return predict();
     return BP_E_NAME;
