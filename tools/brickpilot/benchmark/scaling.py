@@ -1,9 +1,9 @@
 """How time grows with the amount of work: runs, samples and candidates; and what more workers gain.
 
 Times of one process are processor time, which other programs on the machine change little. What a call costs at any
-size, such as loading and checking, is measured with next to no work and subtracted, so that the exponent is of the work
-alone. Flights of a campaign are the processor time of its worker and of this process. What more workers gain is wall
-time, from the first result to the last.
+size, such as loading and checking, is measured with next to no work and subtracted, and so is that work from the size:
+the exponent is of the rest alone. Flights of a campaign are the processor time of its worker and of this process. What
+more workers gain is wall time, from the first result to the last.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Sweep:
         unit: what is counted.
         sizes: three or more.
         work: size -> the work.
-        least: a size with next to no work, whose time is subtracted; 0: nothing is.
+        least: a size with next to no work, which is subtracted from each size, and its time; 0: nothing is.
         repeats: of each size.
     """
 
@@ -69,20 +69,25 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Measured:
-    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats) without ``fixed_s``."""
+    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats), without ``fixed_s``, that of ``least``."""
 
     name: str
     what: str
     unit: str
     sizes: tuple[int, ...]
     seconds: tuple[tuple[float, ...], ...]
+    least: int
     fixed_s: float
-    law: PowerLaw
+
+    @property
+    def law(self) -> PowerLaw:
+        """How the time beyond `fixed_s` grows with the size beyond `least`."""
+        return fit([size - self.least for size in self.sizes], self.seconds)
 
     @property
     def times_work(self) -> float:
-        """How many times the smallest amount of work the largest is."""
-        return self.sizes[-1] / self.sizes[0]
+        """How many times the smallest amount of work the largest is, both beyond `least`."""
+        return (self.sizes[-1] - self.least) / (self.sizes[0] - self.least)
 
     @property
     def times_as_long(self) -> float:
@@ -222,8 +227,7 @@ def _measure(sweep: Sweep) -> Measured:
     for size in sweep.sizes:
         work = sweep.work(size)
         rows.append(tuple(max(one - fixed, 1e-9) for one in _processor_times(work, sweep.repeats)))
-    law = fit(sweep.sizes, rows)
-    return Measured(sweep.name, sweep.what, sweep.unit, tuple(sweep.sizes), tuple(rows), fixed, law)
+    return Measured(sweep.name, sweep.what, sweep.unit, tuple(sweep.sizes), tuple(rows), sweep.least, fixed)
 
 
 def _processor_times(work: Callable[[], object], repeats: int) -> list[float]:
@@ -306,7 +310,7 @@ def _fly(count: int, jobs: int) -> _Flown:
 def _campaign(sizes: Sequence[int], repeats: int) -> Measured:
     rows = [tuple(_fly(size, 1).processor_s for _ in range(repeats)) for size in sizes]
     what = f"campaign: flights of {_FLIGHT_S:.0f} s, one worker"
-    return Measured("campaign_flights", what, "flights", tuple(sizes), tuple(rows), 0.0, fit(sizes, rows))
+    return Measured("campaign_flights", what, "flights", tuple(sizes), tuple(rows), 0, 0.0)
 
 
 def _crowd(count: int, repeats: int) -> Crowd:
@@ -329,6 +333,7 @@ def as_dict(found: Scaling) -> dict[str, Any]:
                 "times_as_long": one.times_as_long,
                 "sizes": list(one.sizes),
                 "seconds": [list(row) for row in one.seconds],
+                "least": one.least,
                 "fixed_s": one.fixed_s,
             }
             for one in found.sweeps

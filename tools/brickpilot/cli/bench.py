@@ -42,8 +42,8 @@ _KERNEL_S = 8.0
 @click.option(
     "--scaling",
     is_flag=True,
-    help="Measure how time grows with runs, samples, candidates and workers instead, in about four minutes of a quiet machine; "
-    "writes report.html and scaling.json.",
+    help="Measure how time grows with runs, samples, candidates and workers instead, in about four minutes of a quiet "
+    "machine; writes report.html and scaling.json.",
 )
 @click.option("--out", metavar="DIR", help="With --scaling: the folder to write; default runs/bench-scaling.")
 @as_json

@@ -45,7 +45,8 @@ def _row(one: Content) -> dict[str, str]:
 
 def _growth(one: Content) -> Markup:
     """Draws time against size as multiples of the smallest, both logarithmic: each repeat, and linear growth."""
-    sizes = np.array(one["sizes"], dtype=float) / one["sizes"][0]
+    beyond = np.array(one["sizes"], dtype=float) - one["least"]
+    sizes = beyond / beyond[0]
     seconds = np.array(one["seconds"], dtype=float)
     times = seconds / seconds[0].min()
     curves = [
