@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from brickpilot import catalogue
 from brickpilot.benchmark import machine
 from brickpilot.benchmark.power_law import PowerLaw, fit
 from brickpilot.campaign import engine, flights, workers
@@ -121,9 +122,12 @@ class Scaling:
 
 
 def recording(samples: int) -> Dataset:
-    """Returns a data set of so many samples in four runs of a robot with dry friction, with noise; seeded."""
+    """Returns a data set of so many samples in four runs of a robot with one effect of its bearings; seeded."""
     random = np.random.default_rng(0)
-    truth = Model("truth", "diff_drive", "coupled", rcx().parameters, {"coulomb_friction": {"torque": 0.004}})
+    bearings = (one for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
+    hidden = min(bearings, key=lambda one: len(one.parameters))
+    values = {one.name: one.preset for one in hidden.parameters}
+    truth = Model("truth", "diff_drive", "coupled", rcx().parameters, {hidden.name: values})
     frames = {}
     for run in range(_RUNS):
         count = max(samples // _RUNS, 10)
