@@ -31,8 +31,8 @@ class Cluster:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for program in reversed(self._programs):
-            program.terminate()
+        for program in self._programs:
+            program.kill()  # a worker that loses its scheduler would look for it for a while
         for program in self._programs:
             program.wait(20)
 
