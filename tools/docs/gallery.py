@@ -128,7 +128,8 @@ def _index(shown: list[Entry], place: Path) -> str:
     texts = "\n".join(one.name for one in shown if not one.page)
     intro = (
         "Each command that finds something out writes a page: one file, which needs nothing else and no network. "
-        "These were made with this site, from the logs of `tools/examples`. A picture leads to its page."
+        "These were made with this site, from the logs of `tools/examples`. A picture leads to its page. "
+        "`brickpilot bench --scaling` writes one too; it is not here, as it measures for minutes."
     )
     contents = f"```{{toctree}}\n:hidden:\n\n{texts}\n```\n" if texts else ""
     return f'# Gallery\n\n{intro}\n\n<div class="gallery">\n{figures}\n</div>\n\n{contents}'
