@@ -1,4 +1,4 @@
-# Sourced by tools/fly and tests/run from the root of the checkout: installs brickpilot in .venv. `extras` is "[hil]" or "[test]".
+# Sourced by tools/fly and tests/run from the root of the checkout: installs brickpilot in .venv. `extras` is "[all]" or "[test]".
 python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
     echo "brickpilot needs Python 3.11 or newer; PYTHON=/path/to/python names another one" >&2
