@@ -13,6 +13,7 @@
     model    = "model.toml"       # files beside this one, as of `run`; all are optional
     gains    = "gains.toml"
     compensation = "compensation.toml"
+    robots   = "data"             # each run has a robot that calibrate.json or verdict.json beside the model allows
 
     [vary]                        # each input: a number, a list, or a distribution
     parameter.mass               = { distribution = "normal", mean = 0.9, sd = 0.05 }     # low, high: cut it off
@@ -42,6 +43,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -49,8 +51,9 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import distributions, inputs
+from brickpilot.campaign import distributions, inputs, robots, varied
 from brickpilot.campaign.inputs import Input
+from brickpilot.campaign.robots import Allowed
 from brickpilot.constants import STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
@@ -69,7 +72,9 @@ COUNTS = {
 
 MOST_RUNS = 1_000_000
 DEFAULT_RUNS = 1000
-_KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation")
+_KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
+ROBOTS = ("model", "data")
+"""Whose values the runs have where `[vary]` says nothing: the model's own, or a draw of what the data allow."""
 _POWERS_OF_TWO = ("sobol", "saltelli")
 
 
@@ -93,6 +98,7 @@ class Campaign:
         inputs: all that may differ between runs, in the file's order; fixed ones too.
         faults: name -> fault, as far as it is fixed.
         box: of drawn routes; None: the routes are those of the scenarios.
+        robots: of which each run draws its own; None: all runs have the model's values.
     """
 
     name: str
@@ -108,6 +114,7 @@ class Campaign:
     inputs: tuple[Input, ...]
     faults: Mapping[str, Fault] = field(default_factory=dict)
     box: Box | None = None
+    robots: Allowed | None = field(default=None, repr=False)
 
     @property
     def drawn(self) -> tuple[Input, ...]:
@@ -121,14 +128,18 @@ class Campaign:
 
     def identity(self) -> str:
         """Returns a text that differs where the results would: the contents of all files count, not their names."""
-        return hashlib.sha256(f"{__version__} {self!r}".encode()).hexdigest()
+        allowed = "" if self.robots is None else self.robots.identity()
+        return hashlib.sha256(f"{__version__} {self!r} {allowed}".encode()).hexdigest()
 
 
-def load(path: Path, *, count: int | None = None, seed: int | None = None) -> Campaign:
+def load(
+    path: Path, *, count: int | None = None, seed: int | None = None, shares: Mapping[str, float] | None = None
+) -> Campaign:
     """Reads and checks a campaign file.
 
     Args:
         count, seed: instead of the file's.
+        shares: of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
 
     Raises:
         InputError: naming the file, line and key.
@@ -163,6 +174,7 @@ def load(path: Path, *, count: int | None = None, seed: int | None = None) -> Ca
         inputs=tuple(one for one in (*found, *of_faults) if one is not None),
         faults=faults,
         box=_box(toml),
+        robots=_robots(toml, head, shares),
     )
     _check(toml, made)
     return made
@@ -174,6 +186,18 @@ def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
     if not path.is_file():
         toml.refuse(("campaign", key), f"no such file: {head[key]!r}")
     return path
+
+
+def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
+    """Returns what the data allow of the robot; None: the file does not ask for it."""
+    if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
+        return None
+    if "model" not in head:
+        toml.refuse(("campaign", "robots"), "needs campaign.model: a file that calibrate or discover wrote")
+    if shares is None:
+        raise ValueError("shares are needed to draw robots")
+    path = _beside(toml, head, "model")
+    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=varied.devices())
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:

@@ -20,12 +20,12 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: what the campaign drew for it.
+        inputs: what the campaign drew for it; None: of an effect that its robot lacks.
         figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """
 
-    inputs: dict[str, Value]
+    inputs: dict[str, Value | None]
     flight: flight.Flight
     figures: dict[str, Any]
     ticks: Ticks | None
@@ -42,16 +42,17 @@ def replay(campaign: Campaign, index: int) -> Replayed:
         last = count_of(campaign) - 1
         raise InputError(f"the campaign has the runs 0 to {last}", field=f"--replay {index}")
     run = runs.one(campaign, index)
+    given = dict(run.drawn) | runs.of_robot(campaign, run)
     if run.plan.scenario.faults:
-        found = _over_a_link(run)
+        found = _over_a_link(run, given)
     else:
         flown = flight.fly(run.plan)
-        found = Replayed(dict(run.drawn), flown, flight_figures.summary(flown), None)
+        found = Replayed(given, flown, flight_figures.summary(flown), None)
     found.figures["failure"] = flight_checks.failure(found.figures)
     return found
 
 
-def _over_a_link(run: runs.Run) -> Replayed:
+def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
     from brickpilot.hil import board, memory_link
 
     flown = memory_link.fly_alone(run.plan)
@@ -64,4 +65,4 @@ def _over_a_link(run: runs.Run) -> Replayed:
         "broke_off": flown.broke_off,
         "board": board.told(flown.board),
     }
-    return Replayed(dict(run.drawn), flown.flight, figures, flown.ticks.columns())
+    return Replayed(given, flown.flight, figures, flown.ticks.columns())

@@ -73,6 +73,24 @@ class Allowed:
     source: str = "no fit: what is usual for each kind of value"
 
     @property
+    def open(self) -> tuple[str, ...]:
+        """The values that robots differ in, "mass" or "effect.parameter"; an explanation need not have all of them."""
+        first = self.model.parameters
+        others = [one.model.parameters for one in self.explanations[1:]]
+        found = dict.fromkeys(name for name, value in first.items() if any(one.get(name) != value for one in others))
+        for one in self.explanations:
+            fitted = () if self.spread is None else self.spread.names
+            own = values(one.model)
+            found |= dict.fromkeys(name for name in (*fitted, *_usual(self, one.model)) if own.get(name))
+        return tuple(found)
+
+    def identity(self) -> str:
+        """Returns a text that differs where the drawn robots would."""
+        spread = None if self.spread is None else self.spread.to_json()
+        devices = None if self.devices is None else dict(self.devices)
+        return json.dumps([spread, dict(self.shares), devices, repr(self.explanations)])
+
+    @property
     def model(self) -> Model:
         """The best explanation."""
         return self.explanations[0].model
@@ -121,7 +139,7 @@ def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
     if spread is not None:
         for name, value in zip(spread.names, spread.values, strict=True):
-            own = _values(model).get(name)
+            own = values(model).get(name)
             if own is None or not math.isclose(own, value, rel_tol=_SAME, abs_tol=1e-12):
                 raise InputError(f"{value:g} is not the value of model.toml beside it", file=file, field=name)
     return Allowed(explanations, spread, shares, source=file.name)
@@ -155,9 +173,9 @@ def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
     chosen = allowed.explanations[int(random.integers(len(allowed.explanations)))]
     devices = None if allowed.devices is None else _powered_on(allowed.devices, random)
     for _ in range(_TRIES):
-        values = _unmeasured(allowed, chosen.model, random) | _fitted(allowed, chosen.model, random)
-        if all(low <= values[name] <= high for name, (low, high) in _ranges(chosen.model, values).items()):
-            return Robot(place, _with(chosen.model, values), devices, noise, chosen.name)
+        drawn = _unmeasured(allowed, chosen.model, random) | _fitted(allowed, chosen.model, random)
+        if all(low <= drawn[name] <= high for name, (low, high) in _ranges(chosen.model, drawn).items()):
+            return Robot(place, _with(chosen.model, drawn), devices, noise, chosen.name)
     raise InputError(f"the data allow no robot within the physical ranges, in {_TRIES} draws", field=chosen.name)
 
 
@@ -171,7 +189,7 @@ def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict
     """Returns a draw of the fitted parameters that this explanation has, about its own values."""
     if allowed.spread is None:
         return {}
-    own = _values(model)
+    own = values(model)
     moved = allowed.spread.at(_root(allowed.spread) @ random.normal(size=len(allowed.spread.names)))
     found = {}
     for name, at, unit in zip(allowed.spread.names, allowed.spread.values, allowed.spread.units, strict=True):
@@ -188,17 +206,22 @@ def _root(spread: Spread) -> Array:
 
 def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
     """Returns a draw of everything that has a spread although nothing was fitted; those fitted too are overwritten."""
+    shares, own = _usual(allowed, model), values(model)
+    draws = random.normal(size=len(shares))
+    return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
+
+
+def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
+    """Returns the spread of everything that has one although nothing was fitted, as a share of its value."""
     shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
     shares |= {"battery_voltage": BATTERY_SHARE}
     for name, table in model.effects.items():
         sizes = [info.name for info in catalogue.effect(name).parameters if info.role == "size"]
         shares |= {f"{name}.{size}": EFFECT_SHARE for size in sizes if table.get(size)}
-    own = _values(model)
-    draws = random.normal(size=len(shares))
-    return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
+    return shares
 
 
-def _values(model: Model) -> dict[str, float]:
+def values(model: Model) -> dict[str, float]:
     """Returns all values of a model, by "mass" or "effect.parameter"."""
     presets = catalogue.presets(model.vehicle) | dict(model.parameters)
     return presets | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +12,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from brickpilot.campaign import designs, flights, varied
+from brickpilot import catalogue
+from brickpilot.campaign import designs, flights, robots, varied
 from brickpilot.campaign.crew import Part
 from brickpilot.campaign.file import Box, Campaign, runs
+from brickpilot.campaign.robots import Robot
 from brickpilot.campaign.varied import ON, Drawn
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.scenario import Scenario
@@ -33,6 +36,9 @@ INDEX = "run"
 _ROUTE_LENGTH = "route.length_m"
 _ROUTE = "route.waypoints_m"
 _PURPOSE = "route"
+_ROBOT = "robot."
+_EXPLANATION = "robot.explanation"
+_STREAM = zlib.crc32(b"robots")  # above every number of a run, so that no other draw of a campaign has its key
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,7 @@ class Run:
     index: int
     drawn: Drawn
     plan: flight.Plan
+    robot: Robot | None = None
 
 
 def part_size(campaign: Campaign) -> int:
@@ -94,7 +101,15 @@ def planned(block: Block) -> Iterator[Run]:
     campaign = block.campaign
     values = drawn(campaign, block.shares)
     for index, given in zip(range(block.start, block.stop), values, strict=True):
-        yield Run(index, given, _plan(campaign, index, given))
+        robot = _robot(campaign, index)
+        yield Run(index, given, _plan(campaign, index, given, robot), robot)
+
+
+def _robot(campaign: Campaign, index: int) -> Robot | None:
+    """Returns the robot of a run, which the runs of a block share; None: it is the model's."""
+    if campaign.robots is None:
+        return None
+    return robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])[0]
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, varied.Value]]:
@@ -106,19 +121,21 @@ def drawn(campaign: Campaign, shares: Array) -> list[dict[str, varied.Value]]:
     return [{name: column[row] for name, column in columns.items()} for row in range(len(shares))]
 
 
-def _plan(campaign: Campaign, index: int, given: Drawn) -> flight.Plan:
+def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> flight.Plan:
     scenario = next(one for one in campaign.scenarios if one.name == given.get("scenario", campaign.scenarios[0].name))
     if campaign.box is not None:
         scenario = _routed(campaign, index, scenario, given)
     plan = flight.plan(
         scenario,
-        campaign.model,
+        campaign.model if robot is None else robot.model,
         profile=campaign.profile,
         sensors=str(given.get("sensors", campaign.sensors[0])),
         seed=designs.noise_seed(campaign, index),
         compensation=campaign.compensation,
         gains=varied.tuned(campaign.gains, given),
     )
+    if robot is not None and plan.sensors != "ideal":
+        plan = dataclasses.replace(plan, devices=robot.devices)
     return varied.applied(plan, given, campaign.faults)
 
 
@@ -140,7 +157,7 @@ def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) ->
 
 def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
     """Returns the inputs of a run as columns: what an effect or a fault would have is blank where the run lacks it."""
-    found: dict[str, Any] = dict(run.drawn)
+    found: dict[str, Any] = dict(run.drawn) | of_robot(campaign, run)
     for name, value in run.drawn.items():
         if name.endswith(f".{ON}") and value is False:
             base = name.removesuffix(ON)
@@ -153,6 +170,21 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
     return found
 
 
+def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
+    """Returns what the run's robot has of the values that its data leave open, less those that `[vary]` gives."""
+    if run.robot is None:
+        return {}
+    own = robots.values(run.plan.model)
+    found: dict[str, Any] = {f"{_ROBOT}{name}": own.get(name) for name in _left_open(campaign)}
+    return found | {_EXPLANATION: run.robot.explanation}
+
+
+def _left_open(campaign: Campaign) -> list[str]:
+    assert campaign.robots is not None
+    given = {one.name for one in campaign.inputs}
+    return [name for name in campaign.robots.open if not {f"parameter.{name}", f"effect.{name}"} & given]
+
+
 def schema(campaign: Campaign) -> pa.Schema:
     """Returns the columns of the table, each with its unit."""
     columns = [(INDEX, pa.int64(), "")]
@@ -161,6 +193,12 @@ def schema(campaign: Campaign) -> pa.Schema:
         columns.append((one.name, kind, one.unit))
     if campaign.box is not None:
         columns += [(_ROUTE_LENGTH, pa.float64(), "m"), (_ROUTE, pa.string(), "")]
+    if campaign.robots is not None:
+        units = {info.name: info.unit for info in catalogue.parameters()}
+        for effect in catalogue.effects():
+            units |= {f"{effect.name}.{info.name}": info.unit for info in effect.parameters}
+        columns += [(f"{_ROBOT}{name}", pa.float64(), units[name]) for name in _left_open(campaign)]
+        columns.append((_EXPLANATION, pa.string(), ""))
     columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in flights.UNITS.items()]
     return pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns])
 

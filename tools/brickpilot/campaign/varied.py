@@ -128,7 +128,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
         plan,
         scenario=scenario,
         model=model,
-        devices={**devices(), **numbers["sensor"]} if numbers["sensor"] else plan.devices,
+        devices={**(plan.devices or devices()), **numbers["sensor"]} if numbers["sensor"] else plan.devices,
     )
 
 

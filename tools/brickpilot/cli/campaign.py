@@ -46,8 +46,9 @@ def campaign(
     """
     from brickpilot.campaign import conduct, workers
     from brickpilot.campaign import file as campaign_file
+    from brickpilot.discover import default_sd
 
-    given = campaign_file.load(Path(file), count=count, seed=seed)
+    given = campaign_file.load(Path(file), count=count, seed=seed, shares=default_sd.SD_SHARE)
     command = ["brickpilot", "campaign", file]
     command += ["--runs", str(count)] if count is not None else []
     command += ["--seed", str(seed)] if seed is not None else []
@@ -91,6 +92,8 @@ def _replay(given: Campaign, index: int, out: str | None, command: list[str], as
         click.echo(json.dumps(figures))
     else:
         for name, value in found.inputs.items():
+            if value is None:
+                continue
             click.echo(f"{name:40} {value if isinstance(value, str | bool) else f'{value:.6g}'}")
         click.echo(f"motor stream {figures['motor_stream_sha256']}")
         click.echo(f"report: {folder / 'report.html'}")
