@@ -18,6 +18,14 @@
 /* Functions of vectors are part of their callers, so that no vector is passed through memory. */
 #define IN_LANES static inline __attribute__((always_inline))
 
+/* A long function that one robot seldom needs: as a part of its caller it would take the registers that the other work
+ * there needs, also where it is not called. */
+#if LANES == 1
+#define APART static __attribute__((noinline))
+#else
+#define APART static inline
+#endif
+
 #if LANES == 1
 
 typedef double real_t;

@@ -144,7 +144,7 @@ static inline dry_vector_t dry_solution(dry_vector_t free, const pair_t *matrix,
 
 /* Replaces the speeds w without dry friction by those with it. matrix is A, positive definite; inverse is that of A;
  * bound holds c_i >= 0 in N m s. */
-static inline void dry_solve(real_t w[2], const pair_t *matrix, const pair_t *inverse, const real_t bound[DRY_COUNT])
+APART void dry_solve(real_t w[2], const pair_t *matrix, const pair_t *inverse, const real_t bound[DRY_COUNT])
 {
     const dry_vector_t solution = dry_solution((dry_vector_t){w[0], w[1]}, matrix, inverse, bound);
     w[0] = solution.left;
