@@ -52,9 +52,8 @@ const effect_t effect_cogging = {
              .summary = "Magnets pull each motor towards a few rest positions per turn, with or without current.",
              .mechanism = "motor",
              .acts_on = "gear",
-             .equation =
-                 "T_c = -torque real_sin(order angle + phase), left phase + phase_difference / 2, right phase - "
-                 "phase_difference / 2",
+             .equation = "T_c = -torque sin(order angle + phase), left phase + phase_difference / 2, right phase - "
+                         "phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",
              .parameter_count = 4,

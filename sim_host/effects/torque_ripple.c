@@ -54,7 +54,7 @@ const effect_t effect_torque_ripple = {
              .summary = "The torque of a motor rises and falls with the wheel's angle, in proportion to its current.",
              .mechanism = "motor",
              .acts_on = "gear",
-             .equation = "T = K_t i (1 + amplitude real_sin(order angle + phase)), left phase + phase_difference / 2, "
+             .equation = "T = K_t i (1 + amplitude sin(order angle + phase)), left phase + phase_difference / 2, "
                          "right phase - phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",

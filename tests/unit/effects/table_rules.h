@@ -123,6 +123,8 @@ static inline const char *row_fault(const effect_t *effect)
         return "has no `acts_on` of the list in brickpilot_sim.h";
     if (is_empty(info->equation) || is_empty(info->source))
         return "has no `equation` or no `source`";
+    if (strstr(info->equation, "real_") != NULL)
+        return "has an `equation` with a function of effects/real.h; write it as mathematics";
     if (info->parameter_count < 1 || info->parameter_count > BP_MAX_PARAMETERS)
         return "has no parameters, or more than BP_MAX_PARAMETERS";
     const char *fault = sentence_fault(info);

@@ -128,6 +128,10 @@ static void test_a_row_that_lacks_something_is_named(void)
     assert_fault(effect, "effect made_up has no `equation` or no `source`");
 
     effect = sound(&SOUND_PARAMETER);
+    effect.info.equation = "T = real_sin(x)";
+    assert_fault(effect, "effect made_up has an `equation` with a function");
+
+    effect = sound(&SOUND_PARAMETER);
     effect.hook[SITE_WHEEL] = NULL;
     assert_fault(effect, "effect made_up has no hook");
 }
