@@ -248,6 +248,8 @@ static bool can_be_flown(const bp_flight *request)
         sound = sound && request->waypoint_count == 0;
     for (int i = 0; sound && request->drive == NULL && i < 2 * request->waypoint_count; i++)
         sound = isfinite(request->waypoints[i]);
+    for (int i = 0; sound && request->columns != NULL && i < request->column_count; i++)
+        sound = request->columns[i] >= 0 && request->columns[i] < FLIGHT_LOG_COLUMNS;
     return sound;
 }
 

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "brickpilot_sim.h"
+#include "run/flight_log.h"
 #include "unity.h"
 #include "wire/codecs_gen.h"
 
@@ -76,6 +77,12 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bad = flight;
     bad.start_step = -1;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    for (int column = -1; column <= FLIGHT_LOG_COLUMNS; column += FLIGHT_LOG_COLUMNS + 1) {
+        bad = flight;
+        bad.columns = &column;
+        bad.column_count = 1;
+        TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
+    }
     bad = flight;
     bad.waypoints = NULL;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
