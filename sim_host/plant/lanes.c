@@ -32,6 +32,12 @@ int lanes_widest(int limit)
     return widest;
 }
 
+int lanes_shared(int count, int threads, int limit)
+{
+    const int each = threads > 1 && count > 0 ? (count - 1) / threads + 1 : count;
+    return lanes_widest(each < limit ? each : limit);
+}
+
 bool lanes_may_hold(const plant_t *plant)
 {
     return contact_of(&plant->vehicle) != &contact_slip;

@@ -34,6 +34,9 @@ typedef struct {
 /* How many plants can be in one group on this processor: 2, 4 or 8, but at most `limit`; 1 for less than 2. */
 int lanes_widest(int limit);
 
+/* The same for `count` plants that so many threads share: no wider than leaves something to do for each thread. */
+int lanes_shared(int count, int threads, int limit);
+
 /* True where this plant can be in a group. It has been started. */
 bool lanes_may_hold(const plant_t *plant);
 

@@ -189,7 +189,7 @@ static THREAD_RETURNS work(void *argument)
 
 int bp_simulate_lanes(bp_run *runs, int count, int threads, int lanes)
 {
-    queue_t queue = {.runs = runs, .count = count, .widest = lanes_widest(lanes), .lock = LOCK_FREE};
+    queue_t queue = {.runs = runs, .count = count, .widest = lanes_shared(count, threads, lanes), .lock = LOCK_FREE};
     if (queue.widest > 1 && count > 1)
         queue.taken = calloc((size_t)count, sizeof *queue.taken);
     thread_t helper[THREADS_MAX];

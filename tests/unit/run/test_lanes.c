@@ -223,6 +223,19 @@ static void test_lanes_that_the_processor_has_are_2_4_or_8(void)
     TEST_ASSERT_EQUAL_INT(most, lanes_widest(100));
 }
 
+static void test_lanes_leave_runs_for_every_thread(void)
+{
+    const int most = bp_lanes();
+    TEST_ASSERT_EQUAL_INT(most, lanes_shared(8, 1, 8));
+    TEST_ASSERT_EQUAL_INT(2, lanes_shared(8, 4, 8));
+    TEST_ASSERT_EQUAL_INT(2, lanes_shared(7, 3, 8));
+    TEST_ASSERT_EQUAL_INT(1, lanes_shared(8, 8, 8));
+    TEST_ASSERT_EQUAL_INT(1, lanes_shared(3, 64, 8));
+    TEST_ASSERT_EQUAL_INT(most, lanes_shared(1000, 8, 8));
+    TEST_ASSERT_EQUAL_INT(2, lanes_shared(1000, 8, 2));
+    TEST_ASSERT_EQUAL_INT(1, lanes_shared(0, 0, 8));
+}
+
 /* What a group does with two plants and three is done in registers, and not one plant at a time. */
 static void test_lanes_take_the_narrowest_kernel_that_holds_them(void)
 {
@@ -257,6 +270,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_lanes_give_the_bytes_of_one_run_at_a_time);
     RUN_TEST(test_lanes_that_the_processor_has_are_2_4_or_8);
+    RUN_TEST(test_lanes_leave_runs_for_every_thread);
     RUN_TEST(test_lanes_take_the_narrowest_kernel_that_holds_them);
     RUN_TEST(test_lanes_hold_no_tyres_that_slip);
     return UNITY_END();
