@@ -9,6 +9,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from brickpilot.cli.export import export
+from brickpilot.cli.main import COMMANDS as COMMAND_LINE
 from command import brickpilot
 
 ROOT = Path(__file__).parents[2]
@@ -44,3 +46,11 @@ def test_the_readme_s_question_is_answered(command: str, tmp_path: Path) -> None
 
 def test_the_readme_asks_about_each_example() -> None:
     assert len(COMMANDS) == len(maker().HIDDEN) == len(list(EXAMPLES.glob("*.csv")))
+
+
+def test_every_command_has_a_line_of_shell_in_a_manual() -> None:
+    manuals = "\n".join((ROOT / place).read_text() for place in ("README.md", "tools/README.md", "hal/README.md"))
+    shown = re.findall(r"brickpilot ([a-z][a-z ]*[a-z])", manuals)
+    names = {one.name or "" for one in COMMAND_LINE if one is not export} | {f"export {kind}" for kind in export.commands}
+    missing = [name for name in sorted(names) if not any(f"{one} ".startswith(f"{name} ") for one in shown)]
+    assert not missing
