@@ -197,6 +197,8 @@ def damaged(flown: Path, folder: Path, change: Any) -> None:
         (lambda lines: lines.__setitem__(40, lines[50]), "run/log.csv: time_s: has times that fall"),
         (lambda lines: lines.__delitem__(slice(1, None)), "run/log.csv: has no rows"),
         (lambda lines: lines.clear(), "run/log.csv: is no table of numbers"),
+        (lambda lines: lines.__setitem__(40, lines[40].rpartition(",")[0]), "run/log.csv:41: is no table of numbers"),
+        (lambda lines: lines.__setitem__(0, lines[0].rpartition(",")[0]), "run/log.csv:2: is no table of numbers"),
     ],
 )
 @pytest.mark.parametrize("kind", ["mcap", "parquet"])
@@ -206,6 +208,17 @@ def test_a_damaged_log_is_refused_in_one_line(flown: Path, tmp_path: Path, kind:
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert says in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_log_that_is_cut_off_is_refused(flown: Path, tmp_path: Path) -> None:
+    shutil.copytree(flown / "plain", tmp_path / "run")
+    path = tmp_path / "run/log.csv"
+    content = path.read_bytes()
+    path.write_bytes(content[:-1])  # who knows whether the last number is whole
+    done = brickpilot("export", "parquet", "run", cwd=tmp_path)
+    line = content.count(b"\n")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"brickpilot: run/log.csv:{line}: ends inside a line")
 
 
 @pytest.mark.parametrize("source", ["none", "folder", "link.txt", "empty.log", "where/run.mcap"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,17 +64,34 @@ def _bytes(path: Path) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
 
 
+def _check_whole(path: Path, content: bytes) -> None:
+    """Raises InputError where a line is not as long as the header, or the last one has no end.
+
+    Pandas fills a short line with NaN, and takes the first column for a name where all lines are longer.
+    """
+    *lines, rest = content.split(b"\n")
+    for number, line in enumerate(lines, 1):
+        if line.count(b",") != lines[0].count(b","):
+            have, wanted = (one.count(b",") + 1 for one in (line, lines[0]))
+            raise InputError(f"is no table of numbers: {have} cells under {wanted} names", file=path, line=number)
+    if rest:
+        raise InputError("ends inside a line: it is cut off", file=path, line=len(lines) + 1)
+
+
 def _table(path: Path) -> dict[str, Array]:
     """Returns the columns of a table of numbers, each as the nearest double. NaN is a number here."""
+    content = _bytes(path)
+    _check_whole(path, content)
     try:
         frame = pd.read_csv(
-            path, float_precision="round_trip", keep_default_na=False, na_values=["nan"], dtype=np.float64
+            io.BytesIO(content),
+            float_precision="round_trip",
+            keep_default_na=False,
+            na_values=["nan"],
+            dtype=np.float64,
         )
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
-    except (ValueError, pd.errors.ParserError) as error:
-        line = re.search(r"line (\d+)", str(error))
-        raise InputError(f"is no table of numbers: {error}", file=path, line=int(line[1]) if line else None) from error
+    except ValueError as error:
+        raise InputError(f"is no table of numbers: {error}", file=path) from error
     if len(frame) == 0 or TIME not in frame.columns:
         raise InputError(f"has no rows or no column {TIME}", file=path)
     times = frame[TIME].to_numpy()
