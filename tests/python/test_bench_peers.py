@@ -1,12 +1,14 @@
-"""SciPy beside the plant in `brickpilot bench`: the same robot, at an accuracy that is the plant's or better."""
+"""The peers of `brickpilot bench`: SciPy's robot is the plant's, at its accuracy, and MuJoCo does no idle work."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.benchmark import machine, scipy_robot
+from brickpilot.benchmark import machine, scipy_robot, speed
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle.model import Model, rcx
 
@@ -29,6 +31,28 @@ def test_scipy_is_as_accurate_as_the_plant_and_no_more_than_asked(name: str) -> 
             assert np.abs(rough - exact).max() > setting.plant_m
 
 
+def test_scipy_is_charged_for_few_slopes_where_each_step_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    manoeuvre, calls, real = shortened("controlled"), [0], scipy_robot.slope_of
+
+    def counted(model: Model) -> Callable[..., list[float]]:
+        slope = real(model)
+
+        def one(*arguments: Any) -> list[float]:
+            calls[0] += 1
+            return slope(*arguments)
+
+        return one
+
+    settings = scipy_robot.loosest(rcx(), manoeuvre)
+    monkeypatch.setattr(scipy_robot, "slope_of", counted)
+    needed = {}
+    for one in settings:
+        before = calls[0]
+        scipy_robot.solve(rcx(), manoeuvre, one.tolerance, one.method)
+        needed[str(one)] = (calls[0] - before) / len(manoeuvre.voltages)
+    assert min(needed.values()) < 12, needed
+
+
 def test_scipys_robot_is_the_plants() -> None:
     manoeuvre = scipy_robot.held()
     found = scipy_robot.solve(rcx(), manoeuvre, 1e-8, "LSODA")[:, 5:]
@@ -46,6 +70,17 @@ def test_a_robot_that_is_not_the_plants_has_no_equal_accuracy(monkeypatch: pytes
     monkeypatch.setattr(scipy_robot, "solve", solve)
     with pytest.raises(SimulationError, match="no tolerance"):
         scipy_robot.loosest(model, shortened("controlled"))
+
+
+def test_mujoco_does_no_work_that_its_robot_does_not_need() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    model = speed._mujoco_model()
+    assert model is speed._mujoco_model()  # compiling it is not timed
+    idle = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    idle += (mujoco.mjtDisableBit.mjDSBL_GRAVITY, mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    assert all(model.opt.disableflags & int(one) for one in idle)
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert speed._mujoco(0.3) == 0.3
 
 
 def test_the_machine_is_named() -> None:

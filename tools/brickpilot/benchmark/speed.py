@@ -6,8 +6,9 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
 _TIMES = "times real time"
+_LANES = {"alone": 1, "many": plant.MOST_LANES}
 
 
 @dataclass(frozen=True)
@@ -52,14 +54,18 @@ class LawFigure(Figure):
     apart_v: float
 
 
-def _best(work: Callable[[], float], repeats: int = 5, clock: Callable[[], float] = time.perf_counter) -> float:
-    """Returns the best speed of several runs, in times real time. `work` returns simulated seconds."""
-    rates = []
+def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
+    """Returns the best speed of several runs of each work, in times real time. A work returns simulated seconds.
+
+    They take turns, so that other programs on the machine disturb all of them alike. Times are those of the processor.
+    """
+    rates = dict.fromkeys(works, 0.0)
     for _ in range(repeats):
-        began = clock()
-        simulated = work()
-        rates.append(simulated / (clock() - began))
-    return max(rates)
+        for name, work in works.items():
+            began = time.process_time()
+            simulated = work()
+            rates[name] = max(rates[name], simulated / (time.process_time() - began))
+    return rates
 
 
 def _full_loop() -> float:
@@ -87,22 +93,21 @@ def _many(model: Model, lanes: int) -> float:
 
 
 def _side_by_side(model: Model) -> dict[str, Figure]:
-    """Returns how fast the plant simulates many runs on one core, beside the same runs one at a time.
-
-    Times are those of the processor: on a loaded machine the longer of two is interrupted more often.
-    """
+    """Returns how fast the plant simulates many runs on one core, beside the same runs one at a time."""
     found = {}
     rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
     for name, one in (("plant_lanes", model), ("plant_lanes_dry", dry)):
-        alone, many = (_best(partial(_many, one, lanes), 9, time.process_time) for lanes in (1, plant.MOST_LANES))
+        rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
+        alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
         found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, machine.describe())
     return found
 
 
 _MUJOCO_ROBOT = f"""
-<mujoco><option timestep="{MOTOR_STEP_S}" integrator="implicitfast" gravity="0 0 0"/>
+<mujoco><option timestep="{MOTOR_STEP_S}" integrator="Euler" gravity="0 0 0" jacobian="dense">
+<flag contact="disable" constraint="disable" gravity="disable" sensor="disable"/></option>
 <default><geom type="cylinder" size=".04 .01" euler="90 0 0" mass=".02" contype="0" conaffinity="0"/></default>
 <worldbody><body>
 <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
@@ -113,11 +118,19 @@ _MUJOCO_ROBOT = f"""
 """
 
 
+@cache
+def _mujoco_model() -> Any:
+    """Returns MuJoCo's robot, compiled once. What it does not need is switched off: each switch makes MuJoCo faster."""
+    import mujoco
+
+    return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
+
+
 def _mujoco(seconds: float = 6.0) -> float:
     """Simulates a planar body with two driven wheels in MuJoCo, without contacts, at the same step of 0.3 ms."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
+    model = _mujoco_model()
     data = mujoco.MjData(model)
     data.ctrl[:] = 16.0, 10.0
     mujoco.mj_step(model, data, round(seconds / MOTOR_STEP_S))
@@ -145,38 +158,39 @@ def host() -> dict[str, Figure]:
     real time.
     """
     model, on = rcx(), machine.describe()
-    full, alone = _best(_full_loop), _best(lambda: _plant_alone(model))
-    by_scipy = {name: _scipy(model, name) for name in ("controlled", "held")}
-    found = {
-        f"{what}_scipy": Figure(speed, _TIMES, f"SciPy solve_ivp, {peer}", speed / rate, on)
-        for (what, speed), (peer, rate) in zip((("full_loop", full), ("plant", alone)), by_scipy.values(), strict=True)
-    }
+    ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
+    scipy = {"full_loop": _scipy(model, scipy_robot.controlled()), "plant": _scipy(model, scipy_robot.held())}
+    mujoco: dict[str, Callable[[], float]] = {}
     if find_spec("mujoco"):
-        peer, rate = "MuJoCo, planar body and two wheels without contacts, 0.3 ms", _best(_mujoco)
-        first = {
-            name: Figure(one, _TIMES, peer, one / rate, on) for name, one in (("full_loop", full), ("plant", alone))
-        }
-    else:
-        first = {name: found[f"{name}_scipy"] for name in ("full_loop", "plant")}
+        _mujoco_model()  # before the clock starts
+        mujoco = {"MuJoCo, planar body and two wheels without contacts, 0.3 ms": _mujoco}
+    rates = _best(ours | mujoco | scipy["full_loop"] | scipy["plant"])
+    first, by_scipy = {}, {}
+    for name in ours:
+        fastest = max(scipy[name], key=lambda peer: rates[peer])
+        by_scipy[f"{name}_scipy"] = Figure(rates[name], _TIMES, fastest, rates[name] / rates[fastest], on)
+        first[name] = by_scipy[f"{name}_scipy"]
+        for peer in mujoco:
+            first[name] = Figure(rates[name], _TIMES, peer, rates[name] / rates[peer], on)
     steps = max(_lockstep_pty() for _ in range(3))
     link = Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S, on)
-    return first | found | _side_by_side(model) | {"lockstep_pty": link}
+    return first | by_scipy | _side_by_side(model) | {"lockstep_pty": link}
 
 
-def _scipy(model: Model, name: str) -> tuple[str, float]:
-    """Returns the faster of SciPy's methods at the plant's accuracy, in words, and its speed in times real time."""
-    manoeuvre: scipy_robot.Manoeuvre = getattr(scipy_robot, name)()
-    settings = scipy_robot.loosest(model, manoeuvre)
+def _scipy(model: Model, manoeuvre: scipy_robot.Manoeuvre) -> dict[str, Callable[[], float]]:
+    """Returns for each of SciPy's methods, in words, the manoeuvre at the plant's accuracy, to be timed."""
 
     def fly(setting: scipy_robot.Setting) -> float:
         scipy_robot.solve(model, manoeuvre, setting.tolerance, setting.method)
         return manoeuvre.seconds
 
-    rates = [_best(partial(fly, setting), 3) for setting in settings]
-    best = int(np.argmax(rates))
-    errors = f"errs {settings[best].scipy_m:.0e} m where the plant errs {settings[best].plant_m:.0e} m"
-    held_s = manoeuvre.held * STEP_S
-    return f"{settings[best]}, inputs held for {held_s:.3g} s, {errors}", rates[best]
+    held = f"inputs held for {manoeuvre.held * STEP_S:.3g} s"
+    return {
+        f"SciPy solve_ivp, {one}, {held}, errs {one.scipy_m:.0e} m where the plant errs {one.plant_m:.0e} m": partial(
+            fly, one
+        )
+        for one in scipy_robot.loosest(model, manoeuvre)
+    }
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
