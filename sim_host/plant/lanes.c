@@ -332,3 +332,8 @@ bp_state lanes_state(const lanes_t *lanes, int lane)
     memcpy(&state, number, sizeof state);
     return state;
 }
+
+void lanes_tell(lanes_t *lanes, int lane)
+{
+    give_site(lanes, lane, SITE_SENSOR);
+}

@@ -56,4 +56,7 @@ void lanes_outputs(const lanes_t *lanes, int lane, const int *column, int count,
 
 bp_state lanes_state(const lanes_t *lanes, int lane);
 
+/* Brings plant[lane] up to date, for plant_outputs() and for who reads its vehicle. */
+void lanes_tell(lanes_t *lanes, int lane);
+
 #endif

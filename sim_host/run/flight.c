@@ -3,11 +3,13 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "app/parameters.h"
 #include "app/params_gen.h"
 #include "brickpilot_sim.h"
 #include "models/rcx_gen.h"
+#include "plant/lanes.h"
 #include "run/flight_log.h"
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
@@ -24,7 +26,7 @@ static const double TURN = 6.283185307179586;
 typedef struct {
     const bp_flight *request;
     int step; /* the control step that comes next, or is under way */
-    plant_t plant;
+    plant_t *plant;
     sil_port_t port;
     loop_state_t loop;
     route_waypoint_t waypoints[BP_MAX_WAYPOINTS];
@@ -59,11 +61,11 @@ static void sense(flight_t *flight)
 {
     const int sensors = flight->request->sensors;
     const double *out = flight->output;
-    const bp_state *state = &flight->plant.vehicle.state;
+    const bp_state *state = &flight->plant->vehicle.state;
     sil_port_t *port = &flight->port;
     imu_reading_t truth;
 
-    plant_outputs(&flight->plant, flight->output);
+    plant_outputs(flight->plant, flight->output);
     truth = (imu_reading_t){out[OUTPUT_ACCEL_SURGE], out[OUTPUT_ACCEL_SWAY], out[OUTPUT_YAW_RATE]};
     flight->measured = sensors == BP_SENSORS_IDEAL ? truth : imu_read(&flight->imu_config, &flight->imu, &truth);
     port->clock_ms = (uint32_t)flight->step * PLANT_STEP_MS;
@@ -140,7 +142,7 @@ static int prepare(flight_t *flight)
     if (request->waypoint_count > 0 &&
         route_set(&flight->route, flight->waypoints, (uint8_t)request->waypoint_count) != ROUTE_OK)
         return BP_E_RANGE;
-    return plant_start(&flight->plant, request->model, &request->initial, request->motor_step, 0);
+    return plant_start(flight->plant, request->model, &request->initial, request->motor_step, 0);
 }
 
 /* Sets the voltages of a manoeuvre: those of its schedule, and 0 once its path is done. */
@@ -148,14 +150,14 @@ static void follow_schedule(flight_t *flight, double voltage[2])
 {
     const bp_flight *request = flight->request;
     const int step = flight->step;
-    const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
+    const double battery = flight->plant->vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
     const bool done = request->stop_path > 0 && flight->path >= request->stop_path;
 
     for (int side = 0; side < 2; side++)
         voltage[side] = done ? 0 : request->drive[2 * step + side];
     flight->port.left_q15 = isnan(voltage[0]) ? (int16_t)0 : to_int16(voltage[0] / battery * 32767);
     flight->port.right_q15 = isnan(voltage[1]) ? (int16_t)0 : to_int16(voltage[1] / battery * 32767);
-    flight->path += fabs(flight->plant.vehicle.state.surge) * STEP_S;
+    flight->path += fabs(flight->plant->vehicle.state.surge) * STEP_S;
 }
 
 /* Runs the firmware in process, where a step of it is due: that of an RCX is longer than the plant's. The motors keep
@@ -174,7 +176,7 @@ static void control(flight_t *flight)
 
 static void commanded_voltage(const flight_t *flight, double voltage[2])
 {
-    const double battery = flight->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
+    const double battery = flight->plant->vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 
     voltage[0] = flight->port.left_q15 / 32767.0 * battery;
     voltage[1] = flight->port.right_q15 / 32767.0 * battery;
@@ -188,14 +190,14 @@ static void log_step(const flight_t *flight, const double voltage[2], const loop
     double chosen_from[FLIGHT_LOG_COLUMNS];
     double *row = request->columns != NULL ? chosen_from : request->log + step * FLIGHT_LOG_COLUMNS;
 
-    flight_log_row(row, flight->step * STEP_S, &flight->plant, flight->output, &flight->measured, &flight->port,
-                   voltage, loop);
+    flight_log_row(row, flight->step * STEP_S, flight->plant, flight->output, &flight->measured, &flight->port, voltage,
+                   loop);
     for (int i = 0; request->columns != NULL && i < request->column_count; i++)
         request->log[(size_t)i * (size_t)request->steps + step] = row[request->columns[i]];
 }
 
-/* Logs the step and advances the plant by it. `loop` is NULL where the controller is not in process. */
-static int act(flight_t *flight, const double voltage[2], const loop_state_t *loop)
+/* Keeps what happens in the step, and goes on to the next. `loop` is NULL where the controller is not in process. */
+static void keep_step(flight_t *flight, const double voltage[2], const loop_state_t *loop)
 {
     const bp_flight *request = flight->request;
     const size_t step = (size_t)flight->step;
@@ -207,25 +209,32 @@ static int act(flight_t *flight, const double voltage[2], const loop_state_t *lo
     if (request->log != NULL)
         log_step(flight, voltage, loop);
     flight->step++;
-    return plant_advance(&flight->plant, voltage, STEP_S);
+}
+
+/* Does a step up to the voltages at which the plant has to advance. */
+static void fly_step(flight_t *flight, double voltage[2])
+{
+    const bool manoeuvre = flight->request->drive != NULL;
+
+    sense(flight);
+    if (manoeuvre) {
+        follow_schedule(flight, voltage);
+    } else {
+        sil_bind(&flight->port);
+        control(flight);
+        commanded_voltage(flight, voltage);
+    }
+    keep_step(flight, voltage, manoeuvre ? NULL : &flight->loop);
 }
 
 static int fly(flight_t *flight)
 {
-    const bp_flight *request = flight->request;
     int status = 0;
 
-    while (status == 0 && flight->step < request->steps) {
+    while (status == 0 && flight->step < flight->request->steps) {
         double voltage[2];
-        sense(flight);
-        if (request->drive != NULL) {
-            follow_schedule(flight, voltage);
-            status = act(flight, voltage, NULL);
-        } else {
-            control(flight);
-            commanded_voltage(flight, voltage);
-            status = act(flight, voltage, &flight->loop);
-        }
+        fly_step(flight, voltage);
+        status = plant_advance(flight->plant, voltage, STEP_S);
     }
     return status;
 }
@@ -258,29 +267,122 @@ const char *bp_log_name(int index)
     return flight_log_name(index);
 }
 
+/* Gets a flight ready to fly with this plant, or says why that cannot be. */
+static int begin(flight_t *flight, const bp_flight *request, plant_t *plant)
+{
+    memset(flight, 0, sizeof *flight);
+    flight->request = request;
+    flight->plant = plant;
+    if (!can_be_flown(request))
+        return BP_E_RANGE;
+    const int status = prepare(flight);
+    if (status == 0) {
+        sil_bind(&flight->port);
+        loop_start(&flight->loop);
+    }
+    return status;
+}
+
 int bp_fly(bp_flight *request)
 {
-    flight_t flight = {.request = request};
+    plant_t plant;
+    flight_t flight;
 
-    if (!can_be_flown(request))
-        return request->status = BP_E_RANGE;
-    request->status = prepare(&flight);
-    if (request->status != 0)
-        return request->status;
-    sil_bind(&flight.port);
-    loop_start(&flight.loop);
-    request->status = fly(&flight);
+    request->status = begin(&flight, request, &plant);
+    if (request->status == 0)
+        request->status = fly(&flight);
     sil_bind(NULL);
     return request->status;
 }
 
+/* Flights whose plants advance side by side. */
+typedef struct {
+    lanes_t lanes;
+    flight_t flight[LANES_MOST];
+    bp_flight *request[LANES_MOST];
+} side_by_side_t;
+
+static void fly_lanes(side_by_side_t *side, int count)
+{
+    lanes_t *lanes = &side->lanes;
+
+    lanes_open(lanes, count);
+    for (int done = 0; done < side->request[0]->steps; done++) {
+        double voltage[LANES_MOST][2] = {{0}};
+        for (int lane = 0; lane < count; lane++) {
+            if (lanes->status[lane] != 0)
+                continue;
+            if (done > 0)
+                lanes_tell(lanes, lane);
+            fly_step(&side->flight[lane], voltage[lane]);
+        }
+        lanes_advance(lanes, voltage, STEP_S);
+    }
+    for (int lane = 0; lane < count; lane++)
+        side->request[lane]->status = lanes->status[lane];
+}
+
+/* Begins each flight. One that fails, or whose plant does not fit into a lane, is done here; the others go on side by
+ * side. */
+static void fly_group(side_by_side_t *side, bp_flight *requests, int count)
+{
+    int kept = 0;
+
+    for (int i = 0; i < count; i++) {
+        flight_t *flight = &side->flight[kept];
+        plant_t *plant = &side->lanes.plant[kept];
+        requests[i].status = begin(flight, &requests[i], plant);
+        if (requests[i].status != 0)
+            continue;
+        if (lanes_may_hold(plant))
+            side->request[kept++] = &requests[i];
+        else
+            requests[i].status = fly(flight);
+    }
+    if (kept > 1)
+        fly_lanes(side, kept);
+    else if (kept == 1)
+        side->request[0]->status = fly(&side->flight[0]);
+    sil_bind(NULL);
+}
+
+static bool go_together(const bp_flight *a, const bp_flight *b)
+{
+    return a->model != NULL && b->model != NULL && a->model->vehicle == b->model->vehicle &&
+           a->model->profile == b->model->profile && a->steps == b->steps &&
+           memcmp(&a->motor_step, &b->motor_step, sizeof a->motor_step) == 0;
+}
+
+int bp_fly_many(bp_flight *requests, int count, int lanes)
+{
+    const int widest = lanes_widest(lanes);
+    side_by_side_t *side = widest > 1 && count > 1 ? malloc(sizeof *side) : NULL;
+    int status = 0;
+
+    for (int i = 0, together; i < count; i += together) {
+        together = 1;
+        while (side != NULL && together < widest && i + together < count &&
+               go_together(&requests[i], &requests[i + together]))
+            together++;
+        if (together > 1)
+            fly_group(side, &requests[i], together);
+        else
+            bp_fly(&requests[i]);
+    }
+    free(side);
+    for (int i = 0; i < count && status == 0; i++)
+        status = requests[i].status;
+    return status;
+}
+
 int bp_plant_size(void)
 {
-    return (int)sizeof(plant_t);
+    return (int)sizeof(lanes_t); /* which holds plants */
 }
 
 struct bp_loop {
     bp_flight request;
+    plant_t plant;
     flight_t flight;
 };
 
@@ -297,6 +399,7 @@ bp_loop *bp_loop_open(const bp_flight *request, int *status)
         return NULL;
     loop->request = *request;
     loop->flight.request = &loop->request;
+    loop->flight.plant = &loop->plant;
     *status = prepare(&loop->flight);
     if (*status == 0)
         return loop;
@@ -337,7 +440,8 @@ int bp_loop_act(bp_loop *loop, short left_q15, short right_q15)
     flight->port.left_q15 = left_q15;
     flight->port.right_q15 = right_q15;
     commanded_voltage(flight, voltage);
-    return act(flight, voltage, NULL);
+    keep_step(flight, voltage, NULL);
+    return plant_advance(flight->plant, voltage, STEP_S);
 }
 
 void bp_loop_close(bp_loop *loop)

@@ -7,6 +7,8 @@ import dataclasses
 import make_golden
 import numpy as np
 import pytest
+from brickpilot import catalogue
+from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 
@@ -56,6 +58,56 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
 
 def test_motor_streams_are_those_of_the_golden_file() -> None:
     assert make_golden.streams() == make_golden.golden()
+
+
+def plans_of_all_kinds() -> list[flight.Plan]:
+    """Flights that go side by side, and some that cannot: of another length, profile or tyres, refused, diverging."""
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=3.0, start_at=0.0)
+    forward = dataclasses.replace(scenario.load(scenario.packaged()["forward_1m"]), duration=3.0)
+    wild = [dataclasses.replace(part, left=1e300) for part in forward.segments]
+    friction = {"coulomb_friction": {"torque": 0.004}}
+    sensed = {"gyro_scale": {"scale": 1.1}, "encoder_scale": {"scale": 1.05}, "imu_lag": {"time": 0.01}}
+    slip = {"side_slip": {}}
+    choices: list[tuple[scenario.Scenario, dict[str, dict[str, float]], str, str]] = [
+        (mission, {}, "coupled", "imu+encoders"),
+        (mission, friction, "coupled", "imu"),
+        (mission, sensed, "coupled", "imu+encoders"),
+        (dataclasses.replace(mission, waypoints=((1e4, 0.0),)), {}, "coupled", "ideal"),
+        (mission, slip, "coupled", "imu+encoders"),
+        (dataclasses.replace(forward, segments=tuple(wild)), {}, "coupled", "ideal"),
+        (forward, friction | sensed, "coupled", "imu"),
+        (mission, {"input_delay": {}}, "coupled", "imu+encoders"),
+        (mission, {}, "coupled", "ideal"),
+        (mission, {}, "paper", "imu+encoders"),
+        (mission, {}, "paper", "ideal"),
+        (dataclasses.replace(mission, duration=1.5), {}, "coupled", "imu+encoders"),
+        (mission, {"torque_ripple": {}}, "coupled", "imu+encoders"),
+    ]
+    effects = {info.name: info for info in catalogue.effects()}
+    plans = []
+    for seed, (flown, chosen, profile, sensors) in enumerate(choices):
+        whole = {
+            name: {one.name: values.get(one.name, one.preset) for one in effects[name].parameters}
+            for name, values in chosen.items()
+        }
+        model = dataclasses.replace(rcx(), effects=whole)
+        plans.append(flight.plan(flown, model, profile=profile, sensors=sensors, seed=seed))
+    return plans
+
+
+def bytes_of(flown: flight.Flight | SimulationError) -> object:
+    if isinstance(flown, SimulationError):
+        return flown.status
+    return flown.motors.tobytes(), {name: values.tobytes() for name, values in flown.log.items()}
+
+
+def test_flights_side_by_side_get_the_bytes_of_one_at_a_time() -> None:
+    plans = plans_of_all_kinds()
+    alone = [bytes_of(flight.fly_many([plan])[0]) for plan in plans]
+    assert [status for status in alone if isinstance(status, int)] == [-2, -5]  # the bad route, and the divergence
+    for order in (plans, plans[::-1]):
+        together = [bytes_of(flown) for flown in flight.fly_many(order)]
+        assert together == (alone if order is plans else alone[::-1])
 
 
 def test_a_log_row_stands_for_every_step_and_time_counts_in_3_ms() -> None:

@@ -81,9 +81,9 @@ def parts(campaign: Campaign) -> Iterator[Part]:
 
 def fly(block: Block) -> pa.Table:
     """Flies the runs of a part and returns a row for each: number, inputs, figures."""
-    rows = []
-    for run in planned(block):
-        rows.append({INDEX: run.index} | _inputs(block.campaign, run) | dict(flights.row(run.plan)))
+    flown = list(planned(block))
+    figures = flights.rows([run.plan for run in flown])
+    rows = [{INDEX: run.index} | _inputs(block.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
     return table(block.campaign, rows)
 
 

@@ -92,12 +92,15 @@ class Batch(NamedTuple):
 def fly_batch(batch: Batch) -> list[Outcome]:
     """Returns the outcomes of the flights of a batch, in the order of its places."""
     drawn = robots.draw(batch.problem.allowed, batch.problem.seed, batch.stream, batch.places)
-    return [fly_plan(batch.problem.planned(robot, batch.gains)) for robot in drawn]
+    return [_outcome(row) for row in flights.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
 
 
 def fly_plan(plan: flight.Plan) -> Outcome:
     """Returns what counts of one flight."""
-    row = flights.row(plan)
+    return _outcome(flights.row(plan))
+
+
+def _outcome(row: flights.Row) -> Outcome:
     missed = 1.0 - float(row["waypoints_reached"]) / float(row["waypoints_total"])
     track, time, wear = (float(row[name]) for name in ("cross_track_rms_m", "time_s", "duty_travel"))
     return Outcome(bool(row["success"]), missed, track, time, wear, str(row["cause"]))
