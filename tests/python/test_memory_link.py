@@ -39,6 +39,7 @@ def test_a_flight_without_faults_is_that_in_process():
         assert value == near, name
 
 
+@pytest.mark.realtime
 def test_faults_do_the_same_as_over_a_serial_line():
     plan = planned(
         Fault("corrupt", 2.0, 3.0, 0.01),

@@ -1,0 +1,48 @@
+/* flight.h: one closed loop of plant and sensors, as fly.c and loop.c share it: the one has the firmware in process, the
+ * other a controller elsewhere. */
+#ifndef BRICKPILOT_RUN_FLIGHT_H
+#define BRICKPILOT_RUN_FLIGHT_H
+
+#include "app/parameters.h"
+#include "models/rcx_gen.h"
+#include "run/flight_log.h"
+#include "sensors/battery.h"
+#include "sensors/encoder.h"
+
+#define FLIGHT_STEP_S RCX_BODY_STEP /* of the plant, and of the packaged firmware */
+enum { PLANT_STEP_MS = (int)(RCX_BODY_STEP * 1e3 + 0.5) };
+
+typedef struct {
+    const bp_flight *request; /* it, its arrays and the plant must outlive the flight */
+    plant_t *plant;
+    int step; /* the control step that comes next, or is under way */
+    sil_port_t port;
+    loop_state_t loop;
+    route_waypoint_t waypoints[BP_MAX_WAYPOINTS];
+    route_t route;
+    parameters_t parameters;
+    imu_t imu;
+    imu_config_t imu_config;
+    encoder_config_t encoder_config;
+    battery_config_t battery_config;
+    imu_reading_t measured;
+    double output[OUTPUT_COUNT];
+    double path;
+} flight_t;
+
+/* Starts the plant, the sensors and the settings of a request; the controller is not started. BP_E_RANGE: as bp_fly(). */
+int flight_prepare(flight_t *flight, const bp_flight *request, plant_t *plant);
+
+/* Reads the sensors of this moment, with their noise, into the port. */
+void flight_sense(flight_t *flight);
+
+/* The voltages of the duties that stand in the port. */
+void flight_commanded_voltage(const flight_t *flight, double voltage[2]);
+
+/* Keeps what happens in the step, and goes on to the next. `loop` is NULL where the controller is not in process. */
+void flight_keep_step(flight_t *flight, const double voltage[2], const loop_state_t *loop);
+
+/* A number as an integer of 16 bits, at most 32767 in size. */
+int16_t flight_int16(double value);
+
+#endif
