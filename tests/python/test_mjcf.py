@@ -194,7 +194,7 @@ def test_the_command_prints_what_is_left_out(tmp_path: Path) -> None:
     models.save(small(battery_sag={}, coulomb_friction={}), tmp_path / "small.toml")
     done = brickpilot("export", "mjcf", "--model", "small.toml", "--out", "there/small.xml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert re.findall(r"not said  (.*)", done.stdout)[0] == "battery_sag"
+    assert re.findall(r"not in the file: (.*)", done.stdout)[0] == "battery_sag"
     mujoco.MjModel.from_xml_path(str(tmp_path / "there/small.xml"))
     paper = models.rcx()
     models.save(Model("paper", "diff_drive", "paper", paper.parameters), tmp_path / "paper.toml")

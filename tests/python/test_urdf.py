@@ -131,7 +131,7 @@ def test_the_command_prints_what_is_left_out(tmp_path: Path) -> None:
     models.save(small(battery_sag={}), tmp_path / "small.toml")
     done = brickpilot("export", "urdf", "--model", "small.toml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert re.findall(r"not said  (.*)", done.stdout)[0] == "battery_sag"
+    assert re.findall(r"not in the file: (.*)", done.stdout)[0] == "battery_sag"
     assert yourdfpy.URDF.load(str(tmp_path / "small.urdf"), load_meshes=False).validate()
     thin = {**models.rcx().parameters, "yaw_inertia": 1e-5}
     models.save(Model("thin", "diff_drive", "coupled", thin), tmp_path / "thin.toml")

@@ -126,7 +126,7 @@ def urdf(model_file: str | None, out: str | None) -> None:
 
 def _tell(line: str, left_out: Sequence[str]) -> None:
     for one in left_out:
-        click.echo(f"not said  {one}")
+        click.echo(f"not in the file: {one}")
     click.echo(line)
 
 
