@@ -1,21 +1,19 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 typedef struct {
-    double started;
-    double surge, sway, yaw_rate; /* filtered, at the end of the last step */
-    double mean_surge, mean_sway; /* filtered, means over the last step, as accelerations are read */
-    double turning;               /* unfiltered yaw rate of the last step */
-    double first;                 /* yaw rate at the start, where the filter has settled */
+    real_t started;
+    real_t surge, sway, yaw_rate; /* filtered, at the end of the last step */
+    real_t mean_surge, mean_sway; /* filtered, means over the last step, as accelerations are read */
+    real_t turning;               /* unfiltered yaw rate of the last step */
+    real_t first;                 /* yaw rate at the start, where the filter has settled */
 } filter_t;
 
 /* Exact where the accelerations are constant in the step, as means are, and the yaw rate is linear in it. */
-static void advance(filter_t *filter, const double *output, double lag, double step)
+static void advance(filter_t *filter, const real_t *output, real_t lag, real_t step)
 {
-    const double kept = exp(-step / lag), mean_kept = -lag / step * expm1(-step / lag);
-    const double slope = lag * (output[OUTPUT_YAW_RATE] - filter->turning) / step;
-    const double surge = output[OUTPUT_ACCEL_SURGE], sway = output[OUTPUT_ACCEL_SWAY];
+    const real_t kept = real_exp(-step / lag), mean_kept = -lag / step * real_expm1(-step / lag);
+    const real_t slope = lag * (output[OUTPUT_YAW_RATE] - filter->turning) / step;
+    const real_t surge = output[OUTPUT_ACCEL_SURGE], sway = output[OUTPUT_ACCEL_SWAY];
     filter->mean_surge = surge + mean_kept * (filter->surge - surge);
     filter->mean_sway = sway + mean_kept * (filter->sway - sway);
     filter->surge = surge + kept * (filter->surge - surge);
@@ -23,19 +21,28 @@ static void advance(filter_t *filter, const double *output, double lag, double s
     filter->yaw_rate = output[OUTPUT_YAW_RATE] - slope + kept * (filter->yaw_rate - filter->turning + slope);
 }
 
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+/* Puts the filter to where it has settled. */
+static void settle(filter_t *filter, const real_t *output, mask_t settled)
+{
+    const real_t surge = output[OUTPUT_ACCEL_SURGE], sway = output[OUTPUT_ACCEL_SWAY];
+    const real_t yaw_rate = output[OUTPUT_YAW_RATE];
+    filter->surge = choose(settled, surge, filter->surge);
+    filter->mean_surge = choose(settled, surge, filter->mean_surge);
+    filter->sway = choose(settled, sway, filter->sway);
+    filter->mean_sway = choose(settled, sway, filter->mean_sway);
+    filter->yaw_rate = choose(settled, yaw_rate, filter->yaw_rate);
+    filter->first = choose(settled, yaw_rate, filter->first);
+}
+
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     filter_t *filter = (filter_t *)memory;
-    double *output = vehicle->output;
-    if (filter->started == 0 || value[0] <= 0) {
-        filter->started = 1;
-        filter->surge = filter->mean_surge = output[OUTPUT_ACCEL_SURGE];
-        filter->sway = filter->mean_sway = output[OUTPUT_ACCEL_SWAY];
-        filter->yaw_rate = output[OUTPUT_YAW_RATE];
-        filter->first = output[OUTPUT_YAW_RATE];
-    } else {
+    real_t *output = vehicle->output;
+    const mask_t settled = (filter->started == 0) | (value[0] <= 0);
+    filter->started = real_of(1);
+    if (!all_lanes(settled))
         advance(filter, output, value[0], vehicle->step);
-    }
+    settle(filter, output, settled);
     filter->turning = output[OUTPUT_YAW_RATE];
     output[OUTPUT_ACCEL_SURGE] = filter->mean_surge;
     output[OUTPUT_ACCEL_SWAY] = filter->mean_sway;
@@ -64,6 +71,6 @@ const effect_t effect_imu_lag = {
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(filter_t) / sizeof(double),
+    .memory_count = sizeof(filter_t) / sizeof(real_t),
     .hook = {[SITE_SENSOR] = sensor},
 };

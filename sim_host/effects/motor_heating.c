@@ -1,19 +1,17 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* 1/K: temperature coefficient of copper at 20 degrees C (IEC 60028). It is no parameter, because it is known and acts
  * only in its product with the thermal resistance. */
 static const double COPPER = 0.00393;
 
-static void start(const double *value, double *memory, vehicle_t *vehicle)
+static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
     for (int k = 0; k < 2; k++)
-        vehicle->state.heat[k] *= exp(-vehicle->state.rest / value[1]);
+        vehicle->state.heat[k] *= real_exp(-vehicle->state.rest / value[1]);
 }
 
-static void motor(const double *value, double *memory, vehicle_t *vehicle)
+static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;
     (void)memory;
@@ -22,12 +20,12 @@ static void motor(const double *value, double *memory, vehicle_t *vehicle)
 }
 
 /* Runs each motor step, because the current may come in pulses that are shorter than a body step. */
-static void warm(const double *value, double *memory, vehicle_t *vehicle)
+static void warm(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
-    bp_state *state = &vehicle->state;
+    state_t *state = &vehicle->state;
     for (int k = 0; k < 2; k++) {
-        const double power = vehicle->motor[k].resistance * state->current[k] * state->current[k];
+        const real_t power = vehicle->motor[k].resistance * state->current[k] * state->current[k];
         state->heat[k] += vehicle->step / value[1] * (value[0] * power - state->heat[k]);
     }
 }

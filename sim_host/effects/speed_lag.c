@@ -1,7 +1,5 @@
 #include "effects/effect.h"
 
-#include <math.h>
-
 /* The speeds of a robot's wheels, or of a motor. */
 static const int SPEEDS[] = {OUTPUT_WHEEL_SPEED_LEFT,
                              OUTPUT_WHEEL_SPEED_RIGHT,
@@ -12,26 +10,23 @@ static const int SPEEDS[] = {OUTPUT_WHEEL_SPEED_LEFT,
 enum { SPEED_COUNT = sizeof SPEEDS / sizeof SPEEDS[0] };
 
 typedef struct {
-    double started;
-    double filtered[SPEED_COUNT], last[SPEED_COUNT]; /* readings behind the filter, and before it in the last step */
+    real_t started;
+    real_t filtered[SPEED_COUNT], last[SPEED_COUNT]; /* readings behind the filter, and before it in the last step */
 } filter_t;
 
 /* Exact where a speed is linear in the step. */
-static void sensor(const double *value, double *memory, vehicle_t *vehicle)
+static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     filter_t *filter = (filter_t *)memory;
-    const double lag = value[0];
-    const int settled = filter->started == 0 || lag <= 0;
-    filter->started = 1;
+    const real_t lag = value[0];
+    const mask_t settled = (filter->started == 0) | (lag <= 0);
+    const real_t kept = real_exp(-vehicle->step / lag);
+    filter->started = real_of(1);
     for (int i = 0; i < SPEED_COUNT; i++) {
-        const double now = vehicle->output[SPEEDS[i]];
-        if (settled) {
-            filter->filtered[i] = now;
-        } else {
-            const double slope = lag * (now - filter->last[i]) / vehicle->step;
-            const double behind = filter->filtered[i] - filter->last[i] + slope;
-            filter->filtered[i] = now - slope + exp(-vehicle->step / lag) * behind;
-        }
+        const real_t now = vehicle->output[SPEEDS[i]];
+        const real_t slope = lag * (now - filter->last[i]) / vehicle->step;
+        const real_t behind = filter->filtered[i] - filter->last[i] + slope;
+        filter->filtered[i] = choose(settled, now, now - slope + kept * behind);
         filter->last[i] = now;
         vehicle->output[SPEEDS[i]] = filter->filtered[i];
     }
@@ -59,6 +54,6 @@ const effect_t effect_speed_lag = {
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(filter_t) / sizeof(double),
+    .memory_count = sizeof(filter_t) / sizeof(real_t),
     .hook = {[SITE_SENSOR] = sensor},
 };

@@ -85,6 +85,7 @@ static void give_site(lanes_t *lanes, int lane, site_t site)
         break;
     case SITE_WHEEL:
         give(lanes, lane, PLACE(state.current), PLACE(state.current) + MOTION_COUNT);
+        give(lanes, lane, PLACE(state.heat), PLACE(state.heat) + 2);
         give(lanes, lane, PLACE(step), PLACE(motor));
         break;
     case SITE_SENSOR:

@@ -15,7 +15,7 @@ enum { LANES_BYTES = 65536, LANES_ALIGNMENT = 64 }; /* of the memory of a group 
 
 /* Effects of a group that run in registers: so many at most, with so many parameters and doubles of memory each. All
  * others run robot by robot. */
-enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 8 };
+enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 16 };
 
 typedef struct {
     const effect_t *effect; /* for the kernel alone */

@@ -52,7 +52,7 @@ static stretch_t changed_at(site_t site)
     return CHANGED[site];
 }
 
-/* Runs a law for all lanes, and undoes it in those whose robot does not have it. */
+/* Runs a law for all lanes, and undoes it in those whose robot does not have it. Laws of any site may change the heat. */
 static void run_law(stepped_t *plant, int index, site_t site)
 {
     const lanes_law_t *law = &plant->view.law[index];
@@ -68,9 +68,13 @@ static void run_law(stepped_t *plant, int index, site_t site)
     real_t *number = (real_t *)&plant->vehicle, before[MOST_CHANGED];
     for (size_t i = stretch.first; i < stretch.end; i++)
         before[i - stretch.first] = number[i];
+    real_t *heat = plant->vehicle.state.heat;
+    const real_t heat_before[2] = {heat[0], heat[1]};
     hook(plant->value[index], plant->memory[index], &plant->vehicle);
     for (size_t i = stretch.first; i < stretch.end; i++)
         number[i] = choose(has, number[i], before[i - stretch.first]);
+    for (int k = 0; k < 2; k++)
+        heat[k] = choose(has, heat[k], heat_before[k]);
 }
 
 static bool has_hooks(const stepped_t *plant, site_t site)
