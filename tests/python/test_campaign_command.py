@@ -1,0 +1,88 @@
+"""The command `brickpilot campaign` gives the same bytes on one process, two, a Dask cluster, and after kills."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from command import PROGRAM, brickpilot
+from dask_cluster import Cluster
+from test_campaign import CAMPAIGN, OTHER, SHORT, contents
+from test_campaign_killed import all_gone
+
+RUNS = 10
+COMMAND = ("campaign", "trial.toml", "--runs", str(RUNS))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("command")
+    for name, text in (("short", SHORT), ("other", OTHER), ("trial", CAMPAIGN)):
+        (found / f"{name}.toml").write_text(text)
+    return found
+
+
+def flown(folder: Path, out: str, *where: str) -> dict[str, bytes]:
+    """Returns the three files of a campaign that ends."""
+    done = brickpilot(*COMMAND, "--out", out, *where, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return contents(folder / out)
+
+
+@pytest.fixture(scope="module")
+def alone(folder: Path) -> dict[str, bytes]:
+    return flown(folder, "alone", "--jobs", "1")
+
+
+def test_two_processes_and_a_dask_cluster_give_the_bytes_of_one(
+    folder: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    assert flown(folder, "two", "--jobs", "2") == alone
+    with Cluster(tmp_path) as cluster:
+        cluster.add_worker("one")
+        cluster.add_worker("two")
+        assert flown(folder, "cluster", "--scheduler", cluster.address) == alone
+    assert len(list((folder / "cluster" / "parts").iterdir())) == RUNS
+    assert flown(folder, "seed", "--jobs", "1", "--seed", "8") != alone  # so the test can fail
+
+
+def killed(folder: Path, out: str, parts: int, pause: float, jobs: int) -> int:
+    """Starts the command, kills its group when so many parts are there and a pause is over; returns its status."""
+    program = subprocess.Popen(
+        [PROGRAM, *COMMAND, "--out", out, "--jobs", str(jobs)],
+        cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0,
+    )  # fmt: skip
+    until = time.monotonic() + 60
+    while len(list((folder / out / "parts").glob("*.parquet"))) < parts and program.poll() is None:
+        assert time.monotonic() < until
+        time.sleep(0.002)
+    time.sleep(pause)
+    if program.poll() is None:
+        os.killpg(program.pid, signal.SIGKILL)
+    status = program.wait(20)
+    assert all_gone(program.pid)
+    return status
+
+
+def resumed(folder: Path, out: str, kills: int, seed: int) -> dict[str, bytes]:
+    """Returns the files of a campaign that is killed so many times, the last time while it writes them, or after."""
+    drawn = random.Random(seed)
+    moments = [(drawn.randrange(RUNS), drawn.uniform(0, 0.02)) for _ in range(kills - 1)]
+    moments = [*sorted(moments), (RUNS, drawn.uniform(0, 0.3))]
+    states = [killed(folder, out, parts, pause, drawn.choice((1, 2))) for parts, pause in moments]
+    assert -signal.SIGKILL in states
+    return flown(folder, out, "--jobs", "2")
+
+
+def test_a_command_that_is_killed_twice_gives_the_same_bytes(folder: Path, alone: dict[str, bytes]) -> None:
+    assert resumed(folder, "killed", kills=2, seed=3) == alone
+
+
+@pytest.mark.campaign
+def test_a_command_that_is_killed_twenty_times_gives_the_same_bytes(folder: Path, alone: dict[str, bytes]) -> None:
+    assert resumed(folder, "often", kills=20, seed=4) == alone
