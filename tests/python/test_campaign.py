@@ -176,6 +176,8 @@ BASE = '[campaign]\nname = "bad"\nruns = 4\nscenario = "short.toml"\n'
 BAD = {
     BASE + "speed = 1\n": "bad.toml:5: campaign.speed: unknown key; known: ",
     BASE.replace("runs = 4", 'design = "annealed"'): "bad.toml:3: campaign.design: 'annealed' is not one of",
+    BASE + "seed = 1.5\n": "bad.toml:5: campaign.seed: 1.5 is not a whole number",
+    BASE + 'model = "motor.toml"\n': "bad.toml:5: campaign.model: is a motor; a campaign flies a diff_drive",
     BASE + "repeats = 3\n": "bad.toml:5: campaign.repeats: does not belong to monte_carlo, which takes runs",
     BASE + "[vary]\nwheel.mass = 3\n": "bad.toml:6: vary.wheel: unknown key; known: effect, gain, parameter",
     BASE + "[vary]\nparameter.weight = 3\n": "bad.toml:6: vary.parameter.weight: unknown key; known: ",
@@ -210,6 +212,7 @@ BAD = {
 @pytest.mark.parametrize("text", BAD)
 def test_a_bad_file_gives_one_line_and_nothing_is_written(text: str, folder: Path) -> None:
     (folder / "bad.toml").write_text(text)
+    (folder / "motor.toml").write_text('name = "m"\nvehicle = "motor"\nprofile = "coupled"\n')
     before = sorted(folder.rglob("*"))
     done = brickpilot("campaign", "bad.toml", "--out", "found", cwd=folder)
     assert done.returncode == 2

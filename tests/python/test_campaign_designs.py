@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.campaign import designs, file, runs, sensitivity
+from brickpilot.campaign import designs, file, runs, sensitivity, summary, varied
 from brickpilot.campaign.distributions import Distribution
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.inputs import Input
+from brickpilot.errors import InputError
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -140,3 +142,56 @@ def test_morris_orders_a_linear_function_by_its_slopes() -> None:
     assert [one.input for one in found] == ["two", "three", "one"]
     assert found[0].value / found[1].value == pytest.approx(3.0)
     assert found[2].value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_number_of_an_effect_that_is_off_has_not_the_index_of_its_switch(tmp_path: Path) -> None:
+    given = campaign(tmp_path, "runs = 1000")
+    x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
+    on = x["effect.coulomb_friction.on"] > 0
+    torque = np.where(on, x["effect.coulomb_friction.torque"], np.nan)
+    found = sensitivity.indices(given, x | {"effect.coulomb_friction.torque": torque}, on.astype(float))
+    indices = {one.input: one.value for one in found}
+    assert indices["effect.coulomb_friction.on"] > 0.8
+    assert abs(indices["effect.coulomb_friction.torque"]) < 0.1
+
+
+def test_morris_refuses_a_list_that_it_would_not_fly_whole(tmp_path: Path) -> None:
+    for entry, said in (
+        ("gain.heading_kp = [8, 10, 12, 14, 16]", "vary.gain.heading_kp: morris would fly 4 of its 5 values alone"),
+        ("effect.yaw_scrub.chance = 0.01", "vary.effect.yaw_scrub.on: morris would fly 1 of its 2 values alone"),
+    ):
+        given = campaign(tmp_path, 'design = "morris"\ntrajectories = 5', f"[vary]\n{entry}\n")
+        with pytest.raises(InputError, match=said):
+            designs.drawn_shares(given)
+    designs.drawn_shares(
+        campaign(tmp_path, 'design = "morris"\ntrajectories = 5', "[vary]\ngain.heading_kp = [8, 9]\n")
+    )
+
+
+def test_no_two_names_of_inputs_share_their_random_numbers() -> None:
+    names = [f"{kind}.{name}" for kind, known in varied.ranges().items() for name in known]
+    names += [f"effect.{effect}.{name}" for effect, known in varied.effects().items() for name in (*known, varied.ON)]
+    names += ["scenario", "sensors", "route", "design", "robots"]
+    keys = {zlib.crc32(name.encode()) for name in names}
+    assert len(keys) == len(names) > 300
+    assert min(keys) > file.MOST_RUNS  # the keys of robots and designs begin with one, and others with a run's number
+
+
+@pytest.mark.parametrize(("alike", "size"), [(False, 1), (True, 1), (False, 8), (True, 8)])
+def test_the_interval_of_a_rate_holds_for_runs_that_are_alike(alike: bool, size: int) -> None:
+    """Of 300 campaigns of 60 blocks, 95 % of the intervals have the true rate, alike or not within a block."""
+    draws = np.random.default_rng(0)
+    blocks = np.repeat(np.arange(60), size)
+    held = 0
+    for _ in range(300):
+        ends = np.repeat(draws.random(60) < 0.7, size) if alike else draws.random(60 * size) < 0.7
+        low, high = summary.rate(ends, blocks)["ci95"]
+        held += low <= 0.7 <= high
+    assert stats.binomtest(held, 300, 0.95).pvalue > 1e-3
+
+
+def test_the_interval_of_independent_runs_is_wilsons() -> None:
+    wilson = stats.binomtest(9, 10).proportion_ci(method="wilson")
+    assert summary.rate(np.arange(10) > 0, np.arange(10))["ci95"] == pytest.approx([wilson.low, wilson.high])
+    none = stats.binomtest(0, 4).proportion_ci(method="wilson")
+    assert summary.rate(np.zeros(12, bool), np.arange(12) // 3)["ci95"] == pytest.approx([none.low, none.high])

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from brickpilot.campaign import engine, pictures, runs
+from brickpilot.campaign import designs, engine, pictures, runs
 from brickpilot.campaign.crew import Part, Workers
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.file import runs as count_of
@@ -33,7 +33,8 @@ def conduct(
         WorkFailedError: the disk is full, or no worker is left. What is done stays, and the same command goes on.
     """
     keys = [part.key for part in runs.parts(campaign)]
-    with Parts(folder, {"campaign": campaign.identity(), "runs": count_of(campaign)}) as parts:
+    identity = {"campaign": campaign.identity(), "runs": count_of(campaign), "design": designs.made_by(campaign)}
+    with Parts(folder, identity) as parts:
         done = parts.done()
         left = (part for part in runs.parts(campaign) if part.key not in done)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from functools import partial
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -106,11 +107,30 @@ def _by_salib(campaign: Campaign, seed: int) -> Array:
         sample = salib("sample.sobol").sample
         found = sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed)
     else:
+        _check_levels(campaign)
         sample = salib("sample.morris").sample
         found = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
         found = MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * found
     assert found.shape == (runs(campaign), len(campaign.drawn))
     return np.asarray(found)
+
+
+def made_by(campaign: Campaign) -> str:
+    """Returns the version of SALib where it draws the runs; empty: it does not. Only this process needs it."""
+    if campaign.design not in ("saltelli", "morris"):
+        return ""
+    salib("sample.sobol")  # which says so where the library is missing
+    return version("SALib")
+
+
+def _check_levels(campaign: Campaign) -> None:
+    """Refuses a list of values that Morris's levels do not all reach."""
+    shares = np.linspace(MORRIS_EDGE, 1.0 - MORRIS_EDGE, MORRIS_LEVELS)
+    for one in campaign.drawn:
+        reached = len(set(one.distribution.at(shares).tolist()))
+        if one.distribution.kind == "choice" and reached < one.levels:
+            said = f"morris would fly {reached} of its {one.levels} values alone; saltelli flies all"
+            raise InputError(said, field=f"vary.{one.name}")
 
 
 def salib(module: str) -> Any:

@@ -164,7 +164,7 @@ def load(
         name=toml.file_name(("campaign", "name"), head["name"]),
         design=design,
         count=_count(toml, head, design, count),
-        seed=int(toml.number(("campaign", "seed"), head.get("seed", 0), 0, 2**63 - 1)) if seed is None else seed,
+        seed=_whole(toml, ("campaign", "seed"), head.get("seed", 0), 0, 2**63 - 1) if seed is None else seed,
         scenarios=scenarios,
         sensors=sensors,
         profile=toml.choice(("campaign", "profile"), head["profile"], scenario.PROFILES) if "profile" in head else None,
@@ -227,15 +227,21 @@ def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
     return tuple(found)
 
 
+def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int) -> int:
+    """Returns a whole number with all its digits, which a float need not hold."""
+    toml.number(key, value, low, high)
+    if int(value) != value:
+        toml.refuse(key, f"{value} is not a whole number")
+    return int(value)
+
+
 def _count(toml: TomlFile, head: Mapping[str, Any], design: str, given: int | None) -> int:
     key = ("campaign", COUNTS[design])
     preset = 1 if design == "grid" else DEFAULT_RUNS
     if design not in ("monte_carlo", "latin_hypercube", "grid") and key[1] not in head and given is None:
         toml.refuse(key, "is missing")
     value = head.get(key[1], preset) if given is None else given
-    count = int(toml.number(key, value, 1, MOST_RUNS))
-    if count != value:
-        toml.refuse(key, f"{value} is not a whole number")
+    count = _whole(toml, key, value, 1, MOST_RUNS)
     if design in _POWERS_OF_TWO and count & (count - 1):
         below = 1 << (count.bit_length() - 1)
         toml.refuse(key, f"{count} is not a power of two, as {design} needs; {below} and {2 * below} are")
@@ -276,6 +282,8 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
 
 def _check(toml: TomlFile, made: Campaign) -> None:
     """Refuses what no design can fly."""
+    if made.model.vehicle != "diff_drive":
+        toml.refuse(("campaign", "model"), f"is a {made.model.vehicle}; a campaign flies a diff_drive")
     axes = [one for one in made.drawn if one.listed]
     if made.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")

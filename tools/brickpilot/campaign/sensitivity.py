@@ -1,6 +1,7 @@
 """Which inputs a figure depends on: SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
+  The runs that are compared share their noise, so what an input does together with noise counts as its own.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
   that matters only together with another one has none.
@@ -71,7 +72,7 @@ def indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> l
     """Returns the indices of one figure, the largest first; none where too few runs have it, or all the same.
 
     Args:
-        inputs: input that was drawn -> (runs,); texts as their numbers.
+        inputs: input that was drawn -> (runs,); texts as their numbers, NaN where the run lacks its effect or fault.
         figure: (runs,); NaN where a run does not have it. Where a design compares runs with one another, a block
             that lacks one is left out.
 
@@ -118,5 +119,8 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
             for name, a, b in zip(names, found["mu_star"], found["mu_star_conf"], strict=True)
         ]
     columns = np.column_stack([inputs[name][kept] for name in names])
+    if np.isnan(columns).any():
+        # A number of an effect that is off has no value. A filled one would stand for the switch, and get its index.
+        columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
     found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
     return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]

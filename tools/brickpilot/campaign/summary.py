@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from brickpilot import __version__
-from brickpilot.campaign import flights, sensitivity
+from brickpilot.campaign import designs, flights, sensitivity
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.runs import INDEX
 from brickpilot.errors import InputError
@@ -48,12 +49,34 @@ class Table:
         return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def rate(count: int, of: int) -> dict[str, Any]:
-    """Returns a share of runs with its 95 % interval by Wilson's score."""
-    from scipy.stats import binomtest
+_Z = 1.959963984540054  # of a normal distribution: 95 % lie within so many sd
 
-    interval = binomtest(count, of).proportion_ci(0.95, method="wilson")
-    return {"count": count, "of": of, "rate": count / of, "ci95": [float(interval.low), float(interval.high)]}
+
+def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any]:
+    """Returns the share of runs that succeed, with its 95 % interval by Wilson's score.
+
+    Args:
+        success: (runs,).
+        blocks: (runs,), see `designs.block`. Runs of a block are alike, so they count as fewer: as many as independent
+            runs of whose share the variance is that among blocks (Kish's effective size).
+    """
+    count, of = int(success.sum()), len(success)
+    share = count / of
+    runs = _effective(success, blocks)
+    middle = (share + _Z**2 / (2 * runs)) / (1 + _Z**2 / runs)
+    half = _Z / (1 + _Z**2 / runs) * math.sqrt(share * (1 - share) / runs + (_Z / (2 * runs)) ** 2)
+    return {"count": count, "of": of, "rate": share, "ci95": [max(middle - half, 0.0), min(middle + half, 1.0)]}
+
+
+def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
+    """Returns how many independent runs tell as much; as many as blocks, where all runs end alike."""
+    _, codes = np.unique(blocks, return_inverse=True)
+    members, hits = np.bincount(codes), np.bincount(codes, weights=success)
+    number, of, share = len(members), len(success), float(success.mean())
+    if number in (1, of) or share in (0.0, 1.0):
+        return float(number)
+    variance = number / (number - 1) * float(((hits - share * members) ** 2).sum()) / of**2
+    return min(share * (1 - share) / variance, float(of)) if variance > 0 else float(of)
 
 
 def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
@@ -66,7 +89,7 @@ def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
         "runs": len(success),
         "seed": campaign.seed,
         "version": __version__,
-        "success": rate(int(success.sum()), len(success)),
+        "success": rate(success, _blocks(campaign, len(success))),
         "by_choice": _by_choice(campaign, table, success),
         "causes": dict(sorted(causes.items(), key=lambda one: (-one[1], one[0]))),
         "figures": _figures(table),
@@ -78,13 +101,18 @@ def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
 def _by_choice(campaign: Campaign, table: Table, success: NDArray[np.bool_]) -> dict[str, dict[str, Any]]:
     """Returns input -> value -> success rate, for inputs with few values."""
     found: dict[str, dict[str, Any]] = {}
+    blocks = _blocks(campaign, len(success))
     for one in campaign.drawn:
         if one.distribution.kind != "choice" or one.levels > MOST_CHOICES:
             continue
         column = table.column(one.name).to_pandas()
-        groups = {value: success[(column == value).to_numpy(dtype=bool)] for value in _order(column.dropna().unique())}
-        found[one.name] = {_text(value): rate(int(part.sum()), len(part)) for value, part in groups.items()}
+        groups = {value: (column == value).to_numpy(dtype=bool) for value in _order(column.dropna().unique())}
+        found[one.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
     return found
+
+
+def _blocks(campaign: Campaign, count: int) -> NDArray[np.int64]:
+    return np.array([designs.block(campaign, index) for index in range(count)])
 
 
 def _order(values: Any) -> list[Any]:
@@ -131,7 +159,7 @@ def _sensitivity(campaign: Campaign, table: Table) -> dict[str, Any] | None:
     method = sensitivity.method(campaign)
     if method is None:
         return None
-    inputs = {one.name: np.nan_to_num(table.numbers(one.name)) for one in campaign.drawn}
+    inputs = {one.name: table.numbers(one.name) for one in campaign.drawn}
     try:
         found = {
             name: [one.to_json() for one in sensitivity.indices(campaign, inputs, table.numbers(name))]

@@ -25,7 +25,7 @@ class Versions:
         code: hash of its Python files and tables.
         plant: hash of its compiled libraries.
         python: the version of Python, without its last number.
-        numpy, pyarrow: those of the libraries.
+        numpy, scipy, pyarrow: those of the libraries.
     """
 
     brickpilot: str
@@ -33,6 +33,7 @@ class Versions:
     plant: str
     python: str
     numpy: str
+    scipy: str
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
@@ -51,6 +52,7 @@ def here() -> Versions:
         plant=_hash([path for path in files if path.suffix in _COMPILED]),
         python=".".join(platform.python_version_tuple()[:2]),
         numpy=version("numpy"),
+        scipy=version("scipy"),
         pyarrow=version("pyarrow"),
     )
 

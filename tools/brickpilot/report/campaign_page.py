@@ -99,10 +99,15 @@ def _percent(share: float) -> str:
 def verdict(summary: Mapping[str, Any]) -> str:
     """Returns the result in one sentence."""
     success = summary["success"]
-    return (
+    said = (
         f"{success['count']} of {success['of']} missions succeeded: {rate_text(success)}. Success is every waypoint "
         "reached, and no fault; the interval is 95 %."
     )
+    if summary["design"] == "morris":
+        said += (
+            " Morris's design often flies the ends of each distribution: this is not the rate of robots drawn from it."
+        )
+    return said
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
