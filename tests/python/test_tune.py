@@ -6,17 +6,19 @@ import dataclasses
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import tuned
 from brickpilot.campaign import workers
 from brickpilot.tune import flying, search, space
+from brickpilot.tune import judge as judging
 from brickpilot.tune import problem as problems
 from brickpilot.tune.judge import JUDGE, judge, rate
 from brickpilot.tune.page import page
 from brickpilot.tune.problem import Outcome, Scale, score
-from brickpilot.tune.tune import to_json, tune
+from brickpilot.tune.tune import SCALE, to_json, tune
 from brickpilot.vehicle import gains, model, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.setting_defaults import defaults
@@ -96,6 +98,24 @@ def test_the_judge_counts_pairs_and_gives_wilsons_interval() -> None:
     assert not judge(after, before, BY, 0).better
     same = judge(before, before, BY, 0)
     assert (same.better, same.p, same.changes[0].low, same.changes[0].high) == (False, 1.0, 0.0, 0.0)
+
+
+def test_the_resamples_have_random_numbers_that_no_robot_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, of_scipy = [], judging.bootstrap
+
+    def watched(*given: Any, rng: np.random.Generator, **more: Any) -> Any:
+        seen.append(np.random.default_rng(rng.bit_generator.seed_seq).random())  # type: ignore[attr-defined]
+        return of_scipy(*given, rng=rng, **more)
+
+    monkeypatch.setattr(judging, "bootstrap", watched)
+    judge([GOOD, BAD, GOOD, GOOD], [GOOD, GOOD, BAD, GOOD], BY, 5)
+    of_robots = {
+        np.random.default_rng(np.random.SeedSequence(5, spawn_key=(stream, place))).random()
+        for stream in (search.SEARCH, SCALE, JUDGE)
+        for place in range(100)
+    }
+    assert seen
+    assert not of_robots & set(seen)
 
 
 def test_intervals_of_paired_differences_cover_the_truth_as_often_as_they_say() -> None:

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 JUDGE = 2
 """The stream of the judge's robots: no search has seen them."""
 
+BOOTSTRAP = 3
+"""The stream of the resamples. The others are of robots: SEARCH 0, SCALE 1 and JUDGE, each with a place beside it."""
+
 LEVEL = 0.95
 RESAMPLES = 4000
 SIGNIFICANT = 1 - LEVEL
@@ -104,7 +107,7 @@ def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: 
     lost = sum(old.success and not new.success for old, new in zip(before, after, strict=True))
     differing = gained + lost
     p = float(binomtest(gained, differing).pvalue) if differing else 1.0
-    random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(JUDGE, 0)))
+    random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(BOOTSTRAP,)))
     both = [(old, new) for old, new in zip(before, after, strict=True) if old.success and new.success]
     every = list(zip(before, after, strict=True))
     changes = [_change("score", "", [(score(old, by), score(new, by)) for old, new in every], random)]
