@@ -34,6 +34,8 @@ YAW_RATE_LIMIT = 480.0
 LOAD_LIMIT = 20.0  # rad/s per step
 INT32 = 2**31 - 1
 
+_SETTLED = 1e-6  # s: nothing beside a control step of 3 ms or more
+
 Values = Mapping[str, float]
 
 
@@ -53,8 +55,12 @@ def loss(values: Values) -> float:
 
 
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
-    """Returns eq. 12 and 14 over `step` s with constant voltage and torque, by the matrix exponential."""
-    resistance, inductance = values["resistance"], values["inductance"]
+    """Returns eq. 12 and 14 over `step` s with constant voltage and torque, by the matrix exponential.
+
+    Without inductance, as in a model whose data do not tell it, the current settles in `_SETTLED` instead of at once.
+    """
+    resistance = values["resistance"]
+    inductance = values["inductance"] or _SETTLED * resistance
     system = np.zeros((4, 4))
     system[0] = [-resistance / inductance, -values["emf_constant"] / inductance, 1 / inductance, 0]
     system[1] = [values["torque_constant"] / inertia, -loss(values) / inertia, 0, 1 / inertia]
