@@ -123,7 +123,7 @@ def _coast(run: LinkedFlight, end: PlantEnd, until: int) -> None:
 def _drain(run: LinkedFlight) -> None:
     """Waits for the telemetry of the last step."""
     last = run.step = run.step - 1
-    clock = run.session.clock
+    clock = run.session.now
     until = clock() + 0.1
     with contextlib.suppress(LinkGoneError):  # the flight is over, and the log repeats the last report
         while run.telemetry.newest_step < last and (left := until - clock()) > 0:

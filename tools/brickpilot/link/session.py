@@ -48,7 +48,7 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.link = link
-        self.clock = clock
+        self.now = clock
         self.spec = spec
         self.other = other
         self.reply_s = reply_s
@@ -65,9 +65,9 @@ class Session:
     def wait(self, identifier: int, accept: Callable[[bytes], bool], timeout: float) -> bytes | None:
         """Returns the data of the first message with that id that `accept` takes, or None after `timeout` s."""
         found: bytes | None = None
-        until = self.clock() + timeout
+        until = self.now() + timeout
         while found is None:
-            left = until - self.clock()
+            left = until - self.now()
             if left <= 0:
                 return None
             for frame_id, data in self.link.receive(left):
@@ -97,12 +97,12 @@ class Session:
         """
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
-        began = self.clock()
+        began = self.now()
         before = self.repeated
         try:
             hello = self._request("OPEN", "HELLO", values, OPEN_TRIES)
         except NoReplyError:
-            seconds = round(self.clock() - began)
+            seconds = round(self.now() - began)
             raise InputError(f"no brick has replied for {seconds} s", field=f"--link {self.spec}") from None
         named = {number: name for name, number in self._book.choices("HELLO", "status").items()}
         status = named.get(hello["status"], f"status {hello['status']}")
