@@ -11,7 +11,7 @@ import pytest
 from brickpilot.campaign import flights
 from brickpilot.report import campaign_page
 from command import brickpilot
-from here import conducted
+from conducted import conducted
 
 EXAMPLES = Path(__file__).parents[2] / "tools" / "examples"
 

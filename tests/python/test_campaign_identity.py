@@ -7,12 +7,11 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from brickpilot.campaign import conduct, designs, file, versions
+from brickpilot.campaign import conduct, designs, file, versions, workers
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import rcx
-from here import Here
 from test_campaign import SHORT
 
 TEXT = """[campaign]
@@ -40,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def conducted(folder: Path) -> None:
-    conduct.conduct(file.load(folder / "own.toml"), folder / "found", Here(), lambda *_: None, "")
+    conduct.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
 
 
 def changed(folder: Path, name: str) -> None:

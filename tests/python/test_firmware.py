@@ -5,20 +5,16 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import socket
 import subprocess
 import tomllib
 from pathlib import Path
 
+import h8_flight
 import numpy as np
 import pytest
 from brickpilot.constants import RCX
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, headers, params_header, ranges, robot, simulate, tuning
-from brickpilot.hil import ends, fly
-from brickpilot.hil.h8_simulator import H8SIM_REPLY_S
-from brickpilot.link.links import StreamLink
-from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import model
 from brickpilot.vehicle.coefficients import coupled
 from brickpilot.vehicle.setting_defaults import plain
@@ -249,21 +245,7 @@ def test_the_firmware_of_a_robot_gives_the_same_commands_on_the_rcx_processor(tm
     headers.write(own, mission, boards.RCX, boards.step_of(flags), tmp_path / "own", ROOT)
     plan = dataclasses.replace(simulate.plan(own, mission, "imu", 0), steps=1000)
     here = simulate.fly_own(ROOT, tmp_path / "own", flags, plan, tmp_path).flight.motors
-    built = boards.run(
-        [str(ROOT / "firmware/targets/h8sim/build"), str(tmp_path / "h8"), f"-I{tmp_path}/own", *flags], ROOT
-    )
-    simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
-    ours, theirs = socket.socketpair()
-    command = ["stdbuf", "-o0", simulator, built.strip()]
-    with theirs:
-        brick = subprocess.Popen(
-            command, bufsize=0, stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=subprocess.DEVNULL
-        )
-    link = StreamLink(ours)
-    end = ends.Ends(link, None, H8SIM_REPLY_S)
-    there = fly.fly(end, "h8", plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None).flight.motors
-    link.close()
-    brick.wait(10.0)
+    there = h8_flight.motors(tmp_path / "own", flags, plan, tmp_path)
     np.testing.assert_array_equal(there, here)
     assert np.abs(here).max() > 10_000
 

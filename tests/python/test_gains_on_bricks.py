@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import socket
-import subprocess
 from pathlib import Path
 
+import h8_flight
 import numpy as np
 import pytest
 from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
 from brickpilot.firmware.robot import Robot
-from brickpilot.hil import avr_flight, ends, fly
+from brickpilot.hil import avr_flight
 from brickpilot.hil.avr_robot import open_robot
 from brickpilot.hil.avr_targets import AVR_TARGETS
-from brickpilot.hil.h8_simulator import H8SIM_REPLY_S
-from brickpilot.link.links import StreamLink
-from brickpilot.link.session import LOCKSTEP, REALTIME, Session
+from brickpilot.link.session import REALTIME, Session
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight import Flight, Plan
 from test_firmware import OWN, ROOT, write
@@ -44,21 +41,7 @@ def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPat
 def test_the_rcx_processor_flies_with_them_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own, plan = planned(tmp_path, "rcx", "imu", 1000)
     flags = boards.flags_of(boards.RCX, "imu", ROOT)
-    built = boards.run(
-        [str(ROOT / "firmware/targets/h8sim/build"), str(tmp_path / "h8"), f"-I{tmp_path}/own", *flags], ROOT
-    )
-    simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
-    ours, theirs = socket.socketpair()
-    command = ["stdbuf", "-o0", simulator, built.strip()]
-    with theirs:
-        brick = subprocess.Popen(
-            command, bufsize=0, stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=subprocess.DEVNULL
-        )
-    link = StreamLink(ours)
-    end = ends.Ends(link, None, H8SIM_REPLY_S)
-    there = fly.fly(end, "h8", plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None).flight.motors
-    link.close()
-    brick.wait(10.0)
+    there = h8_flight.motors(tmp_path / "own", flags, plan, tmp_path)
     here = in_process(own, plan, "rcx", monkeypatch).motors
     np.testing.assert_array_equal(there, here)
     assert np.abs(here).max() > 10_000

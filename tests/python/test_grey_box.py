@@ -15,7 +15,7 @@ from brickpilot.fit.explain import LoadOfRun, explanations
 from brickpilot.fit.grey_box import fit_grey_box, fit_percent
 from brickpilot.fit.innovations import Innovations
 from brickpilot.fit.noise_sizes import Size, fit_noise, scales, start_noise
-from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.model import Model, with_values
 from synthetic import motor, robot, write
 
 R, KT, J, B = 22.0, 0.25, 5e-4, 1e-4
@@ -81,14 +81,14 @@ def test_parameters_and_noises_come_back_from_data_with_process_noise(disturbed:
 def test_a_short_horizon_fits_better_than_a_free_run_where_loads_come_and_go(disturbed: Dataset) -> None:
     plan = parameters.plan(disturbed)
     problem = innovations(disturbed, plan.at(plan.start()))
-    truth = parameters.with_values(plan.model, {"resistance": R, "wheel_inertia": J})
+    truth = with_values(plan.model, {"resistance": R, "wheel_inertia": J})
     noise = fit_noise(problem, truth, start_noise(problem, truth))
     free, short = (fit_percent(problem, truth, noise, horizon)["speed"] for horizon in (0.0, 0.1))
     assert free < short < 100
 
 
 def test_a_size_that_is_left_out_is_nothing_and_costs_likelihood(disturbed: Dataset) -> None:
-    model = parameters.with_values(parameters.plan(disturbed).model, {"resistance": R, "wheel_inertia": J})
+    model = with_values(parameters.plan(disturbed).model, {"resistance": R, "wheel_inertia": J})
     problem = innovations(disturbed, model)
     full = fit_noise(problem, model, start_noise(problem, model))
     load = Size("lasting", "torque_left")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from benchmark_results import quick_results, scaling_results
 from brickpilot.benchmark import page_content, real_logs, real_results, scaling, table
-from brickpilot.campaign import conduct, file
+from brickpilot.campaign import conduct, file, workers
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
@@ -29,7 +29,6 @@ from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
-from here import Here
 from matplotlib.image import imread
 from pages import FAULTY, HOSTILE, assert_self_contained
 from synthetic import robot, write
@@ -157,7 +156,7 @@ def campaign(folder: Path) -> str:
     )
     given = file.load(folder / "trial.toml")
     hostile = dataclasses.replace(given, name=HOSTILE)
-    conduct.conduct(hostile, folder / "trial", Here(), lambda *_: None, HOSTILE)
+    conduct.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
     return (folder / "trial" / "report.html").read_text(encoding="utf-8")
 
 

@@ -26,7 +26,7 @@ from brickpilot import catalogue
 from brickpilot.errors import InputError
 from brickpilot.fit import spread as spreads
 from brickpilot.fit.spread import Spread
-from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.model import Model, with_values
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,9 @@ def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
     for _ in range(_TRIES):
         drawn = _unmeasured(allowed, chosen.model, random) | _fitted(allowed, chosen.model, random)
         if all(low <= drawn[name] <= high for name, (low, high) in _ranges(chosen.model, drawn).items()):
-            return Robot(place, _with(chosen.model, drawn), devices, noise, chosen.name)
+            return Robot(
+                place, dataclasses.replace(with_values(chosen.model, drawn), basis={}), devices, noise, chosen.name
+            )
     raise InputError(f"the data allow no robot within the physical ranges, in {_TRIES} draws", field=chosen.name)
 
 
@@ -233,15 +235,3 @@ def _ranges(model: Model, values: Mapping[str, float]) -> dict[str, tuple[float,
     for effect in model.effects:
         infos |= {f"{effect}.{info.name}": info for info in catalogue.effect(effect).parameters}
     return {name: (infos[name].minimum, infos[name].maximum) for name, value in values.items() if value != 0}
-
-
-def _with(model: Model, values: Mapping[str, float]) -> Model:
-    parameters = dict(model.parameters)
-    effects = {name: dict(table) for name, table in model.effects.items()}
-    for name, value in values.items():
-        effect, dot, parameter = name.partition(".")
-        if dot:
-            effects[effect][parameter] = value
-        else:
-            parameters[name] = value
-    return dataclasses.replace(model, parameters=parameters, effects=effects, basis={})

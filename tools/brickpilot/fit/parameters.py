@@ -15,7 +15,7 @@ from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.errors import InputError
 from brickpilot.vehicle import plant
-from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.model import Model, with_values
 from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
@@ -132,19 +132,6 @@ class Plan:
 def value_of(model: Model, name: str) -> float:
     effect, dot, parameter = name.partition(".")
     return float(model.effects[effect][parameter] if dot else model.parameters[name])
-
-
-def with_values(model: Model, values: Mapping[str, float]) -> Model:
-    """Returns a copy of `model` with some nominal ("mass") or effect ("effect.parameter") values replaced."""
-    parameters = dict(model.parameters)
-    effects = {name: dict(table) for name, table in model.effects.items()}
-    for name, value in values.items():
-        effect, dot, parameter = name.partition(".")
-        if dot:
-            effects[effect][parameter] = value
-        else:
-            parameters[name] = value
-    return dataclasses.replace(model, parameters=parameters, effects=effects)
 
 
 def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] = ()) -> Plan:

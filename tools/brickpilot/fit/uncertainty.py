@@ -20,9 +20,9 @@ from scipy.stats import t as student_t
 from brickpilot.fit.combinations import FORMULAS, Formula
 from brickpilot.fit.identified import forms
 from brickpilot.fit.output_error import OutputError, finite
-from brickpilot.fit.parameters import WIDE_SD, Free, value_of, with_values
+from brickpilot.fit.parameters import WIDE_SD, Free, value_of
 from brickpilot.fit.spread import Spread
-from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.model import Model, with_values
 
 Array = NDArray[np.float64]
 

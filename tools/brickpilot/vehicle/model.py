@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -61,6 +62,19 @@ class Model:
 def rcx() -> Model:
     """Returns the packaged robot of the paper."""
     return load(RCX)
+
+
+def with_values(model: Model, values: Mapping[str, float]) -> Model:
+    """Returns a copy of `model` with some nominal ("mass") or effect ("effect.parameter") values replaced."""
+    parameters = dict(model.parameters)
+    effects = {name: dict(table) for name, table in model.effects.items()}
+    for name, value in values.items():
+        effect, dot, parameter = name.partition(".")
+        if dot:
+            effects[effect][parameter] = value
+        else:
+            parameters[name] = value
+    return dataclasses.replace(model, parameters=parameters, effects=effects)
 
 
 def output_names(model: Model) -> frozenset[str]:

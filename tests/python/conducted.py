@@ -1,0 +1,14 @@
+"""Campaigns in this process, where starting others would cost more than the flights of a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from brickpilot.campaign import conduct, file, workers
+
+
+def conducted(path: Path, out: Path, count: int | None = None) -> dict[str, Any]:
+    """Conducts the campaign of a file in this process and returns its summary."""
+    given = file.load(path, count=count)
+    return conduct.conduct(given, out, workers.Here(), lambda *_: None, f"brickpilot campaign {path.name}")
