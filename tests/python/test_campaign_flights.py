@@ -74,10 +74,7 @@ def test_a_flight_that_diverges_fails_and_one_that_cannot_begin_is_an_error(plan
         flights.row(dataclasses.replace(plan, scenario=beside))
     whole = flights.row(short(plan, 1.0))
 
-    def diverge(*_: object) -> None:
-        raise SimulationError("", status=-5)
-
-    monkeypatch.setattr(flight, "fly", diverge)
+    monkeypatch.setattr(flight, "fly_many", lambda plans, _: [SimulationError("", status=-5) for _ in plans])
     row = flights.row(plan)
     assert (row["success"], row["cause"], row["seed"]) == (False, "the simulation diverged", 3)
     assert list(row) == list(whole)
