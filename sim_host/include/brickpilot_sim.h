@@ -281,8 +281,8 @@ int bp_fly(bp_flight *flight);
  * in bp_simulate_lanes(): that takes less time. Returns 0, or the status of the first flight that failed. */
 int bp_fly_many(bp_flight *flights, int count, int lanes);
 
-/* Bytes of the plant's state. Where two libraries share a plant (run/build), they were compiled from the same one only if
- * both say the same. */
+/* Bytes of the plants that can fly side by side. Where two libraries share a plant (run/build), they were compiled from
+ * the same one only if both say the same. */
 int bp_plant_size(void);
 
 /* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
