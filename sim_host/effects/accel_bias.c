@@ -33,6 +33,8 @@ const effect_t effect_accel_bias = {
              .acts_on = "sensor",
              .equation = "accel_surge += surge, accel_sway += sway",
              .source = "fixed bias, Titterton & Weston 2004; on level ground a tilt of the mounting is g sin(tilt)",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every cheap accelerometer has a zero offset, and every mounting tilts a little.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

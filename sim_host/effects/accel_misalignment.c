@@ -30,6 +30,8 @@ const effect_t effect_accel_misalignment = {
              .acts_on = "sensor",
              .equation = "accel_surge = cos(angle) a_u + sin(angle) a_v, accel_sway = cos(angle) a_v - sin(angle) a_u",
              .source = "mounting misalignment, Titterton & Weston 2004",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Boards are screwed along the chassis, so their yaw misalignment is small.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

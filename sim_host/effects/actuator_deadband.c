@@ -44,6 +44,8 @@ const effect_t effect_actuator_deadband = {
              .acts_on = "drive",
              .equation = "V_motor = 0 for |V| <= voltage, otherwise V - sign(V) voltage, or V where whole is 1",
              .source = "Tao & Kokotovic 1994, Adaptive control of plants with unknown dead-zones",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Nearly every cheap drive needs a least duty before a current flows.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

@@ -34,6 +34,8 @@ const effect_t effect_actuator_lag = {
              .equation = "time_constant dV_motor/dt = V - V_motor, from 0 V at the run's start; a motor that floats "
                          "floats at once",
              .source = "first-order lag, Ogata 2010, Modern Control Engineering, ch. 5",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Some drives ramp or filter the voltage, and plain bridges do not.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 2,

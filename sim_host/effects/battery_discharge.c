@@ -25,6 +25,8 @@ const effect_t effect_battery_discharge = {
              .equation = "V_supply = V_0 - slope q, where q is the charge drawn since power-on, over all runs; at "
                          "least 1 % of the nominal voltage",
              .source = "Shepherd 1965, Design of primary and secondary cells, linear for small q",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "A battery loses voltage with its charge, but short runs draw little of it.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .carries_over = 1},

@@ -26,6 +26,8 @@ const effect_t effect_battery_fade = {
                          "voltage",
              .source = "Shepherd 1965, Design of primary and secondary cells: discharge at a constant current, which "
                        "other loads than the motors may draw",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Time alone drains a battery only where other loads draw more than the motors.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "battery_discharge",

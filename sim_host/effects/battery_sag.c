@@ -85,6 +85,8 @@ const effect_t effect_battery_sag = {
              .equation = "V_supply = V_0 - resistance i_supply, with i_supply V_supply = sum of V_motor i; at least 1 "
                          "% of the nominal voltage",
              .source = "Shepherd 1965, Design of primary and secondary cells, the ohmic term",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every battery has an internal resistance, and cheap cells have a large one.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(sag_t) / sizeof(real_t),

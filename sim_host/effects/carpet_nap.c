@@ -47,6 +47,8 @@ const effect_t effect_carpet_nap = {
                          "d across it; at rest it holds. Not for a motor",
              .source = "a passive force with one easy direction; carpet drift of a robot along the pile: Gutmann, "
                        "Eade, Fong & Munich 2012, Vector field SLAM, IEEE T-RO 28(3)",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Few robots drive on a carpet whose pile leans.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel, [SITE_BODY] = body},

@@ -40,6 +40,8 @@ const effect_t effect_caster_drag = {
                          "it holds. The tyres take its side force. Not for a motor",
              .source = "Coulomb friction against the sliding velocity, Moreau 1988; castor ball of a differential "
                        "drive: Siegwart, Nourbakhsh & Scaramuzza 2011, ch. 2 and 3",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Many robots slide on a ball or skid, and others roll on a free caster.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

@@ -56,6 +56,8 @@ const effect_t effect_cogging = {
                          "phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Rotors with iron teeth cog, and coreless ones do not.",
              .parameter_count = 4,
              .parameters = PARAMETERS,
              .motor_step = 0.003,

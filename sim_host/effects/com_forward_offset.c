@@ -28,6 +28,9 @@ const effect_t effect_com_forward_offset = {
                          "and the wheels' rolling friction does not change. paper profile: the thrust's lever. Not "
                          "for a motor",
              .source = "Fossen 2011, ch. 3, rigid body about a point other than the centre of mass",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason =
+                 "A robot with two wheels and a caster tips over unless its centre of mass is off the axle.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

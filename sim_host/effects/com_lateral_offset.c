@@ -29,6 +29,8 @@ const effect_t effect_com_lateral_offset = {
                          "axle, and the wheels' rolling friction does not change. paper profile: the thrust's lever. "
                          "Not for a motor",
              .source = "Fossen 2011, ch. 3, rigid body about a point other than the centre of mass",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Most chassis are symmetric, and batteries or arms on one side shift the centre of mass.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

@@ -340,6 +340,8 @@ const effect_t effect_composed_term = {
                          "act only the terms of V, T and X without a side",
              .source = "sparse regression of dynamics: Brunton, Proctor & Kutz 2016, PNAS 113(15); of a discrepancy: "
                        "Kaheman, Kaiser, Strom, Kutz & Brunton 2019",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "A law that nobody has named explains data less often than one that has a name.",
              .parameter_count = COMPOSED_COUNT,
              .parameters = PARAMETERS,
              .composed = 1},

@@ -45,6 +45,8 @@ const effect_t effect_constant_offset = {
                          "-torque of a motor; also at rest",
              .source = "load offset of the EMPS benchmark: Janot, Gautier & Brunot 2019, Data set and reference "
                        "models of EMPS",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Nearly every drive has a zero offset, and a cable or a tilt pulls like one.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

@@ -34,6 +34,8 @@ const effect_t effect_coulomb_friction = {
              .acts_on = "wheel",
              .equation = "T_f = -torque sign(w) while the wheel turns; at rest it holds any torque up to that size",
              .source = "Coulomb 1785; solved as a bounded impulse, Moreau 1988",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every bearing and brushed motor rubs.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

@@ -27,6 +27,8 @@ const effect_t effect_curve_scrub = {
                          "for a motor",
              .source = "cornering resistance as the side force's component against the motion, Gillespie 1992, "
                        "Fundamentals of Vehicle Dynamics, with a constant angle",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Side forces are small at the lateral acceleration of a slow robot.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

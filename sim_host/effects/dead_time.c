@@ -50,6 +50,8 @@ const effect_t effect_dead_time = {
                          "w| <= voltage. Not where the drive closes a current loop, which makes up for it",
              .source = "Jeong & Park 1991, The analysis and compensation of dead-time effects in PWM inverters, IEEE "
                        "Trans. Industrial Electronics 38(2)",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every switch drops a voltage, and every half bridge has a dead time.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "actuator_deadband",

@@ -81,6 +81,8 @@ const effect_t effect_direction_asymmetry = {
              .source = "friction of its own in each direction: Armstrong-Helouvry et al. 1994, Automatica 30(7); "
                        "Janot, Gautier & Brunot 2019, EMPS benchmark. Beside Coulomb friction `torque` is a constant "
                        "offset; drag and gain are not",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Brushes off the neutral axis and worn teeth favour one direction on some motors.",
              .parameter_count = 3,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive, [SITE_MOTOR] = motor, [SITE_WHEEL] = wheel},

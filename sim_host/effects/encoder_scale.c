@@ -32,6 +32,8 @@ const effect_t effect_encoder_scale = {
              .acts_on = "sensor",
              .equation = "reading = (1 + error) truth: angle, speed, travel and velocity of both wheels or of a motor",
              .source = "scaling error of odometry, Borenstein & Feng 1996; counts per turn taken wrongly",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Counts per turn are often stated for another gear ratio or edge count.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

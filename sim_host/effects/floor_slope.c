@@ -46,6 +46,8 @@ const effect_t effect_floor_slope = {
                          "constant_offset",
              .source = "gravity in body axes and specific force: Fossen 2011, ch. 3 and 14; Titterton & Weston 2004, "
                        "Strapdown Inertial Navigation",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Gravity pulls on every slope, but many test floors are level.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body, [SITE_SENSOR] = sensor},

@@ -103,6 +103,8 @@ const effect_t effect_gear_backlash = {
                          "changes sign",
              .source = "Nordin & Gutman 2002, Controlling mechanical systems with backlash, a survey; two inertias, "
                        "inelastic impact",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every cheap gear train needs clearance between its teeth.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.001},

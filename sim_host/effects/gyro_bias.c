@@ -32,6 +32,8 @@ const effect_t effect_gyro_bias = {
              .acts_on = "sensor",
              .equation = "yaw_rate = r + bias; yaw_angle is its integral from the run's start",
              .source = "fixed bias, IEEE Std 1431-2004; Titterton & Weston 2004",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every cheap gyro has a bias until somebody subtracts it.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 1,

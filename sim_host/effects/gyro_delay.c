@@ -28,6 +28,8 @@ const effect_t effect_gyro_delay = {
              .variation = "of the gyro alone",
              .equation = "y(t) = x(t - delay) for yaw_rate and yaw_angle, linear between body steps",
              .source = "dead time, Ljung 1999, System identification; a gyro on a bus of its own is read later",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Most boards sample the gyro in the same cycle as their other sensors.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(2),

@@ -28,6 +28,8 @@ const effect_t effect_gyro_drift = {
              .acts_on = "sensor",
              .equation = "yaw_rate = r + rate t, t since power-on; yaw_angle is its integral from the run's start",
              .source = "rate ramp, IEEE Std 952-1997, annex C",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "The bias of a gyro drifts while its chip warms up, and settles after that.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "gyro_bias",

@@ -35,6 +35,8 @@ const effect_t effect_gyro_saturation = {
              .acts_on = "sensor",
              .equation = "yaw_rate = r within -limit to limit, else the nearer end; yaw_angle is its integral",
              .source = "input range, IEEE Std 1431-2004; Titterton & Weston 2004",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Most gyros have a range that is far beyond the yaw rates of a robot.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(lost_t) / sizeof(real_t),

@@ -37,6 +37,8 @@ const effect_t effect_gyro_scale = {
              .acts_on = "sensor",
              .equation = "yaw_rate = (1 + error) r; yaw_angle is its integral",
              .source = "scale-factor error, IEEE Std 1431-2004; Titterton & Weston 2004",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Cheap gyros have a scale-factor error, but many are trimmed in the factory.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(origin_t) / sizeof(real_t),

@@ -69,6 +69,8 @@ const effect_t effect_imu_lag = {
              .equation = "time_constant y' + y = x for accel_surge, accel_sway and yaw_rate, settled at the start; "
                          "accelerations are read as means of y over a sample; yaw_angle is the integral of y",
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Most inertial sensors have a low-pass filter, whose bandwidth is often above what shows.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(filter_t) / sizeof(real_t),

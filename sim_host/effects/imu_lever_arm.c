@@ -36,6 +36,8 @@ const effect_t effect_imu_lever_arm = {
              .acts_on = "sensor",
              .equation = "accel_surge += -r^2 x - r' y, accel_sway += -r^2 y + r' x",
              .source = "rigid-body kinematics; size effect, Titterton & Weston 2004",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "A board seldom has room for its accelerometers above the middle of the axle.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

@@ -95,6 +95,8 @@ const effect_t effect_input_delay = {
              .equation = "V(t) = V_command(t - delay), and 0 V before the run. A motor step takes the mean over its "
                          "length, so any delay counts. Up to 192 changes of the command may be on their way",
              .source = "dead time, Ljung 1999, System Identification",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every command waits for a bus or a control cycle before it reaches the motors.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(line_t) / sizeof(double),

@@ -32,6 +32,9 @@ const effect_t effect_load_friction = {
              .source = "Duclusaud, Passault, Padois & Daney 2025, Extended Friction Models for the Physics Simulation "
                        "of Servo Actuators: the load-dependent term of model M3, with the torque of the motor as the "
                        "load; solved as a bounded impulse, Moreau 1988",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason =
+                 "Teeth lose a share of the torque that they carry, which shows in worm gears and long trains.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

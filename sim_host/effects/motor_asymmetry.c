@@ -38,6 +38,8 @@ const effect_t effect_motor_asymmetry = {
              .equation = "V_left = (1 + difference / 2) V, V_right = (1 - difference / 2) V. It does nothing on a "
                          "single motor",
              .source = "eq. 12 with a gain for each drive",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "No two cheap drives have the same gain.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

@@ -56,6 +56,8 @@ const effect_t effect_motor_heating = {
              .equation = "R' = R (1 + 0.00393 T), time_constant dT/dt = thermal_resistance R' i^2 - T; T in K above "
                          "the surroundings, carried from run to run",
              .source = "one-body thermal model, Hughes & Drury 2019, Electric Motors and Drives; copper: IEC 60028",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Copper resists more as it warms, which takes longer than many runs.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .carries_over = 1},

@@ -52,6 +52,8 @@ const effect_t effect_payload_mass = {
                          "those of vehicle and load together, and the rolling friction of eq. 13 grows with m. Of a "
                          "motor: it adds to the mass",
              .source = "composition of rigid bodies, parallel axis theorem: Goldstein 2002, Classical Mechanics",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Robots carry batteries, cameras or cargo that the stated mass leaves out.",
              .parameter_count = 3,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

@@ -96,6 +96,8 @@ const effect_t effect_pwm_coast = {
                          "for the tick, otherwise the motor floats (i = 0) or is shorted; V = 0 is shorted",
              .source = "brickOS, kernel/dmotor.c, on its 1 ms system tick (CONF_DMOTOR_HOLD: shorted); first-order "
                        "sigma-delta modulation, Norsworthy, Schreier & Temes 1997",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Some bridges let the motor float between pulses, and others short it.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.001},

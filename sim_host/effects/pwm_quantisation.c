@@ -36,6 +36,8 @@ const effect_t effect_pwm_quantisation = {
              .equation = "V_motor = V_supply step round(V / (V_supply step)), at most V_supply",
              .source = "uniform quantiser, Widrow & Kollar 2008, Quantization Noise; the RCX's firmware has 8 power "
                        "levels, brickOS 255",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Some drives have few power levels, and others have so many that no step shows.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

@@ -27,6 +27,8 @@ const effect_t effect_quadratic_drag = {
                          "load",
              .source = "Fossen 2011, Handbook of Marine Craft Hydrodynamics and Motion Control, quadratic damping; "
                        "eq. 5 (Worrall & McGookin 2006)",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Air drag is far below friction at the speed of a small robot.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

@@ -34,6 +34,8 @@ const effect_t effect_rolling_sqrt = {
              .equation = "T_f = -torque sqrt(|w| / 1 rad/s) sign(w)",
              .source = "power law of speed with exponent 1/2, between Coulomb (0) and viscous (1): mixed lubrication, "
                        "Armstrong-Helouvry et al. 1994, Automatica 30(7)",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Mixed lubrication seldom follows a root over the whole range of speeds.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

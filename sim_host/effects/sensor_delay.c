@@ -29,6 +29,8 @@ const effect_t effect_sensor_delay = {
              .acts_on = "sensor",
              .equation = "y(t) = x(t - delay), linear between body steps",
              .source = "dead time, Ljung 1999, System identification",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Readings wait in buses and queues wherever the log has the clock of the host.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(SIGNALS),

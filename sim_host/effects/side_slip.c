@@ -34,6 +34,8 @@ const effect_t effect_side_slip = {
              .source = "linear creep, Johnson 1985, Contact Mechanics, ch. 8, up to Coulomb's limit; slip of wheeled "
                        "robots: Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth "
                        "passage is ours",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Hard and narrow tyres slide in curves, and soft ones hold at low lateral acceleration.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .variant_of = "wheel_slip",

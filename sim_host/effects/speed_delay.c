@@ -40,6 +40,8 @@ const effect_t effect_speed_delay = {
              .equation = "y(t) = x(t - delay) for speeds and velocities of wheels or motor, linear between body steps",
              .source = "dead time, Ljung 1999, System identification; a speed from counts is the mean over a window, "
                        "which is half a window late",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "A speed from counts is the mean over a window, which is long on coarse encoders.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(SPEED_COUNT),

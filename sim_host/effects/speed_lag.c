@@ -52,6 +52,8 @@ const effect_t effect_speed_lag = {
              .variation = "gradual, and of the speeds alone",
              .equation = "time_constant y' + y = x for speeds and velocities of wheels or motor, settled at the start",
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Many programs smooth a speed that they differentiate from counts.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(filter_t) / sizeof(real_t),

@@ -36,6 +36,8 @@ const effect_t effect_start_delay = {
              .acts_on = "timing",
              .equation = "V(t) = 0 for t < delay, otherwise the command of t; t counts from the run's start",
              .source = "elementary: recorder and drive that are not started by the same signal",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "A recorder that starts before the drive belongs to one set-up, not to the machine.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 1,

@@ -53,10 +53,13 @@ const effect_t effect_stiction_stribeck = {
                          "rest it holds any torque up to coulomb + breakaway",
              .source = "Armstrong-Helouvry, Dupont & Canudas de Wit 1994, Automatica 30(7): Gaussian Stribeck curve; "
                        "solved as a bounded impulse, Moreau 1988",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Nearly every dry or greased contact has stiction, which falls as a film builds up.",
              .parameter_count = 3,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",
-             .variation = "larger near standstill"},
+             .variation = "larger near standstill",
+             .contains = "coulomb_friction"},
     .hook = {[SITE_WHEEL] = wheel},
     .undo = undo,
 };

@@ -29,6 +29,8 @@ const effect_t effect_supply_saturation = {
              .acts_on = "drive",
              .equation = "V_motor = V for |V| <= voltage, otherwise sign(V) voltage",
              .source = "saturation, Khalil 2002, Nonlinear Systems, sec. 1.2.7",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "A drive saturates where commands ask for more than its supply, and many never do.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

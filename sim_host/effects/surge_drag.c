@@ -25,6 +25,8 @@ const effect_t effect_surge_drag = {
              .acts_on = "body",
              .equation = "X = -drag u. Not for a motor, where it is viscous friction",
              .source = "Fossen 2011, Handbook of Marine Craft Hydrodynamics and Motion Control, linear damping",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Only a fluid or something towed damps the surge and leaves the yaw free.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "quadratic_drag",

@@ -41,6 +41,8 @@ const effect_t effect_torque_constant_asymmetry = {
              .equation = "K_t and K_e of the left motor times 1 + difference / 2, of the right motor times 1 - "
                          "difference / 2. It does nothing on a single motor",
              .source = "K_t and K_e are one flux: Hughes & Drury 2019, Electric Motors and Drives, ch. 3; eq. 12",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Magnets of one batch have nearly the same flux, and gains of drives differ more.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_MOTOR] = motor},

@@ -58,6 +58,8 @@ const effect_t effect_torque_ripple = {
                          "right phase - phase_difference / 2",
              .source = "Jahns & Soong 1996, Pulsating torque minimization techniques for permanent magnet AC motor "
                        "drives, one harmonic",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Motors with few commutator segments ripple, but gears and inertia smooth it.",
              .parameter_count = 4,
              .parameters = PARAMETERS,
              .motor_step = 0.003},

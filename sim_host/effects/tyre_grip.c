@@ -37,6 +37,8 @@ const effect_t effect_tyre_grip = {
              .source = "Coulomb's cone and linear creep within it: Pacejka 2012, Tire and Vehicle Dynamics, ch. 3, "
                        "combined slip of an isotropic tyre; Johnson 1985, Contact Mechanics, ch. 8. The smooth passage "
                        "is ours",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "A friction circle shows only near the limit of grip in both directions at once.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.003,

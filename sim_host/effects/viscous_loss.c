@@ -27,6 +27,8 @@ const effect_t effect_viscous_loss = {
              .acts_on = "motor",
              .equation = "T_f = -drag w, in addition to the nominal viscous_friction; missing only where that is 0",
              .source = "viscous friction of lubricated bearings, Armstrong-Helouvry et al. 1994, Automatica 30(7)",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Grease makes viscous friction, but most simulators have that term already.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

@@ -27,6 +27,8 @@ const effect_t effect_viscous_scrub = {
              .equation = "N = -drag r. Not for a motor",
              .source = "linear yaw damping: Wong 2008, Theory of Ground Vehicles (creep of patches of finite length); "
                        "Fossen 2011, linear damping of a body",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "A contact patch that rolls creeps before it slides, on soft tyres most of all.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "yaw_scrub",

@@ -29,6 +29,9 @@ const effect_t effect_voltage_compression = {
              .source = "gain compression of a saturating stage as the plainest rational function of its input; pulse "
                        "width to speed of drives that coast bends in this way: Krishnan 2001, Electric Motor Drives, "
                        "discontinuous current",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason =
+                 "The gain of a bridge bends where the current is discontinuous, which depends on its pulses.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "supply_saturation",

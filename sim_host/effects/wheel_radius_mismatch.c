@@ -37,6 +37,8 @@ const effect_t effect_wheel_radius_mismatch = {
                          "a motor",
              .source = "unequal wheel diameters: Borenstein & Feng 1996, Measurement and correction of systematic "
                        "odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12(6)",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Cheap tyres have tolerances and bear unequal loads, so their rolling radii differ.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

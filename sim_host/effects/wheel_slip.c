@@ -34,6 +34,8 @@ const effect_t effect_wheel_slip = {
              .source = "linear creep, Johnson 1985, Contact Mechanics, ch. 8, up to Coulomb's limit; slip of wheeled "
                        "robots: Balakrishna & Ghosal 1995, IEEE Trans. Robotics and Automation 11(1). The smooth "
                        "passage is ours",
+             .prior = BP_PRIOR_USUAL,
+             .prior_reason = "Tyres slip along the track where a strong drive meets a smooth floor.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.003},

@@ -27,6 +27,8 @@ const effect_t effect_yaw_scrub = {
                          "Not for a motor",
              .source = "turning resistance of a tyre on the spot, Wong 2008, Theory of Ground Vehicles; solved as a "
                        "bounded impulse, Moreau 1988",
+             .prior = BP_PRIOR_COMMON,
+             .prior_reason = "Every tyre has a contact patch, which scrubs when the vehicle turns.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

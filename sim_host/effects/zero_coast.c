@@ -51,6 +51,8 @@ const effect_t effect_zero_coast = {
              .equation = "V_motor = V + share (K_e w - V) where |V| <= 1 % of the nominal battery voltage, otherwise V",
              .source = "brake and coast of a motor drive, National Semiconductor LMD18200 data sheet, 1998: shorted or "
                        "open at zero command; a share in between stands for a drive that does both in turn",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Few drives short a motor while they drive and open it at zero command.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "pwm_coast",

@@ -25,6 +25,14 @@ enum {
     BP_ROLE_FIXED     /* a nominal parameter that is never fitted */
 };
 
+/* How often an effect is what the simulator of a wheeled robot or a motor lacks, before any data. 0 is no prior: it
+ * stands for a row that does not say. */
+enum {
+    BP_PRIOR_COMMON = 1, /* nearly every cheap geared robot has it, and plain simulators leave it out */
+    BP_PRIOR_USUAL,      /* well known, on a part of the machines */
+    BP_PRIOR_RARE        /* it takes a special machine, floor or set-up, or more speed than robots have */
+};
+
 /* One parameter of the nominal model or of an effect. The fields up to `odd` are set in every row; the others are 0 or
  * NULL where they do not apply.
  *
@@ -59,12 +67,16 @@ typedef struct {
     const char *same_as;   /* the nominal parameter that this one adds to: missing only where that one is 0 */
 } bp_parameter_info;
 
-/* One effect of the library. Every field is set in every row, but for the last five.
+/* One effect of the library. Every field is set in every row, but for the last six.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
  * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
  * variant itself, and `variation` says what differs, to be read after "but": "battery_discharge, but by time". A verdict
- * may then be right in the mechanism and wrong in the law, and say so. */
+ * may then be right in the mechanism and wrong in the law, and say so.
+ *
+ * A law contains another where it is that one with some of its parameters at 0 or equal to each other, while the others
+ * have the other law's values: stiction_stribeck without a breakaway is coulomb_friction. Parameters that cannot be 0
+ * keep their presets. The composed effect contains no law, for it is none until its terms are chosen. */
 typedef struct {
     const char *name;
     const char *words;   /* a noun phrase: "The simulator lacks ..." */
@@ -74,6 +86,8 @@ typedef struct {
     const char *acts_on; /* supply, drive, motor, gear, wheel, body, sensor or timing: where in the equations */
     const char *equation;
     const char *source;
+    int prior;                /* BP_PRIOR_ */
+    const char *prior_reason; /* one sentence that says why, of this effect alone */
     int parameter_count;
     const bp_parameter_info *parameters;
 
@@ -82,6 +96,7 @@ typedef struct {
     int composed;           /* 1: a sum of terms that discovery composes, never a candidate of its own */
     const char *variant_of; /* the effect of which this one is a variant; NULL: none */
     const char *variation;  /* what differs from that one; NULL: none */
+    const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */

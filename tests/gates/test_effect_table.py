@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from brickpilot import catalogue
+from contained_laws import is_contained
 from effect_names import MAY_NAME, TABLE, faults, names, sources
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -104,3 +107,37 @@ def test_every_effect_has_a_law_of_another_engine() -> None:
     text = (ROOT / laws).read_text()
     named = [effect.name for effect in catalogue.effects() if not effect.composed]
     assert [f"{laws} has no row for {name}" for name in named if f'"{name}":' not in text] == []
+
+
+def test_every_effect_has_a_prior_and_a_reason_of_its_own() -> None:
+    known = catalogue.effects()
+    assert {effect.prior for effect in known} == set(get_args(catalogue.Prior))
+    assert [effect.name for effect in known if not re.fullmatch(r"[A-Z][^.]* [^.]*\.", effect.prior_reason)] == []
+    assert [
+        f"{one.name} has the reason of {other.name}"
+        for one, other in itertools.combinations(known, 2)
+        if one.prior_reason == other.prior_reason
+    ] == []
+    assert [effect.prior for effect in known if effect.composed] == ["rare"]
+
+
+def test_a_row_contains_other_effects_alone() -> None:
+    known = {effect.name for effect in catalogue.effects()}
+    for effect in catalogue.effects():
+        assert known - {effect.name} >= set(effect.contains), effect.name
+        assert len(set(effect.contains)) == len(effect.contains), effect.name
+
+
+def test_a_row_contains_just_the_laws_that_give_the_same_simulation() -> None:
+    laws = [effect for effect in catalogue.effects() if not effect.composed]
+    said = {(effect.name, name) for effect in catalogue.effects() for name in effect.contains}
+    shown = {(law.name, other.name) for law in laws for other in laws if is_contained(other, law)}
+    assert ("stiction_stribeck", "coulomb_friction") in shown
+    assert said == shown, "`contains` of these rows is not what the simulations show (containing, contained)"
+
+
+@pytest.mark.parametrize(
+    ("law", "other"), [("payload_mass", "com_forward_offset"), ("direction_asymmetry", "coulomb_friction")]
+)
+def test_a_law_that_is_only_alike_is_not_contained(law: str, other: str) -> None:
+    assert not is_contained(catalogue.effect(other), catalogue.effect(law))

@@ -44,6 +44,8 @@ const effect_t effect_linear_drag = {
              .acts_on = "body",
              .equation = "X = -coefficient u",
              .source = "Stokes drag",
+             .prior = BP_PRIOR_RARE,
+             .prior_reason = "Stokes drag needs a flow that is slower than that round a robot.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

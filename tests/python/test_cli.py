@@ -149,6 +149,9 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
     main.main(["effects", "--long"])
     listed = capsys.readouterr().out
     assert all(effect.name in listed and effect.equation in listed for effect in catalogue.effects())
+    assert all(f"prior: {effect.prior}. {effect.prior_reason}" in listed for effect in catalogue.effects())
+    main.main(["effects", "stiction_stribeck"])
+    assert "\n  contains: coulomb_friction\n" in capsys.readouterr().out
     main.main(["effects", "actuator_deadband", "--json"])
     assert list(json.loads(capsys.readouterr().out)) == ["actuator_deadband"]
 

@@ -157,6 +157,7 @@ def test_the_reference_has_every_command_effect_setting_name_and_word(site: Path
         assert effect.name in effects
         assert " ".join(effect.equation.split())[:40] in " ".join(effects.split())
         assert all(one.name in effects for one in effect.parameters)
+        assert effect.prior_reason in " ".join(effects.split())
     listed = text_of(site / "reference/settings.html")
     assert all(name in listed and row.meaning in listed for name, row in settings().items())
     python = text_of(site / "reference/python.html")

@@ -18,6 +18,7 @@ VEHICLE_CODES = {"diff_drive": 0, "motor": 1}
 PROFILE_CODES = {"coupled": 0, "paper": 1}
 
 Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
+Prior = Literal["common", "usual", "rare"]
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,14 @@ class EffectInfo:
         words: a noun phrase, as in "The simulator lacks ...".
         summary: one sentence for a reader who does not know the name.
         mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
+        prior: how often the simulator of a wheeled robot or a motor lacks it, before any data.
+        prior_reason: one sentence that says why.
         motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
         carries_over: charge or heat that one run leaves changes the next.
         composed: a sum of terms that discovery composes, never a candidate of its own.
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: what differs from that one, to be read after "but"; empty: none.
+        contains: the effects whose laws are this one's with some of its parameters at 0 or equal to each other.
     """
 
     name: str
@@ -81,11 +85,14 @@ class EffectInfo:
     words: str
     summary: str
     mechanism: str
+    prior: Prior
+    prior_reason: str
     motor_step: float
     carries_over: bool
     composed: bool
     variant_of: str
     variation: str
+    contains: tuple[str, ...]
 
 
 def _text(value: Any) -> str:
@@ -100,6 +107,13 @@ def _roles() -> dict[int, Role]:
     """Returns number -> name of the constants BP_ROLE_SIZE and so on in C."""
     library = interface()[1]
     return {getattr(library, f"BP_ROLE_{role.upper()}"): role for role in get_args(Role)}
+
+
+@cache
+def _priors() -> dict[int, Prior]:
+    """Returns number -> name of the constants BP_PRIOR_COMMON and so on in C."""
+    library = interface()[1]
+    return {getattr(library, f"BP_PRIOR_{prior.upper()}"): prior for prior in get_args(Prior)}
 
 
 def _parameter(info: Any) -> ParameterInfo:
@@ -158,11 +172,14 @@ def effects() -> tuple[EffectInfo, ...]:
                 words=_text(info.words),
                 summary=_text(info.summary),
                 mechanism=_text(info.mechanism),
+                prior=_priors()[info.prior],
+                prior_reason=_text(info.prior_reason),
                 motor_step=info.motor_step,
                 carries_over=bool(info.carries_over),
                 composed=bool(info.composed),
                 variant_of=_text(info.variant_of),
                 variation=_text(info.variation),
+                contains=tuple(_text(info.contains).split()),
             )
         )
     return tuple(found)

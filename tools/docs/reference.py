@@ -84,6 +84,9 @@ def _effect(effect: EffectInfo) -> str:
         lines.append(f"A variant of [`{effect.variant_of}`](#{effect.variant_of}), but {_plain(effect.variation)}.")
     lines.append(f"```text\n{effect.equation}\n```")
     lines.append(f"It acts on: {effect.acts_on}. Source: {_plain(effect.source)}.")
+    lines.append(f"Prior: {effect.prior}. {_plain(effect.prior_reason)}")
+    if effect.contains:
+        lines.append(f"It contains {', '.join(f'[`{one}`](#{one})' for one in effect.contains)}.")
     head = ("parameter", "role", "unit", "range", "preset", "meaning")
     rows = table(head, (_parameter(one) for one in effect.parameters))
     if len(effect.parameters) > MANY:

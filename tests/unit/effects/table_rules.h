@@ -85,13 +85,45 @@ static inline const char *parameter_fault(const bp_effect_info *effect, const bp
     return NULL;
 }
 
+static inline bool is_sentence(const char *text)
+{
+    return !is_empty(text) && isupper((unsigned char)text[0]) && text[strlen(text) - 1] == '.';
+}
+
 static inline const char *sentence_fault(const bp_effect_info *info)
 {
     if (is_empty(info->words) || isupper((unsigned char)info->words[0]) || strchr(info->words, '.') != NULL)
         return "has no `words`: a noun phrase, as in \"The simulator lacks ...\", without a full stop";
-    if (is_empty(info->summary) || !isupper((unsigned char)info->summary[0]) ||
-        info->summary[strlen(info->summary) - 1] != '.')
+    if (!is_sentence(info->summary))
         return "has no `summary`: one sentence, from a capital letter to a full stop";
+    return NULL;
+}
+
+static inline const char *prior_fault(const bp_effect_info *info)
+{
+    if (info->prior < BP_PRIOR_COMMON || info->prior > BP_PRIOR_RARE)
+        return "has no prior: BP_PRIOR_COMMON, _USUAL or _RARE";
+    if (!is_sentence(info->prior_reason))
+        return "has no `prior_reason`: one sentence, from a capital letter to a full stop";
+    const char *const reason[] = {info->prior_reason, NULL};
+    for (int i = 0; bp_effect(i) != NULL; i++)
+        if (bp_effect(i) != info && is_one_of(bp_effect(i)->prior_reason, reason))
+            return "has the `prior_reason` of another effect";
+    return NULL;
+}
+
+/* `contains` holds names of other effects, one after another with a space between. */
+static inline const char *contains_fault(const bp_effect_info *info)
+{
+    for (const char *name = info->contains; !is_empty(name);) {
+        const size_t length = strcspn(name, " ");
+        char one[64] = "";
+        if (length < sizeof one)
+            memcpy(one, name, length);
+        if (effect_index(one) < 0 || strcmp(one, info->name) == 0)
+            return "has a `contains` that names no other effect";
+        name += length + (name[length] == ' ');
+    }
     return NULL;
 }
 
@@ -127,8 +159,12 @@ static inline const char *row_fault(const effect_t *effect)
         return "has an `equation` with a function of effects/real.h; write it as mathematics";
     if (info->parameter_count < 1 || info->parameter_count > BP_MAX_PARAMETERS)
         return "has no parameters, or more than BP_MAX_PARAMETERS";
-    const char *fault = sentence_fault(info);
-    return fault != NULL ? fault : variant_fault(info);
+    static const char *(*const FAULT[])(const bp_effect_info *) = {sentence_fault, prior_fault, contains_fault,
+                                                                   variant_fault};
+    const char *fault = NULL;
+    for (size_t i = 0; i < sizeof FAULT / sizeof FAULT[0] && fault == NULL; i++)
+        fault = FAULT[i](info);
+    return fault;
 }
 
 /* Fills `line` with the first fault of the effect. Returns false where there is none. */

@@ -87,6 +87,8 @@ static effect_t sound(const bp_parameter_info *parameter)
                                .acts_on = "wheel",
                                .equation = "T = 0",
                                .source = "none",
+                               .prior = BP_PRIOR_RARE,
+                               .prior_reason = "Nobody has made it but this test.",
                                .parameter_count = 1,
                                .parameters = parameter},
                       .hook = {[SITE_WHEEL] = nothing}};
@@ -134,6 +136,43 @@ static void test_a_row_that_lacks_something_is_named(void)
     effect = sound(&SOUND_PARAMETER);
     effect.hook[SITE_WHEEL] = NULL;
     assert_fault(effect, "effect made_up has no hook");
+}
+
+static void test_a_prior_that_is_missing_or_copied_is_named(void)
+{
+    effect_t effect = sound(&SOUND_PARAMETER);
+    effect.info.prior = 0;
+    assert_fault(effect, "effect made_up has no prior");
+
+    effect = sound(&SOUND_PARAMETER);
+    effect.info.prior_reason = "because it is so";
+    assert_fault(effect, "effect made_up has no `prior_reason`");
+
+    effect.info.prior_reason = NULL;
+    assert_fault(effect, "effect made_up has no `prior_reason`");
+
+    effect.info.prior_reason = bp_effect(3)->prior_reason;
+    assert_fault(effect, "effect made_up has the `prior_reason` of another effect");
+}
+
+static void test_what_a_law_contains_are_other_effects(void)
+{
+    effect_t effect = sound(&SOUND_PARAMETER);
+    effect.info.contains = "coulomb_friction wheel_slip";
+    TEST_ASSERT_FALSE(effect_fault(&effect, line, sizeof line));
+
+    effect.info.contains = "coulomb_friction no_effect";
+    assert_fault(effect, "effect made_up has a `contains` that names no other effect");
+
+    effect.info.contains = "coulomb_friction, wheel_slip";
+    assert_fault(effect, "effect made_up has a `contains`");
+
+    effect.info.contains = "wheel_slip made_up";
+    assert_fault(effect, "effect made_up has a `contains`");
+
+    effect.info.name = "wheel_slip";
+    effect.info.contains = "wheel_slip";
+    assert_fault(effect, "effect wheel_slip has a `contains`");
 }
 
 static void test_a_variant_that_is_none_is_named(void)
@@ -229,6 +268,8 @@ int main(void)
     RUN_TEST(test_what_can_be_undone_adds_up_over_the_effects_of_a_model);
     RUN_TEST(test_a_sound_row_has_no_fault);
     RUN_TEST(test_a_row_that_lacks_something_is_named);
+    RUN_TEST(test_a_prior_that_is_missing_or_copied_is_named);
+    RUN_TEST(test_what_a_law_contains_are_other_effects);
     RUN_TEST(test_a_variant_that_is_none_is_named);
     RUN_TEST(test_a_parameter_that_lacks_something_is_named);
     RUN_TEST(test_a_parameter_that_contradicts_itself_is_named);

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     shell_complete=mechanisms,
     help="Only the effects of this part of the robot, such as bearing or sensor.",
 )
-@click.option("--long", "whole", is_flag=True, help="Show equation, source and parameters of each effect.")
+@click.option("--long", "whole", is_flag=True, help="Show equation, source, prior and parameters of each effect.")
 @as_json
 def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool) -> None:
     """Lists the effects that the simulator can switch on, a line each: name, mechanism and what it is.
 
-    NAME shows one effect with its equation, source and parameters. WORD shows the effects whose name or description
-    contains it.
+    NAME shows one effect with its equation, source, prior and parameters. WORD shows the effects whose name or
+    description contains it.
     """
     from brickpilot import catalogue
 
@@ -73,6 +73,9 @@ def _text(effect: EffectInfo) -> str:
     """An effect as a paragraph, with a line for each parameter."""
     head = f"{effect.name}  (acts on: {effect.acts_on}; mechanism: {effect.mechanism})"
     lines = [effect.summary, f"equation: {effect.equation}", f"source: {effect.source}"]
+    lines.append(f"prior: {effect.prior}. {effect.prior_reason}")
+    if effect.contains:
+        lines.append(f"contains: {', '.join(effect.contains)}")
     if effect.variant_of:
         lines.insert(1, f"variant: {effect.variant_of}, but {effect.variation}")
     return "\n  ".join([head, *lines, *(_line(parameter) for parameter in effect.parameters)])

@@ -1,0 +1,92 @@
+"""Finds by simulation whether one law is another one with some of its parameters at 0 or equal to each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping
+from functools import cache
+
+import numpy as np
+from brickpilot import catalogue
+from brickpilot.catalogue import EffectInfo, ParameterInfo
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun, Simulated
+
+DRIVE = [(7, 7), (7, 3), (-4, 6), (np.nan, 2), (0, 0), (-3, -6), (1, 0.3), (np.nan, np.nan)]
+"""V left and right: curves, stops, reversal, and motors that float."""
+
+
+@cache
+def machines() -> tuple[Model, ...]:
+    """Returns a robot of either profile, and a motor whose input is a voltage or commands a force."""
+    motor = {**catalogue.presets("motor"), "mass": 0.5, "wheel_radius": 0.03, "wheel_inertia": 1e-4}
+    axis = {**catalogue.presets("motor"), "mass": 100.0, "force_per_volt": 50.0}
+    return (
+        rcx(),
+        dataclasses.replace(rcx(), profile="paper"),
+        Model("motor", "motor", "coupled", motor),
+        Model("axis", "motor", "coupled", axis),
+    )
+
+
+def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
+    """Says whether `law` is `other` with some of its parameters at 0 or equal, on every machine, where `other` acts."""
+    given = {one.name: _visible(one) for one in other.parameters}
+    if len(law.parameters) <= len(other.parameters):
+        return False
+    return any(
+        _same(other.name, given, law.name, values) for values in _special_cases(law, other, given)
+    ) and not _is_off(other.name, given)
+
+
+def _visible(one: ParameterInfo) -> float:
+    return one.preset or one.trial or (0.0 if one.role == "switch" else min(0.1, one.maximum))
+
+
+def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """Yields values of `law`, each 0 or a value of `other` with its unit; a parameter that can be neither is preset."""
+    choices = []
+    for one in law.parameters:
+        able = [0.0, *(given[two.name] for two in other.parameters if two.unit == one.unit)]
+        choices.append([value for value in able if one.minimum <= value <= one.maximum] or [one.preset])
+    wanted = {value for value in given.values() if value != 0}
+    for values in itertools.product(*(dict.fromkeys(able) for able in choices)):
+        if wanted <= set(values):
+            yield dict(zip((one.name for one in law.parameters), values, strict=True))
+
+
+def _same(other: str, given: Mapping[str, float], law: str, values: Mapping[str, float]) -> bool:
+    return all(
+        _alike(_flown(machine, other, tuple(given.items())), _flown(machine, law, tuple(values.items())))
+        for machine in machines()
+    )
+
+
+def _is_off(name: str, given: Mapping[str, float]) -> bool:
+    return all(_alike(_flown(machine, "", ()), _flown(machine, name, tuple(given.items()))) for machine in machines())
+
+
+def _alike(one: Simulated, other: Simulated) -> bool:
+    return all(
+        np.allclose(one.outputs[name], other.outputs[name], rtol=1e-9, atol=1e-12, equal_nan=True)
+        for name in one.outputs
+    )
+
+
+_KEPT: dict[tuple[object, ...], Simulated] = {}
+
+
+def _flown(machine: Model, name: str, values: tuple[tuple[str, float], ...]) -> Simulated:
+    """Returns the drive of `machine` with this effect alone, from a start with some age and charge."""
+    key = (machine.name, machine.profile, name, values)
+    if key not in _KEPT:
+        model = dataclasses.replace(machine, effects={name: dict(values)} if name else {})
+        inputs = np.repeat(np.array(DRIVE, dtype=float), 30, axis=0)
+        if machine.vehicle == "motor":
+            inputs = inputs[:, :1]
+        start = {"age": 20.0, "charge": 3.0, "surge": 0.1 if machine.vehicle == "diff_drive" else 0.0}
+        run = OpenLoopRun(0.01 * np.arange(len(inputs)), inputs, start, motor_step=0.001)
+        _KEPT[key] = plant.simulate([(model, run)])[0]
+    return _KEPT[key]
