@@ -191,54 +191,6 @@ int bp_simulate(bp_run *runs, int count, int threads);
 int bp_simulate_lanes(bp_run *runs, int count, int threads, int lanes);
 int bp_lanes(void);
 
-/* The stochastic grey-box form of a run: the plant predicts from each sample to the next, and what was measured corrects
- * it (an extended Kalman filter). The equations get unknown loads, and the sensors unknown drifts. How large they have to
- * be shows which equation of the model is deficient: Kristensen, Madsen & Jorgensen 2004, Automatica 40.
- *
- *   load of an equation = d + white noise        d' = -d / decay + noise
- *   reading             = output + b + noise     b' = -b / drift_decay + noise
- *
- * The white noise of a load is held over each interval between samples. d and b start with their lasting variance,
- * walk^2 decay / 2; where decay is 0, they never decay and start at 0. Memories of effects follow the mean and are not
- * estimated. A vehicle's estimate tracks the wheel speeds, the body's speeds where it moves on its own, currents where
- * L / R is above a fifth of the median interval, and angles and the heading where an output depends on them.
- */
-enum { BP_LOADS = 4, BP_ESTIMATES = 14, BP_MAX_MEASURED = 12 };
-const char *bp_estimate_name(int index); /* "wheel_speed_left", ..., then BP_LOADS loads; NULL beyond the last */
-const char *bp_estimate_unit(int index);
-
-typedef struct {
-    bp_run run; /* its `output` is filled with predictions from `horizon` before; NULL: not wanted */
-    double start_sd[BP_ESTIMATES - BP_LOADS]; /* of run.initial, in the order of bp_estimate_name() */
-    int measured_count;                       /* 1..BP_MAX_MEASURED */
-    const int *measured_output;               /* of each measured signal: its index in bp_output_name() */
-    const double *measured; /* samples x measured_count; NaN: a blank. The first sample is not used: run.initial
-                                   holds what it tells */
-    const double *noise;    /* sd of each reading, above 0 */
-    const double *drift;    /* sd of the noise that drives b, per root of a second; 0: no drift */
-    double drift_decay;     /* s */
-    double white[BP_LOADS]; /* N m or N, times root of a second: left wheel, right wheel, surge, yaw */
-    double walk[BP_LOADS];  /* N m or N, per root of a second */
-    double decay;           /* s */
-    double horizon;         /* s: predictions start again from the estimate so often, without loads; 0: never */
-
-    double *innovation;          /* samples x measured_count: reading less prediction; NaN in blanks; or NULL */
-    double *innovation_variance; /* the same; or NULL */
-    double *filtered;            /* samples x BP_ESTIMATES; or NULL */
-    double *smoothed;            /* samples x BP_ESTIMATES, from all readings; or NULL */
-    double *smoothed_sd;         /* samples x BP_ESTIMATES, 0 of what is not tracked; with `smoothed` */
-    double *smoothed_drift;      /* samples x measured_count; with `smoothed`; or NULL */
-    double log_likelihood;       /* filled: of the innovations */
-    int innovation_count;        /* filled */
-    /* With `smoothed`, filled: slopes of the log likelihood along each variance, for a linear plant. */
-    double noise_slope[BP_MAX_MEASURED], drift_slope[BP_MAX_MEASURED], white_slope[BP_LOADS], walk_slope[BP_LOADS];
-    int status; /* filled: 0 or BP_E_ */
-} bp_prediction;
-
-/* Filters, and smooths where that is wanted. It costs about twice as many plant steps as the estimate has states.
- * Returns and fills the status. BP_E_RANGE: a value is outside its range, or an output is one that the vehicle lacks. */
-int bp_predict(bp_prediction *prediction);
-
 /* One closed loop in this process: plant, sensors and the firmware. A control step lasts [rates] body_step of
  * models/rcx.toml. */
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };

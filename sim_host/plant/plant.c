@@ -33,8 +33,6 @@ static void gather_hooks(plant_t *plant, const bp_model *model)
                     (plant_hook_t){effect->hook[site], model->effect[i].value, memory};
         memory += effect->memory_count;
     }
-    plant->memory_used = (int)(memory - plant->memory);
-    plant->pushed = false;
 }
 
 /* The nominal motor of one side. Eq. 13 in eq. 14 is a loss that is linear in the speed: m g sigma r_w abs(w) at the
@@ -233,53 +231,4 @@ void plant_outputs(const plant_t *plant, double *out)
         memcpy(out, plant->vehicle.output, sizeof plant->vehicle.output);
     else
         output_row(&plant->vehicle, out);
-}
-
-static void push_wheels(const double *value, double *memory, vehicle_t *vehicle)
-{
-    (void)memory;
-    vehicle->wheel_torque[0] += value[PUSH_LEFT];
-    vehicle->wheel_torque[1] += value[PUSH_RIGHT];
-}
-
-static void push_body(const double *value, double *memory, vehicle_t *vehicle)
-{
-    (void)memory;
-    vehicle->force_surge += value[PUSH_SURGE];
-    vehicle->moment_yaw += value[PUSH_YAW];
-}
-
-static void install(plant_t *plant, site_t site, effect_hook_t *hook)
-{
-    plant->hook[site][plant->hook_count[site]++] = (plant_hook_t){hook, plant->push, NULL};
-}
-
-void plant_push(plant_t *plant, const double *load)
-{
-    memcpy(plant->push, load, sizeof plant->push);
-    if (plant->vehicle.vehicle == BP_MOTOR)
-        plant->push[PUSH_RIGHT] = plant->push[PUSH_SURGE] = plant->push[PUSH_YAW] = 0;
-    if (!plant->pushed) {
-        install(plant, SITE_WHEEL, push_wheels);
-        install(plant, SITE_BODY, push_body);
-        plant->pushed = true;
-    }
-}
-
-void plant_move(plant_t *plant, const bp_state *state)
-{
-    vehicle_t *vehicle = &plant->vehicle;
-    vehicle->state = *state;
-    if (vehicle->vehicle == BP_MOTOR)
-        vehicle->state.surge = contact_load_lever(vehicle->parameter) * vehicle->state.wheel_speed[0];
-    else if (vehicle->profile == BP_COUPLED && !(vehicle->build.along.creep > 0))
-        carry_body(vehicle);
-}
-
-void plant_copy(plant_t *to, const plant_t *from)
-{
-    to->vehicle = from->vehicle;
-    to->wheels = from->wheels;
-    memcpy(to->memory, from->memory, (size_t)from->memory_used * sizeof *to->memory);
-    plant_push(to, from->push);
 }

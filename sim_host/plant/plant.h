@@ -17,15 +17,6 @@ typedef struct {
     double *memory;
 } plant_hook_t;
 
-/* Loads from outside that a filter adds to the equations: see plant_push(). */
-typedef enum {
-    PUSH_LEFT,  /* N m at the left wheel, driving forward; of a motor, N m or N */
-    PUSH_RIGHT, /* N m at the right wheel */
-    PUSH_SURGE, /* N on the body, forward */
-    PUSH_YAW,   /* N m on the body, clockwise */
-    PUSH_COUNT
-} push_t;
-
 /* Callers may read vehicle.state. All else is for the plant alone. */
 typedef struct plant {
     vehicle_t vehicle;
@@ -33,12 +24,9 @@ typedef struct plant {
     double motor_step;     /* upper limits, s */
     double body_step;
     wheels_t wheels;
-    plant_hook_t hook[SITE_COUNT][MODEL_EFFECTS + 1];
+    plant_hook_t hook[SITE_COUNT][MODEL_EFFECTS];
     int hook_count[SITE_COUNT];
-    int memory_used;
     double memory[EFFECT_MEMORY];
-    bool pushed;
-    double push[PUSH_COUNT];
 } plant_t;
 
 /* Puts the vehicle into the state `initial` (NULL: at rest at the origin).
@@ -67,17 +55,5 @@ void plant_nominal_motors(const vehicle_t *vehicle, motor_t motor[2]);
 /* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor
  * effects that are on, and without noise. */
 void plant_outputs(const plant_t *plant, double *out);
-
-/* Loads that act from now on, until another call: PUSH_COUNT of them. Effects that come before them in the equations,
- * such as a dead band, do not see them; dry friction does. A motor feels the first alone. */
-void plant_push(plant_t *plant, const double *load);
-
-/* Puts a running vehicle into another state. Effects keep their memory, and outputs are those of before until the next
- * step. Where the wheels carry the body along, they decide over surge and yaw_rate. */
-void plant_move(plant_t *plant, const bp_state *state);
-
-/* Gives `to` the state of `from`, with the effects' memory and the loads. Both must have been started with the same
- * model and steps. This copies what is in use alone, which is far less than a plant_t. */
-void plant_copy(plant_t *to, const plant_t *from);
 
 #endif

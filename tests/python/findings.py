@@ -29,8 +29,6 @@ from brickpilot.discover.finding import (
     Whiteness,
 )
 from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit, Source, Yardstick
-from brickpilot.fit.deficient import Deficient
-from brickpilot.fit.explain import Explained
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.run_values import GAIN, RunValue, RunValues
 from synthetic import robot, write
@@ -65,8 +63,6 @@ TERM = Term(
     "if (w < 0 && torque > 0)\n    return;\n",
     0.923,
 )
-YAW = Deficient("yaw", 0.0121, "N m", (0.0111, 0.013), 0.213, 0.047, 1490.0, 0.91, (Explained("turning", 0.63),))
-GYRO = Deficient("sensor yaw_rate", 0.05, "rad/s", None, None, 0.02, 147.0, 0.09, (Explained("voltage", 0.02),))
 DIFFERS = RunValues(
     GAIN, 0.0, 0.031, {"spin": RunValue(0.022, (0.018, 0.026)), "curve": RunValue(-0.022, (-0.026, -0.018))}, 0.9, True
 )
@@ -135,7 +131,6 @@ def finding(data: Dataset, kind: str) -> Finding:
         noise_sd=NOISE,
         elapsed_s=6.24,
         seed=7,
-        equations=() if kind == "none" else (YAW, GYRO),
     )
 
 

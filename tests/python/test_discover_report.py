@@ -10,7 +10,6 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
-from brickpilot.discover.verdict_json import verdict_json
 from brickpilot.fit.replay import Replay
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import verdict, words
@@ -207,20 +206,6 @@ def test_the_places_of_the_gap_and_a_held_out_run_are_open(found):
         ("spin", "held-out run", "yaw rate"),
         ("curve", "fit run", "yaw rate"),
     ]
-
-
-def test_the_equations_that_need_a_disturbance_are_shown_and_written(found):
-    where = Page(page(found["named"], COMMAND)).sections["where"]
-    assert "Which equation lacks something" in where
-    assert "turning" in where
-    assert "reading of yaw rate" in where
-    assert "none of the quantities tried" in where
-    assert "lacks something" not in Page(page(found["none"], COMMAND)).sections["where"]
-    first, second = verdict_json(found["named"])["equations"]
-    assert first["equation"] == "yaw"
-    assert first["noise"] == {"value": 0.0121, "unit": "N m", "ci95": [0.0111, 0.013]}
-    assert first["best_explained_by"] == "turning"
-    assert (second["best_explained_by"], second["explained"]) == (None, None)
 
 
 def test_the_experiment_is_drawn_with_its_voltages(found):

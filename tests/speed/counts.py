@@ -49,7 +49,6 @@ KERNELS = (
     Kernel("simulate_1", "bp_simulate", SAMPLES - 1),
     Kernel("simulate_8", "bp_simulate", RUNS * (SAMPLES - 1)),
     Kernel("simulate_8_effects", "bp_simulate", RUNS * (SAMPLES - 1)),
-    Kernel("predict", "bp_predict", SAMPLES - 1),
 )
 
 Counted = Mapping[tuple[str, str], float]
@@ -63,7 +62,6 @@ FIGURES: dict[str, Callable[[Counted], float]] = {
     "simulate, a sample of 10 ms": lambda n: n["simulate_1", "bp_simulate"],
     "simulate 8 runs, a sample of one": lambda n: n["simulate_8", "bp_simulate"],
     "simulate 8 runs with two effects, a sample of one": lambda n: n["simulate_8_effects", "bp_simulate"],
-    "Kalman filter, a sample of 10 ms": lambda n: n["predict", "bp_predict"],
 }
 """Name -> instructions of one, from the counts per time of the kernels."""
 

@@ -26,7 +26,7 @@
 #define WIDE_LANES 0
 #endif
 
-enum { STEPS = 400, SAMPLES = 200, RUNS = 8, SIGNALS = 2 };
+enum { STEPS = 400, SAMPLES = 200, RUNS = 8 };
 
 /* From the start of a mission: at rest, a turn on the spot, and a drive. */
 static int fly(void)
@@ -96,30 +96,6 @@ static int simulate(int count, bool effects)
     return status | bp_simulate(runs, count, 1);
 }
 
-/* The Kalman filter with two readings and white loads, without its way back. */
-static int predict(void)
-{
-    static const int OUTPUTS[SIGNALS] = {OUTPUT_WHEEL_SPEED_LEFT, OUTPUT_YAW_RATE};
-    static const double NOISE[SIGNALS] = {0.1, 0.02}, DRIFT[SIGNALS] = {0, 0};
-    static double time[SAMPLES], input[2 * SAMPLES], measured[SIGNALS * SAMPLES], innovation[SIGNALS * SAMPLES];
-    bp_prediction given = {
-        .run = {.model = bp_model_new(BP_DIFF_DRIVE, BP_COUPLED), .samples = SAMPLES, .time = time, .input = input},
-        .measured_count = SIGNALS,
-        .measured_output = OUTPUTS,
-        .measured = measured,
-        .noise = NOISE,
-        .drift = DRIFT,
-        .white = {1e-3, 1e-3, 1e-2, 1e-3},
-        .innovation = innovation};
-
-    inputs(time, input);
-    for (int k = 0; k < SAMPLES; k++) {
-        measured[SIGNALS * k] = k % 50 * 0.3;
-        measured[SIGNALS * k + 1] = k % 30 * 0.05;
-    }
-    return bp_predict(&given);
-}
-
 static int kernel(const char *name)
 {
     if (strcmp(name, "fly") == 0)
@@ -136,8 +112,6 @@ static int kernel(const char *name)
         return simulate(RUNS, false);
     if (strcmp(name, "simulate_8_effects") == 0)
         return simulate(RUNS, true);
-    if (strcmp(name, "predict") == 0)
-        return predict();
     return BP_E_NAME;
 }
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal
 import brickpilot
 from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.discover.yardstick.record import Yardstick
-from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.run_values import RunValues
 from brickpilot.fit.spread import Spread
@@ -321,7 +320,6 @@ class Finding:
         power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
-        equations: the equations and sensors of the nominal model that need a disturbance, the most deficient first.
         yardstick: fit in percent before, after and attainable.
         run_values: what differs from run to run, each kind once.
         spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
@@ -352,7 +350,6 @@ class Finding:
     elapsed_s: float
     seed: int
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
-    equations: tuple[Deficient, ...] = ()
     yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()

@@ -15,7 +15,6 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     follow_whole_runs -> Written      the same model, fitted to free runs of whole runs     (long_horizon.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
     conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
-    find_equations   -> Deficient     the equations that need a disturbance, and what it varies with   (equations.py)
 
 Every number that decides a verdict stands in gates.py, with the reason for it.
 """
@@ -35,7 +34,6 @@ from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import conclude
 from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, JUDGED, SEARCHED, Deadline
 from brickpilot.discover.effect_source import EffectSource
-from brickpilot.discover.equations import find_equations
 from brickpilot.discover.estimate import Span, Stages, estimate
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.finding import Budget, Experiment, Finding
@@ -49,7 +47,6 @@ from brickpilot.discover.search import Searched, search
 from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove, suspected_in_windows
 from brickpilot.discover.written import Written, write
 from brickpilot.discover.yardstick import Yardstick, measure, reference
-from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.descent import Progress
 from brickpilot.fit.run_values import KINDS, RunValues
 from brickpilot.vehicle.model import Model
@@ -145,16 +142,13 @@ def _find(prepared: Prepared, tell: Stages) -> Finding:
     held: Yardstick = _attainable(explained, written)
     written = dataclasses.replace(written, kind=settled(explained.verdict, written, held))
     finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment, held)
-    equations: tuple[Deficient, ...] = ()
-    if deadline.allows("which equation lacks something"):
-        equations = find_equations(explained.prepared, finding)
     elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
     budget = (
         None
         if deadline.budget_s is None
         else Budget(deadline.budget_s, round(estimated.middle, 1), bool(skipped), skipped)
     )
-    return dataclasses.replace(finding, equations=equations, run_values=run_values, elapsed_s=elapsed_s, budget=budget)
+    return dataclasses.replace(finding, run_values=run_values, elapsed_s=elapsed_s, budget=budget)
 
 
 def _attainable(explained: Explained, written: Written) -> Yardstick:

@@ -28,7 +28,6 @@ def _figures(found: Finding) -> dict[str, Any]:
         "predictable": found.yardstick.predictable_json(),
         "effects": [_effect_json(effect) for effect in found.effects],
         "where": [dataclasses.asdict(place) for place in found.where],
-        "equations": [one.to_json() for one in found.equations],
         "gap": {
             **{role: dataclasses.asdict(gap) for role, gap in found.gap.items()},
             "unit": "residual rms / noise sd",

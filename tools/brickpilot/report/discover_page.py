@@ -70,7 +70,6 @@ def _tables(finding: Finding) -> dict[str, Any]:
     own, data = shown_finding(finding), finding.dataset
     return {
         "places": [discover_tables.place(one, finding) for one in finding.where[:_PLACES]],
-        "equations": [discover_tables.equation(one) for one in finding.equations],
         "effects": [discover_tables.effect(one) for one in own.effects],
         "equivalents": discover_tables.equivalents(own),
         "nominal": discover_tables.nominal(finding),

@@ -10,7 +10,6 @@ import numpy as np
 from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
 from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank
-from brickpilot.fit.deficient import Deficient
 from brickpilot.fit.run_values import RunValues
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words
@@ -29,20 +28,6 @@ def place(one: Place, finding: Finding) -> dict[str, str]:
         "when": one.when,
         "share": percent(one.share_of_gap),
         "width": f"{100 * one.share_of_gap / max(other.share_of_gap for other in finding.where):.1f}",
-    }
-
-
-def equation(one: Deficient) -> dict[str, str]:
-    """Returns the row of an equation, or a sensor, of the nominal model that needs a disturbance."""
-    kind, _, signal = one.equation.partition(" ")
-    return {
-        "equation": f"reading of {say(signal)}" if kind == "sensor" else one.equation,
-        "size": str(quantity(one.size, one.unit, one.ci95)),
-        "volts": "" if one.volts is None else str(quantity(one.volts, "V")),
-        "share": percent(one.share),
-        "width": f"{100 * one.share:.1f}",
-        "by": "none of the quantities tried" if one.explained is None else one.explained.by,
-        "explained": "" if one.explained is None else percent(one.explained.share),
     }
 
 

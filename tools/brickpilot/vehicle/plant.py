@@ -187,30 +187,6 @@ def _effect_presets() -> dict[str, dict[str, float]]:
     return {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
 
 
-def _fill_state(target: Any, state: State | Mapping[str, Any]) -> None:
-    chosen = state if isinstance(state, State) else State(**state)
-    for name in State.__dataclass_fields__:
-        value = getattr(chosen, name)
-        if isinstance(value, tuple):
-            getattr(target, name)[0], getattr(target, name)[1] = value
-        else:
-            setattr(target, name, value)
-
-
-def fill_run(request: Any, built: Any, model: Model, run: OpenLoopRun, output: Array) -> list[Any]:
-    """Fills the C request `bp_run`, without restarts, and returns what must stay alive while it is used."""
-    ffi = interface()[0]
-    time, inputs = _checked(run, 1 if model.vehicle == "motor" else 2)
-    request.model = built
-    request.samples = len(time)
-    request.motor_step = run.motor_step
-    request.body_step = run.body_step
-    buffers = [ffi.from_buffer("double[]", array.data) for array in (time, inputs, output)]
-    request.time, request.input, request.output = buffers
-    _fill_state(request.initial, run.initial)
-    return buffers
-
-
 @cache
 def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
     """Returns the outputs of the table that are in `signals`, in its order; None: all."""
