@@ -23,7 +23,7 @@ import numpy as np
 from brickpilot import catalogue
 from brickpilot.campaign.robots import Robot
 from brickpilot.constants import STEP_S
-from brickpilot.discover.default_sd import SD_SHARE
+from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.firmware import simulate
 from brickpilot.firmware.robot import load
 from brickpilot.tune import problem as problems

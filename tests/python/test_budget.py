@@ -12,13 +12,14 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import deadline, pipeline
-from brickpilot.discover.deadline import FIRST_EFFECT, Deadline
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.deadline import Deadline
+from brickpilot.discover.finding import verdict_json
 from command import brickpilot
 from hidden import folder
 from hidden.manoeuvre import short
 from hidden.recipe import Recipe
 
+FIRST_EFFECT = "the search for effect 1"
 RECIPE = Recipe("set", {"coulomb_friction": {"torque": 0.005}}, engine="planar", runs=short(), seed=3)
 
 

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 from brickpilot.campaign import file, robots, runs
 from brickpilot.campaign.file import Campaign
-from brickpilot.discover.default_sd import SD_SHARE
-from brickpilot.fit.spread import Spread
+from brickpilot.discover.prepare import SD_SHARE
+from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
 from command import brickpilot

@@ -12,8 +12,8 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
-from brickpilot.fit.rates import zero_phase_rate
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.start_state import zero_phase_rate
 from brickpilot.report.compare_page import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State

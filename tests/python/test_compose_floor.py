@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms.atoms import atom, find_atoms
 from brickpilot.discover.terms.equation import equation
+from brickpilot.discover.terms.periods import Segment
 from test_compose import BASIS, by_plant, coefficient, terms
 
 
 def test_waves_of_the_floor_are_told_from_a_force_by_the_accelerometer() -> None:
     waves = {"floor_add_sin_x": 0.04, "floor_add_cos_x": 0.03, "wavelength": 0.4}
-    found = by_plant(composed_term=waves).composed()
+    data = by_plant(composed_term=waves)
+    found = data.composed()
     assert found is not None
     sizes = {term.basis.name: term.coefficient for term in found.terms}
     assert sizes == pytest.approx({"floor_add_sin_x": 0.04, "floor_add_cos_x": 0.03}, rel=0.1)
     assert found.settings["wavelength"] == pytest.approx(0.4, rel=0.02)
     assert {term.basis.mechanism for term in found.terms} == {"floor"}
-    assert not any(term.basis.place == "surge" for rival in found.rivals for term in rival)
+    assert not any(part.place == "surge" for rival in data.weighed().rivals for part in rival.parts)
 
 
 def test_a_ramp_is_found_on_its_strip() -> None:
@@ -53,4 +54,4 @@ def test_a_slope_costs_as_much_as_a_force() -> None:
     wave = (("wavelength", 0.5),)
     slope = atom((BASIS["floor_add_sin_x"], BASIS["floor_add_cos_x"]), wave)
     force = atom((BASIS["surge_push_sin_x"], BASIS["surge_push_cos_x"]), wave)
-    assert slope.penalty([], 0.0) == force.penalty([], 0.0)
+    assert slope.log_odds == force.log_odds

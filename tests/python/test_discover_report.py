@@ -12,14 +12,16 @@ from brickpilot.data import dataset
 from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
 from brickpilot.fit.replay import Replay
 from brickpilot.report.discover_page import page
-from brickpilot.report.discover_text import verdict, words
+from brickpilot.report.discover_text import explanation_lines, verdict, words
 from brickpilot.report.quantities import quantity
 from brickpilot.vehicle.model import unit_on
 from findings import (
     COMMAND,
     DASH,
+    DEADBAND,
     DIFFERS,
     FRICTION,
+    HELD,
     MINUS,
     NOISE,
     RAMP,
@@ -111,6 +113,48 @@ def test_ambiguous_names_every_rival_and_the_next_experiment(found):
     assert sentence.endswith("Drive a slow ramp.")
 
 
+def test_rivals_of_one_mechanism_say_it_first(found):
+    one = found["ambiguous"]
+    friction = dataclasses.replace(FRICTION, equivalents=(dataclasses.replace(DEADBAND, name="rolling_sqrt"),))
+    said = verdict(dataclasses.replace(one, effects=(friction,)))
+    assert said.startswith("The cause is in the bearing, and two explanations fit these data equally well: dry")
+    assert verdict(one).startswith("An effect is missing, and three explanations")
+
+
+def test_the_explanations_that_hold_the_weight_are_a_table(found):
+    for kind, held in HELD.items():
+        read = Page(page(found[kind], COMMAND))
+        rows = [row for row in map(read._clean, read.rows) if len(row) == 4 and row[0].endswith("%")]
+        assert [row[:2] for row in rows] == [
+            [f"{100 * one.weight:.0f} %", " + ".join(one.effects) or "no effect"] for one in held
+        ]
+    read = Page(page(found["ambiguous"], COMMAND))
+    assert read.row("11 %")[1:] == [
+        "rolling_sqrt + gyro_bias",
+        f"{words('rolling_sqrt')} with an offset of the gyro",
+        "bearing, sensor",
+    ]
+    head, *lines = explanation_lines(found["ambiguous"])
+    assert "95 % of the weight" in head
+    assert lines[0].split(maxsplit=2) == ["61", "%", "coulomb_friction (bearing)"]
+    assert explanation_lines(found["named"]) == []
+
+
+def test_what_a_black_box_still_predicts_is_told(found):
+    text = Page(page(found["unknown"], COMMAND)).sections["left"]
+    assert "Of the squared error that the best explanation leaves, a black box predicts 31 % of yaw rate" in text
+    left = dataclasses.replace(found["unknown"], term=None, effects=(dataclasses.replace(FRICTION, claimed=False),))
+    said = verdict(left).replace("\N{NO-BREAK SPACE}", " ")
+    assert "A black box still predicts 31 % of what is left of yaw rate." in said
+
+
+def test_a_verdict_of_values_of_runs_alone_names_them(found):
+    made = dataclasses.replace(found["named"], effects=(), run_values=(DIFFERS,))
+    assert verdict(made).startswith(
+        "What the simulator does not know is the voltage that reaches the motors that differs from run to run"
+    )
+
+
 def test_unknown_gives_the_equation_and_its_share(found):
     sentence = verdict(found["unknown"]).replace("\N{NO-BREAK SPACE}", " ")
     assert "no effect of the library explains it" in sentence
@@ -150,7 +194,7 @@ def test_the_numbers_are_those_of_the_finding(found):
     assert read.row("viscous friction")[1:3] == ["0 N m s/rad", "18.0 µN m s/rad"]
     assert read.row("spin", "yaw rate") == ["spin", "yaw rate", "0.20", "1.31", "turning", "44 %"]
     assert read.row("1") == ["1", "coulomb_friction", "torque 6.10 mN m", "1.02", "over 99 %", RANKING[0].why]
-    assert read.row("2")[2:] == ["voltage 0.430 V", "2.90", "75 %", "Fits worse by 812 units."]
+    assert read.row("2")[2:] == ["voltage 0.430 V", "2.90", "75 %", "It predicts worse by 812.0, where 3 is sure."]
     assert len([row for row in read.rows if row[-1].startswith("Not ")]) == 12
     assert read.row("battery_sag")[2:] == ["resistance", "0.410 Ω"]
     assert len([row for row in read.rows if row[2:3] == ["frozen"]]) == 23
@@ -323,9 +367,9 @@ def test_a_moved_nominal_value_is_a_headline_of_its_own(found):
 
 def test_what_differs_from_run_to_run_has_a_sentence_and_a_table(found):
     made = dataclasses.replace(found["named"], run_values=(DIFFERS,))
-    said = "differs from run to run, with an sd of 3.1 % about its mean: from -2.2 % (curve) to +2.2 % (spin)"
+    said = "The voltage that reaches the motors differs from run to run: from -2.2 % (curve) to +2.2 % (spin)."
     assert said in verdict(made)
     html = page(made, COMMAND)
     assert html.count(said) == 2
-    assert "less the mean of the runs" in html
+    assert ["spin", "0.022 (0.018 to 0.026)"] in [Page._clean(row) for row in Page(html).rows]
     assert len(Page(html).all("table")) == len(Page(page(found["named"], COMMAND)).all("table")) + 1

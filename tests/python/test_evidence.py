@@ -4,93 +4,121 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from brickpilot.data import dataset
-from brickpilot.discover import gates
-from brickpilot.discover.evidence import HeldOutChange, _sentence
+from brickpilot.discover.finding import Evidence
 from brickpilot.discover.pipeline import discover
-from brickpilot.discover.predictability import settled
-from brickpilot.discover.yardstick.record import Predictable, Yardstick
+from brickpilot.discover.prepare import Prepared, calibrate, prepare
+from brickpilot.discover.seal import Sealed, prove, unproved
+from brickpilot.vehicle.model import Model
 from synthetic import robot, write
 
-CHANGE = HeldOutChange(before=1000.0, after=300.0, claimed=700.0, least=12.0, noise=290.0, draws=1.0)
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
 NOMINAL = "\n".join(
     f"{name} = {{ value = {robot().parameters[name]}, sd = {robot().parameters[name] * 0.02} }}"
     for name in ("mass", "yaw_inertia", "wheel_radius", "half_track", "resistance", "torque_constant", "emf_constant")
 )
+MOVES = {
+    "straight": (4.0, 4.0), "straight_back": (-5.0, -5.0), "spin": (4.0, -4.0), "spin_back": (-5.0, 5.0),
+    "again": (5.0, 5.0), "turned": (-4.5, 4.5),
+}  # fmt: skip
+ROLES = ["fit"] * 4 + ["held_out"] * 2
+FRICTION = {"coulomb_friction": {"torque": 0.006}}
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "falls", "partly", "said"),
-    [
-        (CHANGE, 0.5, True, False, "confirm"),
-        (CHANGE, 0.5, True, True, "little of the error"),
-        (dataclasses.replace(CHANGE, claimed=5.0, before=301.0), 1.0, False, False, "do not excite"),
-        (dataclasses.replace(CHANGE, after=900.0), 0.9, True, False, "contradict"),
-        (dataclasses.replace(CHANGE, after=1100.0), 0.9, True, False, "contradict"),
-        (CHANGE, 0.7, False, False, "as a whole does not fall"),
-        (CHANGE, 1.01, True, False, "grows"),
-        (dataclasses.replace(CHANGE, claimed=5.0), 1.01, False, False, "do not excite"),
-        (dataclasses.replace(CHANGE, claimed=5.0), gates.FREE_RUN_GROWS + 0.01, False, False, "grows"),
-    ],
-)
-def test_each_objection_of_the_held_out_runs_is_said(
-    change: HeldOutChange, error: float, falls: bool, partly: bool, said: str
-) -> None:
-    assert said in _sentence(change, error, falls=falls, partly=partly)
+def truth(**effects: dict[str, float]) -> Model:
+    return dataclasses.replace(robot(), effects=effects)
 
 
-def test_the_removed_share_is_negative_where_the_cost_grows() -> None:
-    assert dataclasses.replace(CHANGE, after=1355.0).removed == pytest.approx(-0.5)
-    assert dataclasses.replace(CHANGE, noise=1000.0).removed is None
+def written(folder: Path, held_out: Model, fitted: Model) -> Path:
+    """Writes runs of one robot that are fitted, and runs of another one that are held out."""
+    told = {"manoeuvres": MOVES, "roles": ROLES}
+    write(folder, fitted, NOISE, NOMINAL, **told)
+    other = write(folder.with_name(f"{folder.name}-held-out"), held_out, NOISE, NOMINAL, **told)
+    for name, role in zip(MOVES, ROLES, strict=True):
+        if role == "held_out":
+            (folder / f"{name}.csv").write_bytes((other / f"{name}.csv").read_bytes())
+    return folder
+
+
+def ready(folder: Path) -> tuple[Prepared, Model, Sealed]:
+    prepared, sealed = prepare(dataset.read(folder), None, seed=0, jobs=1)
+    prepared, nominal = calibrate(prepared)
+    return prepared, nominal.model, sealed
+
+
+def proved(folder: Path, held_out: Model, **claimed: dict[str, float]) -> Evidence:
+    """Returns what held-out runs say of a claim about runs of a robot with dry friction."""
+    prepared, nominal, sealed = ready(written(folder, held_out, truth(**FRICTION)))
+    found = prove(prepared, sealed, robot(), dataclasses.replace(robot(), effects=claimed)).evidence
+    assert nominal.effects == {}
+    assert found is not None
+    return found
+
+
+def test_runs_of_the_same_robot_confirm_the_claim(tmp_path: Path) -> None:
+    found = proved(tmp_path / "set", truth(**FRICTION), **FRICTION)
+    assert (found.kind, found.contradicted, found.draws) == ("held_out", False, 1.0)
+    assert found.sentence == "Held-out runs confirm it."
+    assert found.removed_fit == pytest.approx(1.0, abs=0.05)
+    assert found.removed_held_out == pytest.approx(1.0, abs=0.05)
+
+
+def test_runs_of_a_robot_without_it_contradict_the_claim(tmp_path: Path) -> None:
+    found = proved(tmp_path / "set", robot(), **FRICTION)
+    assert (found.kind, found.contradicted, found.draws) == ("fitted_only", True, 0.0)
+    assert "do not confirm" in found.sentence
+    assert found.removed_held_out is None or found.removed_held_out < 0
+
+
+def test_runs_that_do_not_show_it_neither_confirm_nor_contradict(tmp_path: Path) -> None:
+    found = proved(tmp_path / "set", truth(**FRICTION), gyro_bias={"bias": 1e-6})
+    assert (found.kind, found.contradicted) == ("fitted_only", False)
+    assert "do not excite" in found.sentence
+
+
+def test_without_held_out_runs_nothing_is_confirmed(tmp_path: Path) -> None:
+    folder = write(tmp_path / "set", truth(**FRICTION), NOISE, NOMINAL, manoeuvres=MOVES, roles=["fit"] * 6)
+    prepared, _, sealed = ready(folder)
+    assert prepared.roles.tested() == []
+    found = prove(prepared, sealed, robot(), truth(**FRICTION)).evidence
+    assert found is not None
+    assert (found.kind, found.contradicted, found.draws, found.removed_held_out) == ("fitted_only", False, None, None)
+    assert "No run was held out" in found.sentence
+
+
+def test_a_model_that_adds_nothing_needs_no_proof_and_what_fell_is_simulated_without_it(tmp_path: Path) -> None:
+    prepared, nominal, sealed = ready(written(tmp_path / "set", robot(), truth(**FRICTION)))
+    proof = prove(prepared, sealed, nominal, truth(**FRICTION))
+    plain = unproved(proof, nominal)
+    assert proof.is_contradicted
+    assert plain.simulated["augmented"] is plain.simulated["nominal"] is proof.simulated["nominal"]
+    assert all(one.after == one.before for one in (*plain.gap.values(), *plain.by_signal.values()))
+    again, _, other = ready(tmp_path / "set")
+    assert prove(again, other, nominal, nominal).evidence is None
 
 
 def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
     """The held-out run is that of a robot without the effect: what explains the fit runs makes it worse."""
     moves = {"straight": (4.0, 4.0), "straight_back": (-5.0, -5.0), "spin": (4.0, -4.0), "again": (5.0, 5.0)}
-    roles = ["fit", "fit", "fit", "held_out"]
-    with_friction = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.012}})
-    told = {"manoeuvres": moves, "roles": roles}
-    honest = write(tmp_path / "honest", with_friction, NOISE, NOMINAL, **told)
+    told = {"manoeuvres": moves, "roles": ["fit", "fit", "fit", "held_out"]}
+    honest = write(tmp_path / "honest", truth(coulomb_friction={"torque": 0.012}), NOISE, NOMINAL, **told)
     without = write(tmp_path / "without", robot(), NOISE, NOMINAL, **told)
     found = discover(dataset.read(honest), jobs=1)
-    assert found.verdict == "named"
     assert found.evidence is not None
     assert found.evidence.kind == "held_out"
     assert all(one.claimed for one in found.effects)
 
     (honest / "again.csv").write_bytes((without / "again.csv").read_bytes())
     swapped = discover(dataset.read(honest), jobs=1)
-    assert swapped.verdict == "unknown"
-    assert not any(one.claimed for one in swapped.effects)
-    assert "coulomb_friction" in {name for rank in swapped.ranking for name in rank.names}
-    gap = swapped.gap["held_out"]
-    assert gap.before is not None
-    assert gap.after is not None
-    assert gap.after <= gap.before
-
-
-def _yardstick(low: float | None) -> Yardstick:
-    interval = None if low is None else (low, 1.0)
-    return Yardstick(predictable={"free_run": Predictable(0.5, interval, 0.5, interval, None, None, {}, ())})
-
-
-@pytest.mark.parametrize(
-    ("kind", "low", "settles"),
-    [
-        ("unknown", 0.5, "unknown"),
-        ("unknown", -0.1, "none"),
-        ("unknown", None, "unknown"),
-        ("none", 0.1, "none"),
-        ("none", 0.5, "unknown"),
-        ("named", -0.1, "named"),
-    ],
-)
-def test_something_is_missing_if_the_error_is_predictable(kind: str, low: float | None, settles: str) -> None:
-    verdict = SimpleNamespace(best=SimpleNamespace(chosen=()), unclaimed=None, removed_by=lambda _: np.nan)
-    written = SimpleNamespace(kind=kind, composed=None)
-    assert settled(verdict, written, _yardstick(low)) == settles  # type: ignore[arg-type]
+    assert swapped.explanations == found.explanations  # the seal chooses nothing
+    assert swapped.evidence is not None
+    assert found.evidence.removed_held_out is not None
+    assert swapped.evidence.removed_held_out is not None
+    assert swapped.evidence.removed_held_out < found.evidence.removed_held_out
+    if swapped.evidence.contradicted:
+        assert swapped.verdict == "unknown"
+        assert not any(one.claimed for one in swapped.effects)
+        assert swapped.augmented.effects == {}
+    assert found.verdict in ("named", "ambiguous")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from brickpilot.discover.experiment import commands, manoeuvres
 from brickpilot.discover.finding import Manoeuvre
-from brickpilot.discover.manoeuvres import commands, manoeuvres
 from brickpilot.report.experiment_files import ARRAY, SCENARIO, TABLE, files_of, steps
 from brickpilot.vehicle import scenario
 from command import brickpilot

@@ -20,7 +20,7 @@ from brickpilot.discover.finding import Finding
 pytest.importorskip("mujoco")
 
 TESTS = Path(__file__).parents[1]
-TOLERANCE = 0.05
+TOLERANCE = 0.07  # a gyro's scale trades against track and inertia, whose stated values are 2 % off
 """Of a parameter's true value."""
 FLOOR = 1.1
 """Times the noise: what may be left on held-out runs."""

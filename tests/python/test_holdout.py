@@ -10,6 +10,7 @@ import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, Run, motor_inputs, read
 from brickpilot.data.holdout import Roles, assign, manoeuvre
+from brickpilot.discover import seal
 from brickpilot.discover.prepare import prepare
 from brickpilot.fit.blocks import Bins, blocks
 from brickpilot.vehicle import model as model_file
@@ -102,8 +103,8 @@ def test_a_stretch_leaves_half_of_each_direction_in_the_fit(tmp_path: Path) -> N
 
 def test_what_is_held_out_is_compared_and_not_fitted(tmp_path: Path) -> None:
     data = written(tmp_path / "s", {"ahead": (5.0, 5.0), "back": (-5.0, -5.0)}, stretch=4.0)
-    prepared = prepare(data, None, seed=0, jobs=1)
-    held_out = prepared.held_out()
+    prepared, sealed = prepare(data, None, seed=0, jobs=1)
+    held_out = seal._held_out(prepared, sealed.open())
     assert held_out is not None
     fitted = {(block.run, round(float(at), 6)) for block in prepared.fine.blocks for at in block.middle}
     tested = {(block.run, round(float(at), 6)) for block in held_out.blocks for at in block.middle}

@@ -137,3 +137,12 @@ def test_the_step_of_a_converter_is_found_below_its_noise_but_not_that_of_the_te
     assert step_of([np.round(values / 0.01) * 0.01]) == pytest.approx(0.01, rel=1e-3)
     assert step_of([np.round(values, 5)]) == 0.0
     assert step_of([values.astype(np.float32).astype(float)]) == 0.0
+
+
+def test_a_part_that_is_held_out_of_a_run_makes_no_noise():
+    angle = np.cumsum(np.full(1200, 0.05)) // 0.0065 * 0.0065
+    whole, part = (
+        noise_of([angle]),
+        noise_of([np.where((np.arange(1200) > 600) & (np.arange(1200) < 800), np.nan, angle)]),
+    )
+    assert part.sd == pytest.approx(whole.sd, rel=0.05)

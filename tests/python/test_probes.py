@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 from brickpilot import catalogue
-from brickpilot.discover.candidates import Candidate, limit_of
-from brickpilot.discover.excitation import Excitation
+from brickpilot.discover.parts import Excitation, Part, limit_of
 from brickpilot.discover.probes import probes_of
 from brickpilot.vehicle.model import rcx
 
@@ -19,10 +18,10 @@ LIMITED = [
 
 @pytest.mark.parametrize(("effect", "limit"), LIMITED, ids=lambda one: one if isinstance(one, str) else one.name)
 def test_limit_is_tried_only_within_its_range(effect, limit):
-    candidate = Candidate(effect, (limit.name,), {})
-    assert limit_of(candidate) == limit
+    part = Part(effect, (limit.name,), {})
+    assert limit_of(part) == limit
     for largest in (0.0, 0.5 * limit.minimum, 1.5 * limit.minimum, 0.5 * limit.maximum):
-        tried = probes_of(candidate, rcx(), Excitation({limit.limits: largest}))
+        tried = probes_of(part, rcx(), Excitation({limit.limits: largest}))
         sizes = [values[limit.name] for probe in tried for values in probe.values]
         assert all(limit.minimum <= size <= limit.maximum for size in sizes)
         assert bool(sizes) == (largest >= limit.minimum and largest > 0)

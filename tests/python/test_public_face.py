@@ -99,9 +99,9 @@ try:
     bp.discover("no data set", seed=3)
 except AttributeError as error:
     print(error)
-from brickpilot.discover import gates, pipeline
+from brickpilot.discover import numbers, pipeline
 import inspect
-print(bp.discover.gates is gates, inspect.signature(bp.discover) == inspect.signature(pipeline.discover))
+print(bp.discover.numbers is numbers, inspect.signature(bp.discover) == inspect.signature(pipeline.discover))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     called, same = done.stdout.splitlines()

@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 from brickpilot.campaign import robots
 from brickpilot.campaign.robots import Allowed, Explanation
-from brickpilot.discover.default_sd import SD_SHARE
+from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
-from brickpilot.fit.spread import Spread
+from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, read
-from brickpilot.discover.calibrate import calibrate
-from brickpilot.discover.prepare import prepare
-from brickpilot.discover.sampling import sampling_note
+from brickpilot.discover.input_timing import with_known_sampling
+from brickpilot.discover.prepare import calibrate, prepare
 from brickpilot.errors import InputError
 from brickpilot.fit.blocks import blocks
 from brickpilot.vehicle import plant
@@ -106,13 +105,23 @@ def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
     assert left[other] > 1.6 * left[kind]
 
 
-@pytest.mark.parametrize("kind", ["instant", "mean"])
-def test_the_data_show_which_it_is(kind: str, tmp_path: Path) -> None:
-    data = written(tmp_path / "s", kind)
-    prepared = prepare(data, None, seed=0, jobs=1)
-    note = sampling_note(prepared, calibrate(prepared))
-    assert note is not None
-    words = {"instant": "the instant", "mean": "the mean since the sample before it"}
-    assert f"It is surely {words[kind]}" in note
-    prepared = prepare(stated(data, kind), None, seed=0, jobs=1)
-    assert sampling_note(prepared, calibrate(prepared)) is None
+def known_sampling(data: Dataset) -> Dataset | None:
+    return with_known_sampling(data, *calibrate(prepare(data, None, seed=0, jobs=1)[0]))
+
+
+def test_runs_that_show_the_instant_are_taken_so_and_a_note_says_it(tmp_path: Path) -> None:
+    data = written(tmp_path / "s", "instant")
+    known = known_sampling(data)
+    assert known is not None
+    assert known.signals["accel_surge"].sampling == "instant"
+    assert {name: one.sampling for name, one in known.signals.items() if one.sampling} == {"accel_surge": "instant"}
+    assert known.notes[: len(data.notes)] == data.notes
+    (note,) = known.notes[len(data.notes) :]
+    assert note.startswith("accel_surge: the data set does not state what a sample is. It is the instant, 9")
+
+
+def test_the_mean_is_taken_without_a_word_and_what_is_stated_is_not_asked(tmp_path: Path) -> None:
+    assert known_sampling(written(tmp_path / "mean", "mean")) is None
+    data = written(tmp_path / "instant", "instant")
+    for kind in ("instant", "mean"):
+        assert known_sampling(stated(data, kind)) is None

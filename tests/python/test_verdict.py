@@ -1,95 +1,136 @@
-"""The verdict's rules, each on explanations made by hand."""
+"""What is left over decides between a name and `unknown`. How the evidence is weighed is in test_criterion.py."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
+import dataclasses
+from pathlib import Path
 
+import numpy as np
 import pytest
-from brickpilot.discover import pipeline, verdict
+from brickpilot import catalogue
+from brickpilot.data import dataset
+from brickpilot.discover import adequacy, numbers
+from brickpilot.discover.adequacy import Adequacy
+from brickpilot.discover.evidence import Judge
+from brickpilot.discover.explanation import joined, refine
+from brickpilot.discover.parts import RunPart, library_parts
+from brickpilot.discover.prepare import calibrate, prepare
 from brickpilot.discover.terms.basis import basis
+from brickpilot.vehicle.model import Model
+from synthetic import robot, write
+
+NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
+STATED = "\n".join(f"{name} = {value}" for name, value in robot().parameters.items() if value and "per" not in name)
+MOVES = {
+    f"{name}_{volts:g}": (left * volts, right * volts)
+    for volts in (3.0, 5.0)
+    for name, left, right in (("ahead", 1, 1), ("back", -1, -1), ("spin", 1, -1), ("curve", 1, 0.4))
+}
+FRICTION = {"coulomb_friction": {"torque": 0.006}}
 
 
-def explanation(*names: str, cost: float) -> Any:
-    return SimpleNamespace(names=names, chosen=names, penalised_cost=cost)
-
-
-def test_what_an_explanation_is_without_its_undetermined_effect_is_a_rival(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two effects fit best, but one of them is undetermined: the other one alone competes with the best that is left.
-
-    On the log of a drivetrain dry friction was so lost, and a carpet's nap was named.
-    """
-    nap, pair = explanation("nap", cost=410.0), explanation("friction", "mismatch", cost=313.0)
-    friction = explanation("friction", cost=361.0)
-    prepared: Any = SimpleNamespace(fine=None, jobs=1)
-    monkeypatch.setattr(verdict, "drop_undetermined", lambda _, one, __: friction if one is pair else one)
-    monkeypatch.setattr(verdict, "_is_possible", lambda *_: True)
-    monkeypatch.setattr(verdict, "passes_gates", lambda *_: True)
-    nothing: Any = None
-    found = verdict._determined(prepared, nothing, nap, [pair, nap], None)
-    assert [one.names for one in found] == [("friction",), ("nap",)]
-
-    monkeypatch.setattr(verdict, "passes_gates", lambda _, __, ___, one, ____: one is not friction)
-    assert verdict._determined(prepared, nothing, nap, [pair, nap], None) == [nap]
-
-
-def test_what_holds_a_fallen_explanation_s_effects_may_take_its_place() -> None:
-    """Nothing was left of the best explanation, so that every other one counted as the same with more effects.
-
-    A drive that loses voltage against the current was so told as nothing.
-    """
-    best, other = explanation("loss", "friction", cost=100.0), explanation("loss", "stiction", cost=120.0)
-    far, nothing = explanation("drag", cost=900.0), explanation(cost=110.0)
-    best.cost = 100.0
-    found: Any = SimpleNamespace(best=best, rounds=[SimpleNamespace(tried=[best, other, far, nothing])])
-    assert verdict._near_best(found, None) == [best, other]
-    assert verdict._near_best(found, explanation("loss", cost=100.0)) == []
-    assert verdict._near_best(found, best) == [other]
-
-
-def test_a_ripple_that_explains_half_of_windows_is_listed_without_a_claim() -> None:
-    def judged(removed: float, *, periodic: bool = True) -> Any:
-        found = SimpleNamespace(cost=100.0 - 90.0 * removed, is_periodic=periodic, chosen=("ripple",))
-        nominal: Any = SimpleNamespace(cost=100.0, chosen=())
-        return verdict.Verdict("named", nominal, found, (found,), (found,), 10.0, 1.0)  # type: ignore[arg-type]
-
-    suspected = verdict.suspected_in_windows(judged(0.6))
-    assert suspected is not None
-    assert (suspected.kind, suspected.best, suspected.rivals) == ("unknown", suspected.nominal, ())
-    assert suspected.removed_by(suspected.unclaimed) == pytest.approx(0.6)  # type: ignore[arg-type]
-    assert verdict.suspected_in_windows(judged(0.4)) is None
-    assert verdict.suspected_in_windows(judged(0.6, periodic=False)) is None
-
-
-def test_a_term_takes_the_place_of_many_effects_of_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An encoder that reads too little was told as wheel radius, torque constant and centre of mass together."""
-    fitted = SimpleNamespace(parameter_count=1, cost=1.2)
-    term = SimpleNamespace(alone=True, terms=SimpleNamespace(fitted=fitted))
-    monkeypatch.setattr(pipeline, "compose", lambda *_: term)
-    found = explanation("radius", "torque", "mass", cost=2.0)
-    found.parameter_count = 3
-    windows: Any = SimpleNamespace(verdict=SimpleNamespace(best=found))
-    whole = pipeline.Explained(None, None, SimpleNamespace(noise=1.0))  # type: ignore[arg-type]
-    assert pipeline._simpler_term(whole, windows, None).composed is term  # type: ignore[arg-type, union-attr]
-    fitted.cost = 2.0  # more than noise
-    assert pipeline._simpler_term(whole, windows, None) is None  # type: ignore[arg-type]
-    fitted.cost, fitted.parameter_count = 1.2, 3
-    assert pipeline._simpler_term(whole, windows, None) is None  # type: ignore[arg-type]
-    fitted.parameter_count, found.chosen = 1, ("radius", "torque")
-    assert pipeline._simpler_term(whole, windows, None) is None  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("removed", "kept"), [(0.5, 1), (0.2, 0)])
-def test_values_of_the_runs_do_not_take_what_unclaimed_effects_explain(
-    monkeypatch: pytest.MonkeyPatch, removed: float, kept: int
+@pytest.mark.parametrize(
+    ("left", "is_adequate", "said"),
+    [
+        (Adequacy({"speed": 0.1, "yaw_rate": 0.2}, 0.1, 0.9), True, ""),
+        (Adequacy({"speed": 0.1, "yaw_rate": 0.21}, 0.1, 0.9), False, "21 % of the error of yaw_rate"),
+        (Adequacy({"speed": 0.1}, 5.0, 0.34), True, ""),
+        (Adequacy({"speed": 0.1}, 0.31, 0.33), False, "neither a law of the library nor a black box predicts it"),
+        (Adequacy({"speed": 0.1}, 0.29, 0.0), True, ""),
+        (Adequacy({}, 0.0, 0.0), True, ""),
+    ],
+)
+def test_what_is_left_is_too_much_if_it_is_predictable_or_most_of_it(
+    left: Adequacy, is_adequate: bool, said: str
 ) -> None:
-    """A drive's loss, suspected and not claimed, left delays that differed from run to run, and the verdict none."""
-    values = SimpleNamespace(removed=removed, applied=False, kind=pipeline.KINDS[0])
-    monkeypatch.setattr(pipeline, "values_that_differ", lambda *_: values)
-    lasting: Any = SimpleNamespace(until=lambda _: SimpleNamespace(allows=lambda _: True))
-    found: Any = SimpleNamespace(best=None, removed_unclaimed=0.3)
-    explained = pipeline.Explained(lasting, None, found)  # type: ignore[arg-type]
-    assert pipeline._explain_with_run_values(explained, None) == (explained, (values,) * kept)  # type: ignore[arg-type]
+    assert left.is_adequate == is_adequate
+    assert said in left.sentence
+    assert bool(left.sentence) != is_adequate
+
+
+def left_by(folder: Path, effects: dict[str, dict[str, float]], name: str | None, *, spoil=None) -> Adequacy:
+    """Returns what the nominal model leaves of a robot with effects, or that model with one of them."""
+    truth = dataclasses.replace(robot(), effects=effects)
+    folder = write(folder, truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES), spoil=spoil)
+    prepared, nominal = calibrate(prepare(dataset.read(folder), None, seed=0, jobs=1)[0])
+    judge, best = Judge.of(prepared.coarse, 0), nominal
+    if name is not None:
+        part = next(one for one in library_parts(nominal.model) if one.effect == name)
+        best = refine(prepared.coarse, [joined(nominal, part, effects[name])], 1)[0]
+    return adequacy.adequacy(judge, judge.of_explanation(best), judge.of_explanation(nominal), 0)
+
+
+def test_dry_friction_is_predictable_until_it_is_explained(tmp_path: Path) -> None:
+    lacking = left_by(tmp_path / "lacking", FRICTION, None)
+    assert not lacking.is_adequate
+    assert lacking.most_predictable > 0.5
+    assert lacking.explained == 0
+    assert lacking.nats_left > numbers.UNEXPLAINED_NATS
+    right = left_by(tmp_path / "right", FRICTION, "coulomb_friction")
+    assert right.is_adequate
+    assert right.most_predictable < 0.1
+    assert right.explained == pytest.approx(1.0, abs=0.05)
+    assert right.nats_left < 0.1
+
+
+def test_of_noise_nothing_is_predicted(tmp_path: Path) -> None:
+    nothing = left_by(tmp_path / "noise", {}, None)
+    assert nothing.is_adequate
+    assert nothing.most_predictable < 0.1
+
+
+def test_an_error_that_nobody_can_predict_is_too_much_where_nothing_is_explained(tmp_path: Path) -> None:
+    """A slow random walk on each run's yaw rate: no law and no black box knows it of a run that it has not seen."""
+    random = np.random.default_rng(4)
+
+    def wander(_: str, table: dict[str, np.ndarray]) -> None:
+        table["yaw_rate"] = table["yaw_rate"] + np.cumsum(random.normal(0, 0.03, len(table["t"])))
+
+    left = left_by(tmp_path / "walk", {}, None, spoil=wander)
+    assert left.most_predictable < numbers.SHARED_REST
+    assert left.nats_left > numbers.UNEXPLAINED_NATS
+    assert not left.is_adequate
+    assert "neither" in left.sentence
+
+
+def test_folds_are_whole_runs_and_of_one_run_blocks_of_time() -> None:
+    names = ["a"] * 50 + ["b"] * 30 + ["c"] * 20 + ["d"] * 10 + ["e"] * 5
+    folds = adequacy.folds_of(names, np.arange(len(names)) * 0.1)
+    assert all(len({fold for fold, one in zip(folds, names, strict=True) if one == name}) == 1 for name in names)
+    assert len(set(folds)) == 4
+    assert folds[-1] == folds[100]  # the shortest runs share one
+    alone = adequacy.folds_of(["a"] * 800, np.arange(800) * 0.1)
+    assert np.flatnonzero(np.diff(alone)).tolist() == [99, 199, 299, 399, 499, 599, 699]
+    assert alone[0] == alone[400]
+
+
+def test_a_black_box_that_proved_bold_is_scaled_down() -> None:
+    random = np.random.default_rng(0)
+    columns = random.normal(size=(400, 3))
+    folds = np.repeat(np.arange(4), 100)
+    told = columns[:, 0] + 0.1 * random.normal(size=400)
+    seen = adequacy.out_of_fold(columns, told, folds, 0)
+    assert seen.boldness > 0.9
+    assert np.corrcoef(seen.value, told)[0, 1] > 0.9
+    noise = adequacy.out_of_fold(columns, random.normal(size=400), folds, 0)
+    assert np.sum(noise.value**2) < 0.1 * 400
+
+
+def test_prior_odds_are_those_of_the_effect_table() -> None:
+    odds = {one.effect: np.exp(one.log_odds) for one in library_parts(Model("m", "diff_drive", "coupled", {}))}
+    of_prior = {"common": 0.05, "usual": 0.05 * 0.2**0.5, "rare": 0.01}
+    for effect in catalogue.effects():
+        if effect.name in odds:
+            assert odds[effect.name] == pytest.approx(of_prior[effect.prior])
+    assert np.exp(RunPart("delay", ("a", "b", "c"), {}).log_odds) == pytest.approx(0.01**3)  # each is a statement
+
+
+def test_a_value_that_leaves_what_was_stated_of_it_is_further_than_chance_among_so_many() -> None:
+    assert not numbers.leaves_prior(1.9, 1)
+    assert numbers.leaves_prior(2.0, 1)
+    assert numbers.leaves_prior(-2.0, 1)
+    assert not numbers.leaves_prior(2.8, 11)
+    assert numbers.leaves_prior(2.9, 11)
 
 
 def test_a_torque_that_goes_with_the_current_is_the_motor_s() -> None:

@@ -9,8 +9,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Gap, Parameter, Rank, Visible
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import Gap, Parameter, Rank, Visible, verdict_json
 from findings import DIFFERS, FRICTION, VERDICTS, all_verdicts
 from jsonschema import Draft202012Validator
 from synthetic import motor, write
@@ -96,3 +95,14 @@ def test_an_effect_without_an_interval_holds_to_the_schema(found):
 def test_values_of_the_runs_hold_to_the_schema(found):
     figures = check(dataclasses.replace(found["named"], run_values=(DIFFERS,)))
     assert figures["run_values"][0]["runs"]["spin"] == {"value": 0.022, "ci95": [0.018, 0.026]}
+    unknown = dataclasses.replace(DIFFERS, runs={"spin": (0.022, (NAN, NAN)), "curve": (0.0, (-0.1, 0.1))})
+    figures = check(dataclasses.replace(found["named"], run_values=(unknown,)))
+    assert figures["run_values"][0]["runs"]["spin"]["ci95"] == [None, None]
+
+
+def test_the_explanations_hold_to_the_schema(found):
+    figures = check(found["ambiguous"])
+    assert figures["explanations"][1] == {"effects": ["actuator_deadband"], "weight": 0.24, "mechanisms": ["drive"]}
+    assert figures["predictable_left"] == {"yaw_rate": 0.04}
+    assert check(found["none"])["explanations"][0]["effects"] == []
+    assert check(dataclasses.replace(found["none"], predictable_left=None))["predictable_left"] is None

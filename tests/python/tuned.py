@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from brickpilot.campaign.crew import Crew, Finished, Function, Part
-from brickpilot.discover.default_sd import SD_SHARE
+from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.tune import robot
 from brickpilot.tune.search import Budget
 from brickpilot.tune.tune import Tuned, tune

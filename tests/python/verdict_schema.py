@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from importlib import resources
 
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import verdict_json
 from jsonschema import Draft202012Validator
 
 SCHEMA = json.loads(resources.files("brickpilot").joinpath("report/verdict.schema.json").read_text(encoding="utf-8"))

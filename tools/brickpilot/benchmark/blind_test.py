@@ -22,7 +22,7 @@ from brickpilot.campaign.engine import Part
 from brickpilot.campaign.workers import Workers, shared
 from brickpilot.data import dataset
 from brickpilot.discover import pipeline
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import verdict_json
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.descent import Progress
 

@@ -26,8 +26,7 @@ from brickpilot.data import holdout
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Finding
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.comparable import comparable
 from brickpilot.fit.replay import Replay

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.holdout import Roles
-from brickpilot.discover.finding import Finding
-from brickpilot.discover.verdict_json import verdict_json
+from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError
 from brickpilot.vehicle import whole_file
 

@@ -23,11 +23,11 @@ from brickpilot.benchmark import machine
 from brickpilot.benchmark.power_law import PowerLaw, fit
 from brickpilot.campaign import engine, flights, workers
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover import calibrate as nominal_fit
-from brickpilot.discover import candidates, pipeline, prepare
+from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
+from brickpilot.fit.residual import Problem
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
@@ -259,14 +259,13 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all candidates beside the calibrated model; with `times`: so many, the list over and over."""
-    prepared = prepare.prepare(recording(samples), None, seed=0, jobs=1)
-    nominal = nominal_fit.calibrate(prepared)
-    error = prepared.coarse.with_plan(nominal.plan)
-    error.keep_sensitivities(nominal.point, len(nominal.point))
-    every: list[Any] = list(candidates.candidates(error.plan.at(nominal.point), error.signals))
+    """Screens all effects beside the calibrated model; with `times`: so many, the list over and over."""
+    prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
+    prepared, nominal = prepare.calibrate(prepared)
+    here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
+    every = parts.library_parts(nominal.model, here.data.signals)
     many = every if times is None else [every[k % len(every)] for k in range(times)]
-    return lambda: screen(error, nominal.point, many, excitation=prepared.excitation)
+    return lambda: screen(here, nominal.point, many, excitation=prepared.excitation)
 
 
 def _candidates(count: int) -> Callable[[], object]:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.fit import spread as spreads
-from brickpilot.fit.spread import Spread
+from brickpilot.fit import uncertainty
+from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model, with_values
 
 Array = NDArray[np.float64]
@@ -133,12 +133,14 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
 def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
     try:
         given = json.loads(file.read_text(encoding="utf-8"))
-        spread = spreads.from_json(given["spread"]) if given.get("spread") is not None else None
+        spread = uncertainty.from_json(given["spread"]) if given.get("spread") is not None else None
         explanations = (Explanation(model.name, model), *_rivals(model, given))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
     if spread is not None:
         for name, value in zip(spread.names, spread.values, strict=True):
+            if "@" in name:  # the value of one run, which is no value of the robot
+                continue
             own = values(model).get(name)
             if own is None or not math.isclose(own, value, rel_tol=_SAME, abs_tol=1e-12):
                 raise InputError(f"{value:g} is not the value of model.toml beside it", file=file, field=name)

@@ -46,9 +46,9 @@ def campaign(
     """
     from brickpilot.campaign import conduct, workers
     from brickpilot.campaign import file as campaign_file
-    from brickpilot.discover import default_sd
+    from brickpilot.discover.prepare import SD_SHARE
 
-    given = campaign_file.load(Path(file), count=count, seed=seed, shares=default_sd.SD_SHARE)
+    given = campaign_file.load(Path(file), count=count, seed=seed, shares=SD_SHARE)
     command = ["brickpilot", "campaign", file]
     command += ["--runs", str(count)] if count is not None else []
     command += ["--seed", str(seed)] if seed is not None else []

@@ -24,11 +24,23 @@ from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_sho
     metavar="SECONDS",
     help="Give the best answer so far after this time, and say what was left out.",
 )
+@click.option(
+    "--predictor",
+    metavar="FILE",
+    help="Also write the model that predicts best. Nobody claims its parts; model.toml holds what the verdict states.",
+)
 @seed_option
 @jobs_option
 @as_json
 def discover(
-    dataset: str, model_file: str | None, out: str | None, budget: float | None, seed: int, jobs: int, as_json: bool
+    dataset: str,
+    model_file: str | None,
+    out: str | None,
+    budget: float | None,
+    predictor: str | None,
+    seed: int,
+    jobs: int,
+    as_json: bool,
 ) -> None:
     """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
 
@@ -39,7 +51,7 @@ def discover(
     """
     from brickpilot.data import dataset as dataset_module
     from brickpilot.discover import conclude, pipeline
-    from brickpilot.discover.verdict_json import verdict_json
+    from brickpilot.discover.finding import verdict_json
     from brickpilot.report import (
         discover_fit,
         discover_page,
@@ -57,7 +69,15 @@ def discover(
     command += ["--budget", f"{budget:g}"] if budget is not None else []
     with run_folder.fresh_folder(folder, conclude.file_names(data) | set(experiment_files.FILES)) as beside:
         with progress_shown(as_json) as progress:
-            found = pipeline.discover(data, given, seed=seed, jobs=jobs, budget_s=budget, progress=progress)
+            found = pipeline.discover(
+                data,
+                given,
+                seed=seed,
+                jobs=jobs,
+                budget_s=budget,
+                predictor=predictor is not None,
+                progress=progress,
+            )
         figures = verdict_json(found)
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
         (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
@@ -69,6 +89,8 @@ def discover(
         undone = compensation.from_model(found.augmented)
         if undone is not None:
             undone.save(beside / "compensation.toml")
+    if predictor is not None and found.predictor is not None:
+        model.save(found.predictor.model, Path(predictor))
     if as_json:
         click.echo(json.dumps(figures, allow_nan=False))
         return
@@ -79,12 +101,14 @@ def discover(
         for name, value in effect.parameters.items():
             label, known = discover_text.known_size(name, value)
             click.echo(f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}")
-    for line in discover_fit.lines(found):
+    for line in (*discover_text.explanation_lines(found), *discover_fit.lines(found)):
         click.echo(line)
     if frames := own_words.frames(data):
         click.echo(frames)
     for remark in undone.remarks if undone is not None else ():
         click.echo(f"not compensated: {remark}")
+    if predictor is not None:
+        click.echo(f"predictor: {predictor}")
     click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
     if undone is not None:
         click.echo(f"compensation: {folder / 'compensation.toml'}")

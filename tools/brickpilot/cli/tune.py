@@ -106,7 +106,7 @@ def tune(
 
 
 def _ready(file: Path, board: str, sensors: str, scenario: str | None, seed: int) -> Ready:
-    from brickpilot.discover.default_sd import SD_SHARE
+    from brickpilot.discover.prepare import SD_SHARE
     from brickpilot.tune import robot
 
     return robot.problem(file, board, sensors, scenario, SD_SHARE, seed)

@@ -49,7 +49,7 @@ def why(
     and the robot's constants for ros2_control and for C.
     """
     from brickpilot.discover import pipeline
-    from brickpilot.discover.verdict_json import verdict_json
+    from brickpilot.discover.finding import verdict_json
     from brickpilot.report import run_folder, why_page, why_text
 
     path = Path(log)
@@ -88,7 +88,7 @@ def _read(
 
 def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence[str]) -> tuple[Answer, Constants]:
     """Writes the pages and files into `beside`, and returns what they say."""
-    from brickpilot.discover.verdict_json import verdict_json
+    from brickpilot.discover.finding import verdict_json
     from brickpilot.report import discover_page, experiment_files, why_page, why_text
     from brickpilot.vehicle import compensation, model
 

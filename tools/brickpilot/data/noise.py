@@ -30,6 +30,7 @@ _DISTANCES_TRIED = 300  # between values, the smallest ones
 _SKIPPED = 60  # values that a counter skips between two samples, at most
 _TEXT = 30.0  # times the step: a converter shows its noise in fewer steps
 _ALL = 0.98  # share of the values that are whole numbers of steps
+_LEAST_PIECE = 8  # samples of a piece, and missing samples that end one
 _COARSE = 0.5  # share of samples that repeat: the steps, and not the noise, set the error
 _LAGS = 400
 _SAME, _SELDOM = 1e-6, 0.05  # share of third differences that equal their median, for a robust size
@@ -64,11 +65,10 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
     """Estimates the noise of a signal from the runs that measured it.
 
     Args:
-        parts: the known samples of each run, SI, evenly sampled but for small jitter.
+        parts: the samples of each run, SI, evenly sampled but for small jitter; NaN is a dropout.
         step: the converter's step, SI, if it is known; 0: it is found if the values show one.
     """
-    known = [part[np.isfinite(part)] for part in parts]
-    known = [part for part in known if len(part) >= 8]
+    known = [piece for part in parts for piece in _without_long_holes(part) if len(piece) >= _LEAST_PIECE]
     if not known:
         return Noise(0.0)
     quantum = step or step_of(known)
@@ -81,6 +81,12 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
     white = float(np.median([_third_difference(part, 1) for part in moving])) / 20**0.5
     found = _coloured(long, white) if long else Noise(white)
     return Noise(max(found.sd, quantum / 12**0.5), found.colour, found.correlation)
+
+
+def _without_long_holes(part: Array) -> list[Array]:
+    """Returns the known samples, cut where many are missing: what moved on in the meantime is no noise."""
+    known = np.flatnonzero(np.isfinite(part))
+    return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 
 
 def step_of(parts: Sequence[Array]) -> float:

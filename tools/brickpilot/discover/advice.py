@@ -17,17 +17,16 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Run
-from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import candidates, limit_of, scanned_parameter
+from brickpilot.discover import numbers
+from brickpilot.discover.experiment import commands, manoeuvres
+from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Manoeuvre, Visible
-from brickpilot.discover.fitting import FittedModel
-from brickpilot.discover.gates import required_gain
-from brickpilot.discover.manoeuvres import commands, manoeuvres
+from brickpilot.discover.parts import library_parts, limit_of, scale_of, scanned_parameter
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.probes import Probe, probes_of
-from brickpilot.discover.vehicle_scale import scale_of
-from brickpilot.discover.windows import cut_into_windows
+from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.uncertainty import Uncertainty
+from brickpilot.fit.windows import cut_into_windows
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
@@ -77,7 +76,7 @@ class _Information:
 
 
 def advise(
-    prepared: Prepared, nominal: FittedModel, told: Uncertainty, visible: Mapping[str, Visible]
+    prepared: Prepared, nominal: Explanation, told: Uncertainty, visible: Mapping[str, Visible], gate: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
 
@@ -88,20 +87,21 @@ def advise(
         nominal: fitted to the fit runs.
         told: of its parameters.
         visible: effect -> the smallest size that the runs show.
+        gate: nats by which an effect has to predict better to be named.
     """
-    base, error = nominal.model, prepared.coarse.with_plan(nominal.plan)
+    base, problem = nominal.model, Problem(prepared.coarse, nominal.plan)
     probes = _probes(prepared, nominal)
     seen = _Seen(
         probes,
         _usual_sizes(probes, base),
-        _prior(error, nominal.point),
-        required_gain(nominal.cost, error.floor_cost()),
+        _prior(problem, nominal.point),
+        gate,
     )
-    now = _information(error, nominal, probes)
+    now = _information(problem, nominal, probes)
     offered = manoeuvres(base.vehicle, prepared.excitation.largest["voltage"])
     more = [(one, told_by) for one in offered if (told_by := _driven(prepared, nominal, one, probes)) is not None]
     possible = {
-        probe.candidate.effect
+        probe.part.effect
         for index, probe in enumerate(probes)
         if any(one.own[index] > 0 for one in (now, *(known for _, known in more)))
     }
@@ -124,12 +124,12 @@ def advise(
     return tuple(found), tuple(sorted(possible - visible.keys()))
 
 
-def _probes(prepared: Prepared, nominal: FittedModel) -> list[Probe]:
+def _probes(prepared: Prepared, nominal: Explanation) -> list[Probe]:
     """Returns the probes of every effect of one size that can be extrapolated."""
     base = nominal.model
     few = [
         one
-        for one in candidates(base, prepared.coarse.signals)
+        for one in library_parts(base, prepared.coarse.signals)
         if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
     ]
     return [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
@@ -138,10 +138,10 @@ def _probes(prepared: Prepared, nominal: FittedModel) -> list[Probe]:
 def _usual_sizes(probes: Sequence[Probe], base: Model) -> dict[str, float]:
     """Returns effect -> a usual size on this vehicle: that of the catalogue, scaled to it."""
     found = {}
-    for candidate in {probe.candidate.effect: probe.candidate for probe in probes}.values():
-        infos = catalogue.effect(candidate.effect).parameters
-        info = next(one for one in infos if one.name == candidate.free[0])
-        found[candidate.effect] = (info.preset or info.trial) * scale_of(info.unit, base)
+    for part in {probe.part.effect: probe.part for probe in probes}.values():
+        infos = catalogue.effect(part.effect).parameters
+        info = next(one for one in infos if one.name == part.free[0])
+        found[part.effect] = (info.preset or info.trial) * scale_of(info.unit, base)
     return found
 
 
@@ -163,14 +163,14 @@ class _Seen:
     def shown(self, known: _Information) -> set[str]:
         """Returns the effects of which what the parameters cannot take up is large enough at a usual size.
 
-        It is extrapolated from the probe that needs least of it, as `power.smallest` does.
+        It is extrapolated from the probe that needs least of it, as `conclude.smallest_sizes` does.
         """
         taken = np.linalg.solve(known.parameters + self.prior, known.cross.T)
         strength = np.maximum((known.own - np.sum(known.cross.T * taken, axis=0)) / 2, 1e-12)
         nearest: dict[str, tuple[float, float]] = {}
         for probe, one in zip(self.probes, strength, strict=True):
-            effect, factor = probe.candidate.effect, math.sqrt(self.gate / one)
-            size = abs(probe.values[0][probe.candidate.free[0]])
+            effect, factor = probe.part.effect, math.sqrt(self.gate / one)
+            size = abs(probe.values[0][probe.part.free[0]])
             if size > 0 and (effect not in nearest or abs(math.log(factor)) < nearest[effect][0]):
                 nearest[effect] = (abs(math.log(factor)), size * factor)
         return {effect for effect, (_, size) in nearest.items() if size <= self.usual[effect]}
@@ -180,25 +180,25 @@ class _Seen:
         return np.sqrt(np.diag(np.linalg.inv(known.parameters + self.prior)))
 
 
-def _information(error: BinnedOutputError, nominal: FittedModel, probes: Sequence[Probe]) -> _Information:
-    """Returns what the runs of `error` tell about the parameters of `nominal` and about each probe beside them."""
+def _information(problem: Problem, nominal: Explanation, probes: Sequence[Probe]) -> _Information:
+    """Returns what the runs of `problem` tell about the parameters of `nominal` and about each probe beside them."""
     base = nominal.model
     plan = dataclasses.replace(nominal.plan, model=base)
-    weight = error.weight()[:, np.newaxis]
-    slopes = error.sensitivity(nominal.point) * weight
-    plain = error.predict([base])[0]
-    models = [probe.candidate.starting(plan, probe.values[0]).model for probe in probes]
-    changes = (error.predict(models) - plain) * error.weight() if models else np.empty((0, len(plain)))
+    data = problem.data
+    slopes = problem.sensitivity(nominal.point) * data.weight()[:, np.newaxis]
+    plain = data.predict([base])[0]
+    models = [probe.part.starting(plan, probe.values[0]).model for probe in probes]
+    changes = (data.predict(models) - plain) * data.weight() if models else np.empty((0, len(plain)))
     changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
     return _Information(slopes.T @ slopes, changes @ slopes, np.sum(changes**2, axis=1))
 
 
-def _prior(error: BinnedOutputError, point: Array) -> Array:
-    slopes = error.prior_rows(point)[1]
+def _prior(problem: Problem, point: Array) -> Array:
+    slopes = problem.prior_slopes(point)
     return np.asarray(slopes.T @ slopes)
 
 
-def _sharper(nominal: FittedModel, told: Uncertainty, wide: Array, narrow: Array) -> tuple[str, ...]:
+def _sharper(nominal: Explanation, told: Uncertainty, wide: Array, narrow: Array) -> tuple[str, ...]:
     """Returns the parameters that were badly known and become much better known; sds before and after, (p,)."""
     better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
     return tuple(
@@ -207,7 +207,7 @@ def _sharper(nominal: FittedModel, told: Uncertainty, wide: Array, narrow: Array
 
 
 def _driven(
-    prepared: Prepared, nominal: FittedModel, manoeuvre: Manoeuvre, probes: Sequence[Probe]
+    prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre, probes: Sequence[Probe]
 ) -> _Information | None:
     """Returns what a manoeuvre would tell in the measured signals; None where it tells nothing."""
     dataset = prepared.dataset
@@ -234,6 +234,7 @@ def _driven(
         alone = windows if windows is not None else alone
     if not alone.runs:
         return None
-    error = BinnedOutputError(alone, nominal.plan, [one.name for one in alone.runs], coarse=True, threads=prepared.jobs)
-    error.adopt_scales(prepared.coarse)
-    return _information(error, nominal, probes)
+    names = [one.name for one in alone.runs]
+    data = of_bins(alone, nominal.plan.model, names, width_s=numbers.BIN_S, coarse=True, threads=prepared.jobs)
+    problem = Problem(data.weighed_like(prepared.coarse), nominal.plan)
+    return _information(problem, nominal, probes)

@@ -6,6 +6,7 @@ parameter is its interval in that fit; what they tell of an effect is the smalle
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,16 +22,16 @@ from brickpilot.data.holdout import manoeuvre
 from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.signals import SIGNALS
-from brickpilot.discover import power
+from brickpilot.discover import numbers
 from brickpilot.discover.advice import Advice, advise
-from brickpilot.discover.calibrate import calibrate
+from brickpilot.discover.conclude import smallest_sizes
 from brickpilot.discover.estimate import estimate
-from brickpilot.discover.finding import Visible
+from brickpilot.discover.evidence import Judge
+from brickpilot.discover.explanation import refine
+from brickpilot.discover.finding import Visible, valid
 from brickpilot.discover.input_timing import with_known_timing
-from brickpilot.discover.prepare import prepare
-from brickpilot.discover.verdict_json import valid
-from brickpilot.fit.comparable import Comparable, comparable
-from brickpilot.fit.enough import enough_to_fit
+from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
+from brickpilot.fit.comparable import Comparable, comparable, enough_to_fit
 from brickpilot.fit.headline import Headline, headline
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
 
@@ -176,19 +177,21 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     >>> bool(worth.to_frame()["identifiable"].any())        # one step does not tell two parameters apart
     False
     >>> worth.advice[0].manoeuvre.name                      # but this would
-    'a staircase of speeds'
+    'forward and back at a third of the power'
     """
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
         known = with_known_timing(dataset, None, seed=seed, jobs=jobs)
         some, note = enough_to_fit(known)
-        prepared = prepare(some, None, seed=seed, jobs=jobs)
-        whole = prepared.plain if note is None else comparable(known)
-        nominal = calibrate(prepared)
+        whole = comparable(known)
+        prepared, nominal = in_closed_loop(*calibrate(prepare(some, None, seed=seed, jobs=jobs)[0]))
         seconds = estimate(prepared, nominal, times=_samples(known) / _samples(some))
-        prepared.fine.adopt_scales(prepared.coarse)
-        visible = power.smallest(prepared.coarse, nominal, prepared.excitation)
-        told: Uncertainty = assess(prepared.fine.with_plan(nominal.plan), nominal.model, nominal.plan.free)
-        advice, invisible = advise(prepared, nominal, told, visible)
+        judge = Judge.of(prepared.fine, seed)
+        nothing = judge.of_explanation((refine(prepared.fine, [nominal], jobs) or [nominal])[0])
+        temperature = judge.temperature(nothing, nothing)
+        visible = smallest_sizes(prepared, nominal, temperature)
+        told: Uncertainty = assess(prepared.fine, nominal.model, nominal.plan.free)
+        gate = temperature * (numbers.CHANCE_NATS - math.log(numbers.USUAL))
+        advice, invisible = advise(prepared, nominal, told, visible, gate)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,
@@ -209,6 +212,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         discover_range_s=(seconds.low, seconds.high),
         notes=(
             whole.roles.note,
+            *([] if prepared.loop is None else [f"{prepared.loop.sentence}."]),
             *([] if note is None else [f"{note} {_OF_SOME}"]),
             *prepared.plan.notes,
             *whole.measured.notes,

@@ -1,93 +1,88 @@
-"""The fifth stage: lets a composed term compete with the named effects where they leave structure."""
+"""Composes a law without a name, where no effect of the library explains what is left.
+
+A law is a sum of few terms of a fixed basis. They are searched like effects (a sparse regression by forward selection
+with refits, FROLS: Chen, Billings & Luo 1989), on signatures from simulation and not on derivatives, and are weighed by
+the same evidence.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from brickpilot.discover import gates
-from brickpilot.discover.deadline import COMPOSED, Deadline
+from brickpilot.discover import evidence
+from brickpilot.discover.deadline import COMPOSED
+from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.terms.composed import ComposedTerms, find_terms
-from brickpilot.discover.terms.match import Match, matches
-from brickpilot.discover.verdict import Verdict
-from brickpilot.fit.parameters import Plan
-from brickpilot.vehicle.model import Model
+from brickpilot.discover.search import Found, Search
+from brickpilot.discover.terms.atoms import Atom
+from brickpilot.discover.terms.basis import EFFECT, Term, basis
+from brickpilot.discover.terms.source import TermSource
+from brickpilot.discover.verdict import Verdict, weigh
 
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Composed:
-    """A composed term that explains the data better than the named effects do.
+    """A composed law.
 
     Attributes:
-        terms: what was composed.
-        alone: the term stands without named effects beside it.
-        matches: the effects of the library that do nearly the same to the data, the best first.
+        explanation: the base model fitted together with the terms.
+        terms: with coefficients, SI, in the order of the table.
+        settings: parameters that shape the terms, such as a frequency.
+        alone: the terms stand without effects beside them.
     """
 
-    terms: ComposedTerms
+    explanation: Explanation
+    terms: tuple[Term, ...]
+    settings: Mapping[str, float]
     alone: bool
-    matches: tuple[Match, ...] = ()
 
     @property
-    def model(self) -> Model:
-        """The model with the term."""
-        return self.terms.fitted.model
-
-    @property
-    def plan(self) -> Plan:
-        """Its free parameters, from `model` on."""
-        return dataclasses.replace(self.terms.fitted.plan, model=self.model)
+    def mechanism(self) -> str:
+        return self.terms[0].basis.mechanism
 
 
-def compose(prepared: Prepared, verdict: Verdict, tell: Tell) -> Composed | None:
-    """Returns a composed term, where the best explanation is not adequate and a term explains more.
+def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
+    """Returns the law of few terms that explains the fit runs best, beside no effect or beside the best names.
 
-    Where windows are explained so far that only the noise of their start states remains, no term is composed.
+    None where no term is sure: each holds 95 % of the weight beside its base.
     """
-    nearly_explained = prepared.excitation.windowed and verdict.removed > gates.WINDOWS_EXPLAINED
-    if verdict.adequate or nearly_explained:
-        return None
     deadline = prepared.until(COMPOSED)
     if not deadline.allows("a composed term"):
         return None
     tell("composing a term for the rest")
-    composed = _best_composed(prepared, verdict, tell, deadline)
-    if composed is None or not _holds_on_held_out_runs(prepared, verdict, composed):
+    bases = {one.key: one for one in (verdict.nominal, verdict.best)}
+    tried: list[tuple[Found, Verdict]] = []
+    for base in bases.values():
+        search = Search(
+            prepared.coarse, base, TermSource(prepared.coarse, base), prepared.excitation, prepared.jobs, deadline, tell
+        )
+        found = search.run(judge)
+        tried.append((found, weigh(found)))
+    sure = [(found, one) for found, one in tried if one.kind in ("named", "ambiguous")]
+    if not sure:
         return None
-    tell("matching the term with the laws of the library")
-    base = verdict.nominal if composed.alone else verdict.best
-    found = matches(prepared.coarse, base, composed.terms, prepared.excitation)
-    return dataclasses.replace(composed, matches=tuple(found))
+    found, best = max(sure, key=lambda pair: _score(pair[0], pair[1].best))
+    return _composed(best.best, alone=best.nominal.key == verdict.nominal.key)
 
 
-def _best_composed(prepared: Prepared, verdict: Verdict, tell: Tell, deadline: Deadline) -> Composed | None:
-    """Returns the best term, beside no effect or beside the named ones; None if it does not pass the gates."""
-    bases = [verdict.nominal] if verdict.best is verdict.nominal else [verdict.nominal, verdict.best]
-    tried = [(find_terms(prepared, base, tell=tell, deadline=deadline), base is verdict.nominal) for base in bases]
-    found = [Composed(terms, alone) for terms, alone in tried if terms is not None]
-    if not found:
-        return None
-    best = min(found, key=lambda one: one.terms.fitted.penalised_cost)
-    penalised = best.terms.fitted.penalised_cost
-    if not gates.gains_enough(verdict.best.penalised_cost, penalised, prepared.fine.floor_cost()):
-        return None
-    explained = verdict.nominal.cost - verdict.best.cost
-    shakes_names = verdict.best.penalised_cost - penalised >= gates.TERM_SHARE_OF_EFFECTS * explained
-    return best if shakes_names else None
+def _score(found: Found, one: Explanation) -> float:
+    known: Evidence = found.table[one.key]
+    return evidence.score(known, found.temperature)
 
 
-def _holds_on_held_out_runs(prepared: Prepared, verdict: Verdict, composed: Composed) -> bool:
-    """Returns whether the term removes enough of the gap on the held-out runs; True if no run is held out.
+def _composed(found: Explanation, *, alone: bool) -> Composed:
+    table = found.model.effects[EFFECT]
+    atoms = [one for one in found.parts if isinstance(one, Atom)]
+    names = {name for one in atoms for name in one.names}
+    settings = {name: table[name] for one in atoms for name, _ in one.settings}
+    return Composed(found, tuple(Term(one, table[one.name]) for one in basis() if one.name in names), settings, alone)
 
-    It also has to leave less of it than the named effects alone do.
-    """
-    held_out = prepared.held_out()
-    if held_out is None:
-        return True
-    noise, models = held_out.noise_cost(), (verdict.nominal.model, verdict.best.model, composed.model)
-    before, named, after = (float(held_out.losses(model).sum()) - noise for model in models)
-    return after < gates.TERM_HELD_OUT * before and (not verdict.best.chosen or after < named)
+
+def refitted(found: Composed, explanation: Explanation) -> Composed:
+    """Returns the law with the values of a later fit of the same parts."""
+    return dataclasses.replace(_composed(explanation, alone=found.alone))

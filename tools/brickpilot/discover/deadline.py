@@ -6,13 +6,9 @@ import dataclasses
 import time
 from dataclasses import dataclass, field
 
-SEARCHED, JUDGED, COMPOSED = 0.7, 0.85, 0.93
-"""Shares of the budget after which search, verdict and composed term have to be done. The rest goes into what cannot be
+SEARCHED, COMPOSED = 0.7, 0.9
+"""Shares of the budget after which the search and a composed term have to be done. The rest goes into what cannot be
 left out: proving the written model, intervals and the report."""
-
-FIRST_EFFECT = "a part of the search for the first effect"
-RIVALS = "the comparison with rivals at the measured samples"
-"""What may be left out. Without one of these no effect is claimed."""
 
 
 @dataclass(frozen=True)

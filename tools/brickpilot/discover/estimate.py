@@ -7,16 +7,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from brickpilot.discover import gates
-from brickpilot.discover.candidates import candidates
-from brickpilot.discover.fitting import FittedModel
+from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.parts import library_parts
 from brickpilot.discover.prepare import Prepared
 from brickpilot.fit.descent import Progress
 
 _COARSE, _FINE = 90, 300
 """A unit of work, in simulations of all fit runs: for each candidate on the coarse grid, and at measured samples."""
 
-_UNITS = ((gates.ADEQUATE, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
+_UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
 """Up to how many times the cost of noise the nominal model leaves; units of work that a discovery then takes, from and
 to. What noise explains ends the search, and what does not go away makes it search again in windows and with terms.
 Set on fifteen data sets, seven of them measured; one of them took 16 units."""
@@ -40,7 +39,7 @@ class Span:
         return f"{max(self.low, 1):.0f} to {max(self.high, 2):.0f} s"
 
 
-def estimate(prepared: Prepared, nominal: FittedModel, *, times: float = 1.0) -> Span:
+def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) -> Span:
     """Returns how long a discovery takes, from simulations that are timed here and from the error that is there.
 
     Args:
@@ -56,7 +55,7 @@ def estimate(prepared: Prepared, nominal: FittedModel, *, times: float = 1.0) ->
         predict(models)
         return (time.perf_counter() - began) / len(models)
 
-    count = len(candidates(models[0], prepared.coarse.signals))
+    count = len(library_parts(models[0], prepared.coarse.signals))
     unit = times * (_COARSE * count * timed(prepared.coarse.predict) + _FINE * timed(prepared.fine.predict))
     above_noise = nominal.cost / max(prepared.coarse.noise_cost(), 1e-12)
     _, low, high = next(row for row in _UNITS if above_noise <= row[0])
@@ -69,7 +68,6 @@ _BEGINS = {
     "searching for effect 2": 0.55,
     "searching for effect 3": 0.7,
     "removing needless effects": 0.8,
-    "fitting at the measured samples": 0.82,
     "composing a term for the rest": 0.85,
     "computing intervals and the next experiment": 0.9,
     "measuring what is attainable": 0.92,

@@ -1,156 +1,200 @@
-"""What held-out runs say of a change of the model: whether they show it, and whether the cost falls as it should."""
+"""Evidence: what stretches of time that an explanation was not fitted to say about it. It alone ranks explanations.
+
+1. Each stretch is predicted without itself: one Gauss-Newton step from the fit to all runs, with the stretch's rows
+   deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). Where the step is long, what stands at its
+   end is simulated.
+2. Its density is hyperbolic, with a scale that the other stretches set, signal by signal, and never below what noise
+   and the error of every simulator make. So each signal sets its own yardstick, machines included that no model
+   explains to the noise.
+3. Values of a residual are not independent, and no law is exact: so many nats count as one; see `temperature`.
+4. Weights are those of a Bayesian bootstrap over the stretches, times prior odds (BB-pseudo-BMA of Yao, Vehtari,
+   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that one stretch makes does not count as sure.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import k1e, logsumexp
 
-from brickpilot.discover import gates
-from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.finding import Evidence, EvidenceKind, Gap
-from brickpilot.discover.locate import residual
-from brickpilot.discover.prepare import Prepared
-from brickpilot.fit.replay import Outputs
-from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.vehicle.model import Model
+from brickpilot.discover import numbers
+from brickpilot.discover.explanation import Explanation
+from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.robust import correlation_time
 
-_DRAWS = 400  # of the bootstrap
-_CONFIRMED = "Held-out runs confirm it."
-_NO_RUNS = "No run was held out, so only the fit runs show it."
-_NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
-_CONTRADICTED = "It explains the fit runs, but the held-out runs contradict it."
-_PARTLY = "It explains the fit runs, but little of the error of the held-out runs: something else is different in them."
-_MIXED = "On the held-out runs most signals improve with it, but the gap as a whole does not fall."
-_GROWS = "It explains the fit runs, but the error of a free run on the held-out runs grows, so it was not added."
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
+_DRAWS = 1000  # of the bootstrap
+_ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and the relative change that is the last
+_LEAST_STRETCHES = 10
+_FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
 
-@dataclass(frozen=True)
-class HeldOutChange:
-    """What a change of the model does to the cost on held-out runs.
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the fit runs say of one explanation.
 
     Attributes:
-        before, after: the cost with the smaller and with the larger model, without priors.
-        claimed: the cost of the difference of the two simulations: how far the cost falls if the larger model is true.
-        least: a smaller difference is not visible here.
-        noise: the cost that noise alone would leave.
-        draws: how often the cost falls when stretches of time are drawn again, 0..1.
+        by_stretch: (stretches,) log density of each stretch, predicted without itself.
+        left_out: (values,) the residual of that prediction, SI.
+        prior: half the squares of how far its parameters are from what was known before, in sd.
     """
 
-    before: float
-    after: float
-    claimed: float
-    least: float
-    noise: float
-    draws: float
+    explanation: Explanation
+    by_stretch: Array
+    left_out: Array
+    prior: float
+
+    def __post_init__(self) -> None:
+        for values in (self.by_stretch, self.left_out):
+            values.flags.writeable = False
 
     @property
-    def is_excited(self) -> bool:
-        """Whether the two models differ visibly on these runs."""
-        return self.claimed > self.least
-
-    @property
-    def is_confirmed(self) -> bool:
-        """Whether the cost falls by enough of what the larger model claims."""
-        return self.is_excited and self.before - self.after > gates.HELD_OUT_SHARE * self.claimed
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the models differ visibly, and the cost does not fall as the larger one claims."""
-        return self.is_excited and not self.is_confirmed
-
-    @property
-    def removed(self) -> float | None:
-        """The share of the cost above that of noise that is removed; None if there is none."""
-        return _removed(self.before, self.after, self.noise)
+    def total(self) -> float:
+        return float(self.by_stretch.sum())
 
 
-def held_out_change(error: BinnedOutputError, before: Model, after: Model) -> HeldOutChange:
-    """Compares two models on the runs of `error`, those that are held out."""
-    simulated = error.predict([before, after])
-    smaller, larger = pseudo_huber_loss(error.whiten(simulated))
-    claimed = pseudo_huber_loss((simulated[1] - simulated[0]) * error.weight())
-    cost = float(larger.sum())
-    return HeldOutChange(
-        before=float(smaller.sum()),
-        after=cost,
-        claimed=float(claimed.sum()),
-        least=gates.parameter_cost(cost, error.floor_cost()),
-        noise=error.noise_cost(),
-        draws=_share_of_draws(error, smaller - larger),
-    )
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Weighs explanations on one residual.
 
-
-def confirm(
-    prepared: Prepared, nominal: Model, augmented: Model, simulated: Mapping[str, Mapping[str, Outputs]], gap: Gap
-) -> tuple[Evidence, bool]:
-    """Returns what proves `augmented`, and whether it may be written: False if free runs get worse with it.
-
-    Args:
-        augmented: as its file says.
-        simulated: "nominal", "augmented" -> run -> outputs, over whole runs.
-        gap: on the held-out runs, as it is reported.
+    Attributes:
+        stretch: (values,) the stretch of each compared value.
+        top: the evidence that noise alone would have.
     """
-    fitted = prepared.fine.predict([nominal, augmented])
-    before, after = (float(one.sum()) for one in pseudo_huber_loss(prepared.fine.whiten(fitted)))
-    removed_fit = _removed(before, after, prepared.fine.noise_cost())
-    held_out = prepared.held_out()
-    if held_out is None:
-        return Evidence("fitted_only", removed_fit, None, None, False, _NO_RUNS), True
-    change = held_out_change(held_out, nominal, augmented)
-    falls = gap.before is not None and gap.after is not None and gap.after < gap.before
-    partly = (change.removed or 0.0) < gates.HELD_OUT_SHARE * (removed_fit or 0.0)
-    sentence = _sentence(change, free_run_change(prepared, simulated), falls=falls, partly=partly)
-    kind: EvidenceKind = "held_out" if sentence is _CONFIRMED else "fitted_only"
-    contradicted = sentence not in (_CONFIRMED, _NOT_EXCITED)
-    evidence = Evidence(kind, removed_fit, change.removed, change.draws, contradicted, sentence)
-    return evidence, sentence is not _GROWS
+
+    data: Residual
+    stretch: Indices
+    count: int
+    top: float
+
+    @classmethod
+    def of(cls, data: Residual, seed: int) -> Judge:
+        """Returns the judge of a residual; its noise is drawn from `seed`."""
+        stretch, count = data.stretches(numbers.STRETCH_S, _LEAST_STRETCHES)
+        noise = data.by_signal({signal: one.noise for signal, one in data.scales.items()})
+        drawn = np.random.default_rng(seed).normal(size=len(data.measured)) * noise
+        judge = cls(data, stretch, count, 0.0)
+        return cls(data, stretch, count, float(judge.density(drawn).sum()))
+
+    def floor(self, signal: str) -> float:
+        """Returns the least scale of a signal's residual, SI: noise, and the share that no simulator matches."""
+        return float(np.hypot(self.data.scales[signal].noise, self.data.matched * self.data.rms.get(signal, 0.0)))
+
+    def density(self, residual: Array) -> Array:
+        """Returns (stretches,): the log density of a residual (values,), SI."""
+        total = np.zeros(self.count)
+        for signal in self.data.signals:
+            rows = np.concatenate(
+                [np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal]
+            )
+            total += _density(residual[rows], self.stretch[rows], self.count, self.floor(signal))
+        return total
+
+    def of_explanation(self, found: Explanation) -> Evidence:
+        """Returns the evidence of a fitted explanation."""
+        problem = Problem(self.data, found.plan)
+        rows, slopes = problem.residual(found.point), problem.jacobian(found.point)
+        count = len(self.data.measured)
+        moved = problem.sensitivity(found.point)
+        left_out = self.data.measured - problem.simulated(found.point)
+        reach = np.array([one.reach for one in found.plan.free])
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # what no data tell stays where it is
+        bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
+        order = np.argsort(self.stretch, kind="stable")
+        ends = np.searchsorted(self.stretch[order], np.arange(self.count + 1))
+        far: list[tuple[Indices, Array]] = []
+        for number in range(self.count):
+            here = order[ends[number] : ends[number + 1]]
+            own = slopes[:count][here]
+            step = np.linalg.lstsq(normal - own.T @ own, own.T @ rows[:count][here], rcond=1e-12)[0]
+            end = np.clip(found.point + step, *bounds.T) if len(step) else found.point
+            if np.any(np.abs(step) > reach):
+                far.append((here, end))
+            else:
+                left_out[here] -= moved[here] @ (end - found.point)
+        if far:
+            simulated = self.data.predict([found.plan.at(end) for _, end in far])
+            for (here, _), values in zip(far, simulated, strict=True):
+                known = np.isfinite(values[here])
+                left_out[here[known]] = (self.data.measured[here] - values[here])[known]
+        prior = float(np.sum(problem.prior(found.point) ** 2) / 2)
+        return Evidence(found, self.density(left_out), left_out, prior)
+
+    def correlation(self, evidence: Evidence) -> float:
+        """Returns after how many values the residual is another one: the mean over signals, by their values."""
+        total = 0.0
+        for signal in self.data.signals:
+            parts = self.data.parts(evidence.left_out, signal)
+            size = _scale(np.concatenate(parts), self.floor(signal))
+            limited = [np.clip(part / size, -_FAR, _FAR) for part in parts]
+            total += sum(map(len, parts)) * correlation_time(limited, about_mean=False)
+        return total / len(self.data.measured)
+
+    def temperature(self, best: Evidence, nothing: Evidence) -> float:
+        """Returns the nats that count as one.
+
+        The residual's correlation time; or more, as no law is exact: a share of what the best explanation gains is its
+        own law's error, and of what it leaves another law might share a part. Differences below these decide nothing.
+        """
+        gain, rest = best.total - nothing.total, max(self.top - best.total, 0.0)
+        own_error, shared = numbers.LAW_ERROR * gain, numbers.SHARED_REST * rest
+        return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
 
-def _sentence(change: HeldOutChange, error: float, *, falls: bool, partly: bool) -> str:
-    """Returns what held-out runs say, from the most serious objection to none.
-
-    Args:
-        error: how many times as large the error of free runs becomes.
-        falls: the gap falls.
-        partly: the model removes much less of the held-out runs' cost than of the fit runs'.
-    """
-    if error >= (1.0 if change.is_excited else gates.FREE_RUN_GROWS):
-        return _GROWS
-    if not change.is_excited:
-        return _NOT_EXCITED
-    if change.is_contradicted:
-        return _CONTRADICTED
-    if not falls:
-        return _MIXED
-    return _PARTLY if partly else _CONFIRMED
+def score(one: Evidence, temperature: float) -> float:
+    """Returns the log weight of an explanation, but for a constant."""
+    return one.total / temperature + one.explanation.log_odds
 
 
-def free_run_change(prepared: Prepared, simulated: Mapping[str, Mapping[str, Outputs]]) -> float:
-    """Returns how many times as large the rms error of free runs on the held-out runs becomes.
-
-    It is the geometric mean over the signals, so that no signal swamps the others, whatever their units and noise.
-    """
-    errors: dict[str, list[tuple[float, float]]] = {}
-    for run in prepared.measured.runs:
-        if run.name in prepared.roles.tested():
-            tested = prepared.roles.samples(run, "held_out")
-            for signal in sorted(run.outputs.keys() & simulated["nominal"][run.name].keys()):
-                left = [residual(tested, signal, simulated[one][run.name][signal]) for one in ("nominal", "augmented")]
-                errors.setdefault(signal, []).append((float(np.nansum(left[0] ** 2)), float(np.nansum(left[1] ** 2))))
-    sums = [np.sum(parts, axis=0) for parts in errors.values()]
-    ratios = [float(after / before) for before, after in sums if before > 0 and after > 0]
-    return float(np.exp(np.mean(np.log(ratios)) / 2)) if ratios else 1.0
+def weigh(table: Sequence[Evidence], temperature: float) -> Array:
+    """Returns the weight of each explanation, (explanations,), of sum 1."""
+    rows = np.array([one.by_stretch for one in table])
+    odds = np.array([one.explanation.log_odds for one in table])
+    alpha = np.random.default_rng(0).dirichlet(np.ones(rows.shape[1]), _DRAWS) * rows.shape[1]
+    total = alpha @ rows.T / temperature + odds
+    return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)).mean(axis=0))
 
 
-def _removed(before: float, after: float, noise: float) -> float | None:
-    return min(1.0, (before - after) / (before - noise)) if before > noise else None
+def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
+    """Returns part -> the weight of the explanations that hold it, or a law that contains it."""
+    names = {name for one in table for name in one.explanation.names}
+    return {
+        name: sum(
+            weight
+            for one, weight in zip(table, weights.tolist(), strict=True)
+            if any(part.name == name or name in part.contains for part in one.explanation.parts)
+        )
+        for name in names
+    }
 
 
-def _share_of_draws(error: BinnedOutputError, fall: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Returns how often the sum of `fall` (samples,) is above 0 when stretches of time are drawn again."""
-    numbers, count = error.stretches_of(gates.CORRELATED_S)
-    sums = np.bincount(numbers, fall, count)
-    draws = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=_DRAWS)
-    return float(np.mean(draws @ sums > 0))
+def _weighted(residual: Array, size: float | Array) -> Array:
+    """Returns the squares of a residual with the weights of the hyperbolic density."""
+    return np.asarray(residual**2 / np.sqrt(1 + (residual / (numbers.KNEE * size)) ** 2))
+
+
+def _scale(residual: Array, floor: float) -> float:
+    """Returns the most likely scale of the hyperbolic density, in the signal's unit, never below the floor."""
+    size = max(1.4826 * float(np.median(np.abs(residual))), floor)
+    for _ in range(_ROUNDS):
+        size, before = max(float(np.sqrt(_weighted(residual, size).mean())), floor), size
+        if abs(size / before - 1) < _SETTLED:
+            break
+    return size
+
+
+def _density(residual: Array, stretch: Indices, count: int, floor: float) -> Array:
+    """Returns (stretches,): the log density of one signal, the scale of each stretch found from the others."""
+    weighted = _weighted(residual, _scale(residual, floor))
+    sums, sizes = np.bincount(stretch, weighted, count), np.bincount(stretch, minlength=count)
+    others = (sums.sum() - sums) / np.maximum(sizes.sum() - sizes, 1)
+    own = np.sqrt(np.maximum(others, floor**2))[stretch]
+    knee = numbers.KNEE
+    density = -np.log(own) - _LOG_NORM - knee**2 * (np.sqrt(1 + (residual / (knee * own)) ** 2) - 1)
+    return np.asarray(np.bincount(stretch, density, count), dtype=np.float64)

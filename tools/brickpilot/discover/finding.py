@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import brickpilot
+from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
-from brickpilot.discover.yardstick.record import Yardstick
+from brickpilot.discover.closed_loop import Loop
+from brickpilot.discover.disturbance import Period
 from brickpilot.fit.replay import Outputs
-from brickpilot.fit.run_values import RunValues
-from brickpilot.fit.spread import Spread
+from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
     import pandas
+
+    from brickpilot.discover.yardstick import Yardstick
 
 VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 EvidenceKind = Literal["held_out", "fitted_only"]
@@ -63,7 +67,7 @@ class Equivalent:
     Attributes:
         name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
-        worse_by: how much lower its log likelihood is than that of the best one.
+        worse_by: how much worse it predicts than the best one; 3 is sure.
         nominal, effects: every value of its model, SI, those that the data set states included.
     """
 
@@ -81,8 +85,8 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: what its law is called, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: how often it comes first when stretches of the runs are drawn again, 0..1.
-        removed: the share of the cost above that of noise that the explanation removes on the fit runs, 0..1.
+        confidence: the weight of the explanations that hold it, of those that hold 95 % together, 0..1.
+        removed: the share of the way from the nominal model to noise that the explanation goes on the fit runs, 0..1.
         claimed: the verdict says that it is there. False: it explains the fit runs best, and nothing proves it.
         equivalents: the explanations that the data cannot tell from it.
     """
@@ -123,6 +127,10 @@ class Gap:
     before: float | None
     after: float | None
 
+    @property
+    def grows(self) -> bool:
+        return self.before is not None and self.after is not None and self.after > self.before
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -132,9 +140,9 @@ class Evidence:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
         removed_fit, removed_held_out: the share of the cost above that of noise that it removes, at most 1; below 0
             the model is worse. None: no such runs, or no cost above noise.
-        draws: how often the cost on held-out runs falls when stretches of them are drawn again, 0..1; None: no such
-            runs.
-        contradicted: held-out runs speak against it; else they confirm it or say nothing.
+        draws: how often the held-out runs are predicted better when stretches of them are weighed anew, 0..1; None: no
+            such runs.
+        contradicted: held-out runs show what it adds, and do not confirm it; else they confirm it or say nothing.
         sentence: what this means, for a reader.
     """
 
@@ -144,6 +152,69 @@ class Evidence:
     draws: float | None
     contradicted: bool
     sentence: str
+
+
+@dataclass(frozen=True)
+class Share:
+    """One of the explanations that hold 95 % of the weight together.
+
+    Attributes:
+        effects: the names of its parts; empty: the nominal model alone.
+        weight: 0..1.
+        mechanisms: the kinds of cause.
+    """
+
+    effects: tuple[str, ...]
+    weight: float
+    mechanisms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """The best predictor, where it was asked for. It is no explanation.
+
+    Attributes:
+        model: what `--predictor` writes.
+        parts: the names of its parts.
+        fit_percent: signal -> "fit", "held_out" -> fit in percent of free runs; None: no such runs.
+    """
+
+    model: Model
+    parts: tuple[str, ...]
+    fit_percent: Mapping[str, Mapping[str, float | None]]
+
+
+@dataclass(frozen=True)
+class RunValues:
+    """Values of one kind that differ from run to run.
+
+    Attributes:
+        kind: its key in verdict.json.
+        words: what differs, as the subject of a sentence.
+        unit: SI; 1 is a share.
+        runs: fit run -> value and its 95 % interval. A held-out run has 0: its own is not known.
+    """
+
+    kind: str
+    words: str
+    unit: str
+    runs: Mapping[str, tuple[float, tuple[float, float]]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the entry of verdict.json."""
+        runs = {name: {"value": value, "ci95": list(ci95)} for name, (value, ci95) in self.runs.items()}
+        return {"kind": self.kind, "unit": self.unit, "runs": runs, "sentence": self.sentence()}
+
+    def sentence(self) -> str:
+        """Returns what this means, for a reader."""
+        size, suffix = (100.0, " %") if self.unit == "1" else (1.0, f" {self.unit}")
+        least = min(self.runs, key=lambda name: self.runs[name][0])
+        most = max(self.runs, key=lambda name: self.runs[name][0])
+        low, high = (size * self.runs[name][0] for name in (least, most))
+        return (
+            f"{self.words} differs from run to run: from {low:+.2g}{suffix} ({least}) to {high:+.2g}{suffix} ({most}). "
+            "The value of a held-out run is not known, so it was simulated without one."
+        )
 
 
 @dataclass(frozen=True)
@@ -169,8 +240,8 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        gap: rms of its residual on the fit runs, over that of noise.
-        removed: the share of the cost above that of noise that it removes, 0..1.
+        gap: how many times noise its error is on stretches left out, by their density.
+        removed: the share of the way from the nominal model to noise that it goes, 0..1.
         why: a sentence on why it was taken or lost.
     """
 
@@ -236,7 +307,7 @@ class Visible:
 
 @dataclass(frozen=True)
 class NominalChange:
-    """A nominal value as stated and as fitted. `leaves_prior`: the fit moved it by more than three of its sd."""
+    """A nominal value as stated and as fitted. `leaves_prior`: it moved further than chance explains."""
 
     before: float
     after: float
@@ -264,23 +335,6 @@ class NominalFinding:
 
 
 @dataclass(frozen=True)
-class TermMatch:
-    """A law of the library that does nearly the same to the data as a composed term.
-
-    Attributes:
-        law: what it is called, as in "FAMILY, but DIFFERENCE".
-        correlation: 0 to 1, between what it and what the term do to the signals.
-        is_equal: the term is this law under another name.
-    """
-
-    effect: str
-    law: str
-    mechanism: str
-    correlation: float
-    is_equal: bool
-
-
-@dataclass(frozen=True)
 class Term:
     """A composed term.
 
@@ -288,7 +342,6 @@ class Term:
         place: where it acts.
         equation, html: the equation as plain text and as MathML.
         file_name, source: its C file.
-        matches: laws of the library that do nearly the same to the data, with the correlation of what they do.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
@@ -298,7 +351,6 @@ class Term:
     file_name: str
     source: str
     removed_held_out: float | None
-    matches: tuple[TermMatch, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -316,17 +368,23 @@ class Finding:
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
-        ranking: every explanation that was fitted, the best first.
+        ranking: every explanation that was weighed, the best first.
         power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         yardstick: fit in percent before, after and attainable.
+        explanations: those that hold 95 % of the weight, the heaviest first.
+        predictable_left: signal -> the share of what the best explanation leaves that a black box predicts.
+        predictor: the best predictor; None: it was not asked for.
+        closed_loop: a feedback loop around the data; None: the commands follow no output.
+        disturbances: signal -> a disturbance with a period of its own in time, looked for in a loop.
         run_values: what differs from run to run, each kind once.
         spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
     """
 
     dataset: Dataset
     verdict: VerdictKind
+    yardstick: Yardstick
     mechanism: str | None
     evidence: Evidence | None
     effects: tuple[Effect, ...]
@@ -350,7 +408,11 @@ class Finding:
     elapsed_s: float
     seed: int
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
-    yardstick: Yardstick = dataclasses.field(default_factory=Yardstick)
+    explanations: tuple[Share, ...] = ()
+    predictable_left: Mapping[str, float] | None = None
+    predictor: Predictor | None = None
+    closed_loop: Loop | None = None
+    disturbances: Mapping[str, Period] = dataclasses.field(default_factory=dict)
     budget: Budget | None = None
     run_values: tuple[RunValues, ...] = ()
     law_differs: bool | None = None
@@ -381,3 +443,86 @@ class Finding:
     def _repr_html_(self) -> str:
         """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
         return brickpilot.to_html(self)
+
+
+def verdict_json(found: Finding) -> dict[str, Any]:
+    """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
+    figures: dict[str, Any] = valid(_figures(found))
+    return figures
+
+
+def _figures(found: Finding) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "mechanism": found.mechanism,
+        "law_differs": found.law_differs,
+        "evidence": None if found.evidence is None else found.evidence.kind,
+        "proof": None if found.evidence is None else dataclasses.asdict(found.evidence),
+        "fit_percent": found.yardstick.fit_json(),
+        "predictable": found.yardstick.predictable_json(),
+        "explanations": [dataclasses.asdict(one) for one in found.explanations],
+        "predictable_left": None if found.predictable_left is None else dict(found.predictable_left),
+        "closed_loop": None if found.closed_loop is None else dataclasses.asdict(found.closed_loop),
+        "disturbances": {name: dataclasses.asdict(one) for name, one in found.disturbances.items()},
+        "predictor": None
+        if found.predictor is None
+        else {"parts": list(found.predictor.parts), "fit_percent": found.predictor.fit_percent},
+        "effects": [_effect_json(effect) for effect in found.effects],
+        "where": [dataclasses.asdict(place) for place in found.where],
+        "gap": {
+            **{role: dataclasses.asdict(gap) for role, gap in found.gap.items()},
+            "unit": "residual rms / noise sd",
+            "by_signal": {name: dataclasses.asdict(gap) for name, gap in found.by_signal.items()},
+        },
+        "nominal": {name: dataclasses.asdict(change) for name, change in found.nominal.items()},
+        "spread": None if found.spread is None else found.spread.to_json(),
+        "nominal_findings": [dataclasses.asdict(one) for one in found.nominal_findings],
+        "run_values": [one.to_json() for one in found.run_values],
+        "data_faults": [fault.to_json() for fault in found.faults],
+        "next_experiment": _plain(found.next_experiment),
+        "term": None
+        if found.term is None
+        else {
+            "acts_on": found.term.place,
+            "equation": found.term.equation,
+            "source": found.term.file_name,
+            "removed_held_out": found.term.removed_held_out,
+        },
+        "power": {name: dataclasses.asdict(one) for name, one in found.power.items()},
+        "ranking": [dataclasses.asdict(rank) for rank in found.ranking],
+        "roles": dict(found.roles),
+        "frame": {"values": "FRD", "dataset": found.dataset.frame},
+        "input_timing": found.dataset.input_timing,
+        "held_out_stretches": {name: list(span) for name, span in found.held_out_stretches.items()},
+        "notes": list(found.notes),
+        "elapsed_s": found.elapsed_s,
+        "budget": None if found.budget is None else dataclasses.asdict(found.budget),
+        "seed": found.seed,
+        "version": __version__,
+    }
+
+
+def valid(value: Any) -> Any:
+    """Returns `value` as JSON can hold it: sequences as lists, and None for NaN and Infinity."""
+    if isinstance(value, Mapping):
+        return {key: valid(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [valid(one) for one in value]
+    if isinstance(value, float):  # numpy's float64 is one too
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def _effect_json(effect: Effect) -> dict[str, Any]:
+    entry: dict[str, Any] = dataclasses.asdict(effect)
+    entry.pop("equation")
+    return entry
+
+
+def _plain(experiment: Experiment | None) -> dict[str, Any] | None:
+    """Returns the experiment with the manoeuvre's name and break points at its top level, ready for a script."""
+    if experiment is None:
+        return None
+    entry = dataclasses.asdict(experiment)
+    manoeuvre = entry.pop("manoeuvre")
+    return entry | (manoeuvre or {"name": None})

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, motor_inputs
-from brickpilot.discover.windows import wheel_angles
+from brickpilot.fit.windows import wheel_angles
 
 Array = NDArray[np.float64]
 

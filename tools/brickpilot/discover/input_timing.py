@@ -1,16 +1,21 @@
-"""Finds what the inputs do between two rows of a log, where the data set does not know: hold, or go in a straight line.
+"""Finds what a row of a log means, where the data set does not know: what inputs do between two rows, and whether an
+accelerometer gives the instant or the mean over a sample. What the runs surely tell is taken, and said in a note.
 
+Inputs hold or go in a straight line.
 The nominal model is fitted with either, and with inputs behind a delay or a first-order lag: held inputs lie near to
 linear ones that are late by half a row, and a lag makes a slope of each step. Which of two models is nearer to the
 truth, and how sure that is, says the test of Vuong (1989, Econometrica 57): the mean difference of their losses over
 stretches of time, against its own scatter.
+
+The instant and the mean of an acceleration are half a sample apart, which a fit would make up for by a motor that is
+slower or faster than it is. The same test decides.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,14 +25,16 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.data.description import UNKNOWN_TIMING
+from brickpilot.data.description import UNKNOWN_TIMING, Sampling
 from brickpilot.data.input_timing import ramps, with_linear_inputs, with_rows
-from brickpilot.discover.calibrate import calibrate
-from brickpilot.discover.fitting import fit
-from brickpilot.discover.gates import CORRELATED_S, FOLLOWABLE_ROW_S, TIMING_SURE
-from brickpilot.discover.prepare import Prepared, prepare
-from brickpilot.discover.windows import run_of
-from brickpilot.fit.held_inputs import mean_over_steps
+from brickpilot.discover import numbers
+from brickpilot.discover.explanation import Explanation, fit
+from brickpilot.discover.prepare import Prepared, calibrate, prepare
+from brickpilot.fit.blocks import on_coarse_grid
+from brickpilot.fit.replay import Replay, mean_over_steps
+from brickpilot.fit.residual import Problem, of_samples
+from brickpilot.fit.uncertainty import CORRELATED_S
+from brickpilot.fit.windows import run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -35,7 +42,9 @@ Timing = Literal["held", "linear"]
 
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
+_FOLLOWABLE_ROW_S = 0.008  # in a log with shorter rows bins hide what inputs do between them
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
+_MOTOR_STEP_S = 0.003  # as the residual at the measured samples has
 _PARTS = 8  # of a row, between two of which the inputs are followed
 
 
@@ -73,7 +82,7 @@ class FoundTiming:
     def note(self) -> str:
         """Returns the sentence for the user."""
         other = "linear" if self.timing == "held" else "held"
-        if self.sure < TIMING_SURE:
+        if self.sure < numbers.SURE:
             return "whether the inputs hold or are linear between two rows, these runs do not tell: held is taken"
         sure = f"{100 * min(self.sure, 0.999):.3g} % sure"
         if self.behind is not None:
@@ -90,9 +99,9 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
     if dataset.input_timing != "unknown":
         return dataset
     row_s = float(np.median(np.concatenate([np.diff(run.time) for run in dataset.runs])))
-    if row_s < FOLLOWABLE_ROW_S:
+    if row_s < _FOLLOWABLE_ROW_S:
         return _as(dataset, "held", f"the rows are {1e3 * row_s:.2g} ms apart, so the inputs are taken as held")
-    found = _found(prepare(_refined(dataset, row_s), model, seed=seed, jobs=jobs), dataset, row_s)
+    found = _found(prepare(_refined(dataset, row_s), model, seed=seed, jobs=jobs)[0], dataset, row_s)
     return _as(dataset, found.timing, found.note)
 
 
@@ -141,23 +150,24 @@ def _lagged(time: Array, values: Array, lag: float) -> Array:
 
 def _found(prepared: Prepared, logged: Dataset, row_s: float) -> FoundTiming:
     """Returns what explains the fit runs of `prepared` better, which are those of `logged` with more rows."""
-    stretch, _ = prepared.fine.stretches_of(CORRELATED_S)
-    nominal = calibrate(prepared)
+    prepared, nominal = calibrate(prepared)
+    stretch, _ = prepared.fine.stretches(CORRELATED_S)
 
     def losses(timing: Timing, behind: Behind) -> Array:
         """Returns the loss of each stretch."""
         compared = _with_inputs(prepared, logged, timing, behind)
-        own = fit(prepared.coarse.with_inputs(compared), (), nominal.plan, nominal.point, _TOLERANCE) or nominal
-        loss = prepared.fine.with_inputs(compared).losses(own.model)
+        coarse = Problem(prepared.coarse.with_inputs(on_coarse_grid(compared, numbers.BIN_S)[0]), nominal.plan)
+        own = fit(coarse, (), nominal.plan, nominal.point, _TOLERANCE) or nominal
+        loss = prepared.fine.with_inputs(Replay(compared, motor_step=_MOTOR_STEP_S)).losses(own.model)
         return np.bincount(stretch, loss).astype(np.float64)
 
     plain = {timing: losses(timing, _NOTHING) for timing in TIMINGS}
     best = {timing: _best(functools.partial(losses, timing), plain[timing], row_s) for timing in TIMINGS}
     timing, sure = _nearer(best["held"][1], best["linear"][1])
-    if sure >= TIMING_SURE:
+    if sure >= numbers.SURE:
         return FoundTiming(timing, sure)
     timing, sure = _nearer(plain["held"], plain["linear"])
-    if sure < TIMING_SURE:
+    if sure < numbers.SURE:
         return FoundTiming("held", sure)
     return FoundTiming(timing, sure, best["linear" if timing == "held" else "held"][0])
 
@@ -204,3 +214,72 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
         inputs = {signal: values[rows] for signal, values in acting[name].items()}
         runs.append(dataclasses.replace(run, inputs=inputs))
     return dataclasses.replace(prepared.compared, runs=tuple(runs))
+
+
+_ASSUMED: Sampling = "mean"
+_WORDS: dict[Sampling, str] = {"instant": "the instant", "mean": "the mean since the sample before it"}
+
+
+def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
+    """Returns a data set that says that its accelerometers give the instant; None: they do not, or nobody can tell.
+
+    Args:
+        prepared: made of `dataset`.
+        nominal: the calibrated nominal model.
+
+    What a sample is, a data set may state. Else the mean is taken, unless the fit runs are sure of the instant.
+    """
+    measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
+    names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
+    if not names or len(names) < len(measured):
+        return None
+    losses = {
+        kind: _sampled_losses(prepared, nominal, _with_sampling(prepared.compared, names, kind)) for kind in _WORDS
+    }
+    likelier, sure = _likelier(losses)
+    if sure < numbers.SURE or likelier == _ASSUMED:
+        return None
+    note = (
+        f"{', '.join(names)}: the data set does not state what a sample is. It is {_WORDS[likelier]}, "
+        f"{100 * min(sure, 0.999):.3g} % sure from the runs, and is taken as such."
+    )
+    return dataclasses.replace(_with_sampling(dataset, names, likelier), notes=(*dataset.notes, note))
+
+
+def _likelier(losses: Mapping[Sampling, Array]) -> tuple[Sampling, float]:
+    """Returns which of the two leaves less, and the probability that this is so."""
+    if not all(np.isfinite(one).all() for one in losses.values()):
+        return _ASSUMED, 0.5
+    timing, sure = _nearer(losses["mean"], losses["instant"])
+    return ("mean" if timing == "held" else "instant"), sure
+
+
+def _with_sampling(dataset: Dataset, names: Sequence[str], kind: Sampling) -> Dataset:
+    described = dict(dataset.signals)
+    for name in names:
+        if name in described:
+            described[name] = dataclasses.replace(described[name], sampling=kind)
+    return dataclasses.replace(dataset, signals=described)
+
+
+def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:
+    """Returns (stretches,) half the squares left by one step of least squares, over samples: bins hide half a sample.
+
+    The parameters so adapt to either.
+    """
+    runs = list(dict.fromkeys(block.run for block in prepared.fine.blocks))
+    data = of_samples(Replay(compared), nominal.plan.model, runs, threads=prepared.jobs)
+    scales = {}
+    for name, one in data.scales.items():
+        known = prepared.fine.scales[name]
+        noise = known.sample_noise
+        scales[name] = dataclasses.replace(one, size=noise * max(1.0, known.size / known.noise), noise=noise)
+    data = dataclasses.replace(data, scales=scales)
+    problem = Problem(data, nominal.plan)
+    rows, slopes = problem.residual(nominal.point), problem.jacobian(nominal.point)
+    stretch, count = data.stretches(CORRELATED_S)
+    if not np.isfinite(rows).all():
+        return np.full(count, np.inf)
+    step = np.linalg.lstsq(slopes, -rows, rcond=1e-9)[0]
+    left = (rows + slopes @ step)[: len(data.measured)]
+    return np.asarray(np.bincount(stretch, left**2 / 2, count), dtype=np.float64)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
-from brickpilot.discover.binned_error import BinnedOutputError
 from brickpilot.discover.finding import Gap, Place, Whiteness
-from brickpilot.discover.gates import BIN_S
+from brickpilot.discover.numbers import BIN_S
 from brickpilot.fit.replay import Outputs
+from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
     return best
 
 
-def whiteness(error: BinnedOutputError, whitened: Array) -> dict[str, Whiteness]:
+def whiteness(error: Residual, whitened: Array) -> dict[str, Whiteness]:
     """Returns the autocorrelation of `whitened` (samples,), a residual, by signal and over the bins."""
     found = {}
     for signal in error.signals:

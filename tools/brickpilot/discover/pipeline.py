@@ -1,22 +1,23 @@
 """`brickpilot discover`: from a data set to a finding.
 
-Each stage is a function in a module beside this one. What it makes is a frozen dataclass that the next stages take.
+Each stage is a function in a module beside this one. What it makes is a frozen record that the next stages take.
 
     with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not know
-    prepare          -> Prepared      the runs ready for fits, their roles, and the residual that is compared
-    calibrate        -> FittedModel   the calibrated nominal model
-    search           -> Searched      the best set of effects, and every set that was tried
-    judge            -> Verdict       none, named, ambiguous or unknown, with the rivals     (verdict.py)
-    values_that_differ -> RunValues   what differs from run to run beside that; all is explained again with it
-    compose          -> Composed      a term without a name, where it explains more than the named effects; found by the
-                                      same search (search.py) with other candidates (terms/source.py, effect_source.py)
-    write            -> Written       the augmented model, and what held-out runs say of it  (written.py)
-    measure          -> Yardstick     fit in percent before, after and attainable            (yardstick/)
-    follow_whole_runs -> Written      the same model, fitted to free runs of whole runs     (long_horizon.py)
-    plan_experiment  -> Experiment    the manoeuvre that separates the rivals                (experiment.py)
-    conclude         -> Finding       parameters with intervals, gaps, places, ranking, and the augmented model
+    prepare          -> Prepared, Sealed   the fit runs and their residual; what is held out, sealed
+    calibrate        -> Explanation   the calibrated nominal model, which explains with nothing
+    in_closed_loop   -> Prepared      innovations take the residual's place, where a loop is around the data
+    Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
+    weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
+    adequacy         -> Adequacy      `unknown`, where what is left is still predictable or too much (adequacy.py)
+    compose          -> Composed      for `unknown`: a law of few terms without a name               (compose.py)
+    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (predictor.py)
+    settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
+    prove            -> Proof         the seal is opened, once: what held-out runs say               (seal.py)
+    measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
+    plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
+    conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-Every number that decides a verdict stands in gates.py, with the reason for it.
+Every number that decides a verdict stands in numbers.py, with its reason.
 """
 
 from __future__ import annotations
@@ -28,42 +29,35 @@ from dataclasses import dataclass
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover import gates
-from brickpilot.discover.calibrate import calibrate
-from brickpilot.discover.compose import Composed, compose
-from brickpilot.discover.conclude import conclude
-from brickpilot.discover.deadline import COMPOSED, FIRST_EFFECT, JUDGED, SEARCHED, Deadline
-from brickpilot.discover.effect_source import EffectSource
+from brickpilot.discover import numbers
+from brickpilot.discover.adequacy import adequacy
+from brickpilot.discover.compose import Composed, compose, refitted
+from brickpilot.discover.conclude import Conclusion, conclude
+from brickpilot.discover.deadline import SEARCHED, Deadline
 from brickpilot.discover.estimate import Span, Stages, estimate
+from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import plan_experiment
-from brickpilot.discover.finding import Budget, Experiment, Finding
-from brickpilot.discover.fitting import FittedModel
-from brickpilot.discover.input_timing import with_known_timing
-from brickpilot.discover.long_horizon import follow_whole_runs
-from brickpilot.discover.predictability import settled
-from brickpilot.discover.prepare import Prepared, prepare, prepare_windows
-from brickpilot.discover.run_values import pays, values_that_differ, with_run_values
-from brickpilot.discover.search import Searched, search
-from brickpilot.discover.verdict import Verdict, judge, share_windows_must_remove, suspected_in_windows
-from brickpilot.discover.written import Written, write
-from brickpilot.discover.yardstick import Yardstick, measure, reference
+from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.finding import Budget, Finding, VerdictKind
+from brickpilot.discover.input_timing import with_known_sampling, with_known_timing
+from brickpilot.discover.predictor import best_predictor
+from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
+from brickpilot.discover.seal import Sealed, prove, unproved
+from brickpilot.discover.search import Found, Library, Search, runs_of
+from brickpilot.discover.settle import Settled, settle
+from brickpilot.discover.verdict import Verdict, weigh
+from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
-from brickpilot.fit.run_values import KINDS, RunValues
 from brickpilot.vehicle.model import Model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Explained:
-    """Prepared data with what the search found in them and the verdict on it.
-
-    Attributes:
-        composed: the term that explains them, where one was composed already.
-    """
+    """Prepared data with all that was found in them, and the verdict on it."""
 
     prepared: Prepared
-    searched: Searched
+    found: Found
     verdict: Verdict
-    composed: Composed | None = None
 
 
 def discover(
@@ -73,6 +67,7 @@ def discover(
     seed: int = 0,
     jobs: int = 2,
     budget_s: float | None = None,
+    predictor: bool = False,
     progress: Progress | None = None,
 ) -> Finding:
     """Finds what the simulator of `dataset` lacks.
@@ -83,6 +78,7 @@ def discover(
         jobs: number of fits at the same time.
         budget_s: the answer is the best one so far after this time. What has to be done at any rate may take longer.
             None: no limit.
+        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
         progress: called with (done, total, text).
 
     Raises:
@@ -98,7 +94,7 @@ def discover(
     ...     coasting = np.maximum((driven[200] + 1.8) * np.exp(-(time - 2) / 0.15) - 1.8, 0)
     ...     speed = np.sign(volts) * np.where(time < 2, driven, coasting)
     ...     voltage = np.where((time > 0.195) & (time < 1.995), volts, 0.0)
-    ...     noise = np.random.default_rng(1).normal(0, 0.02, time.size)
+    ...     noise = np.random.default_rng(1).normal(0, 0.1, time.size)
     ...     return pd.DataFrame({"time": time, "voltage": voltage, "speed": speed + noise})
     >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
     >>> runs = {"low": bench(3.0), "back": bench(-5.0), "high": bench(6.0)}
@@ -116,122 +112,114 @@ def discover(
     with threadpool_limits(1, "blas"):
         deadline = Deadline(budget_s)
         known: Dataset = with_known_timing(dataset, model, seed=seed, jobs=jobs)
-        prepared: Prepared = prepare(known, model, seed=seed, jobs=jobs, deadline=deadline)
-        return _find(prepared, Stages(progress))
+        prepared, sealed = prepare(known, model, seed=seed, jobs=jobs, deadline=deadline)
+        tell = Stages(progress)
+        tell("preparing the data")  # after it, so that bad input gets one line and no other
+        tell("calibrating the nominal model")
+        prepared, nominal = calibrate(prepared)
+        sampled = with_known_sampling(known, prepared, nominal)
+        if sampled is not None:
+            prepared, sealed = prepare(sampled, model, seed=seed, jobs=jobs, deadline=deadline)
+            prepared, nominal = calibrate(prepared)
+        prepared, nominal = in_closed_loop(prepared, nominal)
+        return _find(prepared, nominal, sealed, tell, predictor=predictor)
 
 
-def _find(prepared: Prepared, tell: Stages) -> Finding:
-    """Runs the stages behind `prepare`."""
-    deadline = prepared.deadline
-    tell("preparing the data")  # after it, so that bad input gets one line and no other
-    tell("calibrating the nominal model")
-    nominal: FittedModel = calibrate(prepared)
+def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages, *, predictor: bool) -> Finding:
+    """Runs the stages behind `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
     tell.announce(f"estimate: {estimated}")
     explained: Explained = _explain(prepared, nominal, tell)
-    explained = _explain_in_windows(explained, tell)
-    explained, run_values = _explain_with_run_values(explained, tell)
-    composed: Composed | None = explained.composed or compose(explained.prepared, explained.verdict, tell)
+    if explained.verdict.kind == "unknown":
+        explained = _explain_in_windows(explained, tell)
+    composed: Composed | None = None
+    if explained.verdict.kind == "unknown":
+        composed = compose(explained.prepared, explained.found.judge, explained.verdict, tell)
+    predicts = best_predictor(explained.prepared, explained.verdict.best, tell) if predictor else None
     tell("computing intervals and the next experiment")
-    written: Written = write(explained.prepared, explained.verdict, composed)
-    if deadline.until(COMPOSED).allows("the fit to whole runs"):
-        tell("fitting whole runs")
-        written = follow_whole_runs(explained.prepared, explained.verdict, written)
-    experiment: Experiment | None = plan_experiment(explained.prepared, explained.verdict, written)
-    tell("measuring what is attainable")
-    held: Yardstick = _attainable(explained, written)
-    written = dataclasses.replace(written, kind=settled(explained.verdict, written, held))
-    finding: Finding = conclude(explained.prepared, explained.searched, explained.verdict, written, experiment, held)
+    conclusion: Conclusion = _prove(explained, composed, predicts, sealed, tell)
+    finding: Finding = conclude(explained.prepared, conclusion)
+    deadline = prepared.deadline
     elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
     budget = (
         None
         if deadline.budget_s is None
         else Budget(deadline.budget_s, round(estimated.middle, 1), bool(skipped), skipped)
     )
-    return dataclasses.replace(finding, run_values=run_values, elapsed_s=elapsed_s, budget=budget)
+    return dataclasses.replace(finding, elapsed_s=elapsed_s, budget=budget)
 
 
-def _attainable(explained: Explained, written: Written) -> Yardstick:
-    """Returns what a model without physics attains on the same data; nothing if there is no time left."""
-    prepared = explained.prepared
-    if not prepared.deadline.allows("what is attainable"):
-        return Yardstick()
-    return measure(reference(prepared, explained.verdict.nominal.model), written.model)
-
-
-def _explain(prepared: Prepared, nominal: FittedModel, tell: Stages) -> Explained:
-    """Searches on the coarse grid for effects beside the nominal model, and judges at the measured samples."""
-    searched: Searched = search(
-        prepared, EffectSource(prepared.excitation), nominal, tell, prepared.until(SEARCHED), FIRST_EFFECT
+def _explain(prepared: Prepared, nominal: Explanation, tell: Stages) -> Explained:
+    """Searches on the coarse grid for explanations beside the nominal model, weighs them, and looks at what is left."""
+    judge = Judge.of(prepared.coarse, prepared.seed)
+    library = Library(prepared.excitation, runs_of(prepared.coarse))
+    search = Search(
+        prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.until(SEARCHED), tell
     )
-    tell("fitting at the measured samples")
-    verdict: Verdict = judge(prepared, searched)
-    return Explained(prepared, searched, verdict)
+    found: Found = search.run(judge)
+    verdict: Verdict = weigh(found)
+    left = adequacy(judge, found.table[verdict.best.key], found.nothing, prepared.seed)
+    cut_short = bool(prepared.deadline.left_out)
+    if not left.is_adequate or cut_short:
+        best = found.ranked()[0].explanation if verdict.kind == "none" else verdict.best
+        verdict = dataclasses.replace(verdict, kind="unknown", best=best)
+    return Explained(prepared, found, dataclasses.replace(verdict, adequacy=left))
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
-    """Explains the runs again, cut into short windows; returns `whole` unless the windows explain clearly more.
+    """Explains the runs again, cut into short windows; returns `whole` unless that names a periodic effect.
 
-    Each window starts from the measured state. An effect that depends on the angle of a wheel makes two simulations
-    drift apart over a whole run, so that no size of it fits there. It fits over a window of one or two turns. Such an
-    effect is suspected, without a claim, where whole runs show none and its law explains a part of the windows.
+    An effect that depends on the angle of a wheel makes two simulations drift apart over a whole run, so that no phase
+    of it fits there. It does over a window of one or two turns, which starts from the measured state.
     """
-    least = share_windows_must_remove(whole.searched, whole.verdict)
-    if whole.verdict.adequate or least >= 1:
-        return whole
     windows = prepare_windows(whole.prepared)
     if windows is None or not windows.until(SEARCHED).allows("the search in short windows"):
         return whole
     tell("searching again in short windows")
-    again = _explain(windows, calibrate(windows), tell)
-    if again.verdict.removed > least:
-        return _simpler_term(whole, again, tell) or again
-    if not whole.verdict.best.chosen and (suspected := suspected_in_windows(again.verdict)) is not None:
-        return dataclasses.replace(again, verdict=suspected)
-    return whole
+    ready, nominal = calibrate(windows)
+    again = _explain(ready, nominal, tell)
+    periodic = again.verdict.kind in ("named", "ambiguous") and again.verdict.best.is_periodic
+    return again if periodic else whole
 
 
-def _simpler_term(whole: Explained, windows: Explained, tell: Stages) -> Explained | None:
-    """Returns whole runs with a term that explains them with fewer parameters than windows need; None: no such term.
-
-    A sensor's error is in the measured start of each window too, where many effects patch it up.
-    """
-    named = windows.verdict.best
-    if len(named.chosen) < gates.MANY_EFFECTS:
-        return None
-    composed = compose(whole.prepared, whole.verdict, tell)
-    if composed is None or not composed.alone:
-        return None
-    fitted, noise = composed.terms.fitted, whole.verdict.noise
-    simpler = fitted.parameter_count < named.parameter_count and fitted.cost <= gates.ADEQUATE * noise
-    return dataclasses.replace(whole, composed=composed) if simpler else None
-
-
-def _explain_with_run_values(explained: Explained, tell: Stages) -> tuple[Explained, tuple[RunValues, ...]]:
-    """Explains the runs again with values of their own, where what differs from run to run is left unexplained.
-
-    Values of a kind that takes the place of an effect are found and not applied: the effect keeps its name. Effects
-    without a claim that explain more than the values do keep their place too.
-    """
-    kinds, found = list(KINDS), list[RunValues]()
-    while kinds:
-        prepared, best = explained.prepared, explained.verdict.best
-        if not prepared.until(JUDGED).allows("values that differ from run to run"):
-            break
-        values = values_that_differ(prepared, best, kinds)
-        if values is None or values.removed <= explained.verdict.removed_unclaimed:
-            break
-        if values.applied and not prepared.until(SEARCHED / 2).allows("the explanation with values of the runs"):
-            values = dataclasses.replace(values, applied=False)
-        if values.applied:
-            tell("explaining the runs again, each with its own values")
-            own = with_run_values(prepared, values)
-            again = _explain(own, calibrate(own), tell)
-            if not pays(again.prepared, best, again.verdict.best, values):
-                break
-            explained = again
-        found.append(values)
-        kinds.remove(values.kind)
-        if not values.applied:
-            break
-    return explained, tuple(found)
+def _prove(
+    explained: Explained, composed: Composed | None, predicts: Settled | None, sealed: Sealed, tell: Stages
+) -> Conclusion:
+    """Settles the model of the verdict, opens the seal, and returns what is concluded."""
+    prepared, verdict = explained.prepared, explained.verdict
+    nominal: Settled = settle(prepared, verdict.nominal)
+    best: Settled = nominal if not verdict.best.parts else settle(prepared, verdict.best)
+    kind: VerdictKind = verdict.kind
+    if kind in ("named", "ambiguous") and not any(one.effects for one in (verdict.best, *verdict.rivals)):
+        kind = "none"  # no law is missing: runs differ in what reaches the motors, and when
+    if kind == "named" and not best.determined:
+        # The data do not determine a size of what was named: without it nothing may be missing.
+        left = max(explained.found.judge.top - explained.found.nothing.total, 0.0)
+        enough = left <= numbers.UNEXPLAINED_NATS * len(prepared.coarse.measured)
+        kind, best = ("none", nominal) if enough else ("unknown", best)
+    written = best if kind in ("named", "ambiguous") else nominal
+    if composed is not None:
+        written = settle(prepared, composed.explanation)
+        composed = refitted(composed, written.explanation)
+    proof = prove(prepared, sealed, nominal.model, written.model)
+    if (kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
+        kind = "unknown"
+        composed, written, proof = (None, nominal, unproved(proof, nominal.model))
+    experiment = plan_experiment(prepared, verdict)
+    tell("measuring what is attainable")
+    yardstick = Yardstick()
+    if prepared.deadline.allows("what is attainable"):
+        yardstick = measure(prepared, proof, nominal.model, written.model)
+    return Conclusion(
+        kind,
+        explained.found.judge,
+        verdict,
+        best,
+        written,
+        nominal,
+        composed,
+        proof,
+        experiment,
+        yardstick,
+        None if predicts is None else as_predictor(prepared, proof, predicts),
+    )

@@ -1,4 +1,8 @@
-"""The first stage: makes a data set ready for fits."""
+"""The first stage: makes a data set ready for fits, and seals what is held out.
+
+What later stages get holds no measured value of a held-out run or stretch: of those only the inputs are left, because
+heat and charge carry over from run to run. What was taken away lies in the `Sealed` that is returned beside it.
+"""
 
 from __future__ import annotations
 
@@ -12,36 +16,59 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
-from brickpilot.data.dataset import Dataset, Nominal, motor_inputs
-from brickpilot.discover import gates, harmonics
-from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
+from brickpilot.discover import harmonics, numbers
+from brickpilot.discover.closed_loop import Loop, follows_outputs
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
-from brickpilot.discover.default_sd import with_default_sds
-from brickpilot.discover.excitation import Excitation
-from brickpilot.discover.windows import cut_into_windows, run_of, wheel_angles
+from brickpilot.discover.disturbance import noise_model, whitening
+from brickpilot.discover.explanation import FINE, Explanation, fit
+from brickpilot.discover.parts import Excitation
+from brickpilot.discover.seal import Sealed
 from brickpilot.errors import InputError
 from brickpilot.fit import parameters
 from brickpilot.fit.comparable import Comparable, contradictions, started
+from brickpilot.fit.descent import Counter, search
 from brickpilot.fit.parameters import Plan
+from brickpilot.fit.residual import Problem, Residual, of_bins
+from brickpilot.fit.windows import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
 _MOTOR_WINDOW_S = 1.0
 _WINDOW_S = 0.6  # a wheel turns once or twice in it
+_NOISE_ROUNDS = 2  # of noise model and nominal model in turn
+_HIGHEST_ORDER = 8  # of a noise model, in bins: a quarter of a second
 _SEARCHED_WINDOWS = 80  # at most; all windows are fitted after the search
+_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # a periodic effect has at least so many
+
+SD_SHARE = {
+    "mass": numbers.RULER,
+    "half_track": numbers.RULER,
+    "wheel_radius": numbers.RULER,
+    "resistance": numbers.BENCH,
+    "torque_constant": numbers.BENCH,
+    "emf_constant": numbers.BENCH,
+    "battery_voltage": numbers.RULER,
+    "yaw_inertia": numbers.ESTIMATE,
+    "wheel_inertia": numbers.ESTIMATE,
+    "inductance": numbers.ESTIMATE,
+    "viscous_friction": numbers.GUESS,
+    "rolling_friction": numbers.GUESS,
+    "drag_area": numbers.GUESS,
+}
+"""Nominal parameter -> default sd as a share. What is absent is a constant, or says that the drive commands a force."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
-    """A data set ready for fits. All later stages work on it.
+    """A data set ready for fits. All stages up to the verdict work on it.
 
     Attributes:
-        measured: the data set as read, without channels that contradict the model.
-        dataset: `measured` with an sd on every nominal value and with averaged start states.
-        plain: the same runs as `compare` and `calibrate` take them, without what was estimated of them or given by a
-            model: the headline numbers are of these.
+        dataset: the fit runs with an sd on every nominal value and with averaged start states; of what is held out the
+            inputs alone.
         compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
+        windows: the fit runs of a vehicle cut into short windows; None where no wheel was measured.
         roles: which runs are fitted and which are held out.
         plan: the nominal parameters that are fitted.
         coarse: the residual of the fit runs on a coarse time grid, for the search.
@@ -50,49 +77,41 @@ class Prepared:
         seed: seed of random starts.
         jobs: number of fits at the same time.
         deadline: of the whole discovery.
+        loop: a feedback loop around the data; None: the commands follow no output.
     """
 
-    measured: Dataset
     dataset: Dataset
-    plain: Comparable
     compared: Dataset
+    windows: Dataset | None
     roles: holdout.Roles
     plan: Plan
-    coarse: BinnedOutputError
-    fine: BinnedOutputError
+    coarse: Residual
+    fine: Residual
     excitation: Excitation
     seed: int
     jobs: int
     deadline: Deadline
+    loop: Loop | None = None
 
     def until(self, share: float) -> Deadline:
         """Returns the deadline of a stage that has to be done after this share of the budget."""
         return self.deadline.until(share)
 
-    def held_out(self) -> BinnedOutputError | None:
-        """Returns the residual of the held-out runs with the scales of the fit runs; None if no run is held out."""
-        names = _tested(self.compared, self.roles)
-        if not names:
-            return None
-        samples = part(self.compared, self.roles, "held_out")
-        error = BinnedOutputError(self.compared, self.plan, names, threads=self.jobs, samples=samples)
-        error.adopt_scales(self.fine)
-        return error
+    @property
+    def is_biased(self) -> bool:
+        """Whether a loop tells so much of the commands that free runs are biased."""
+        return self.loop is not None and self.loop.gain > numbers.SHARED_REST
 
-    def part(self, compared: Dataset, role: str) -> Dataset:
-        """Returns a data set of the same runs without the samples that have another role."""
-        return part(compared, self.roles, role)
-
-    def all_runs(self, plan: Plan) -> BinnedOutputError:
-        """Returns the residual of all runs with the scales of the fit runs."""
-        names = [run.name for run in self.compared.runs]
-        error = BinnedOutputError(self.compared, plan, names, threads=self.jobs)
-        error.adopt_scales(self.fine)
-        return error
+    @property
+    def windowed(self) -> bool:
+        """Whether windows of runs are compared."""
+        return self.compared is not self.dataset
 
 
-def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, deadline: Deadline = NO_LIMIT) -> Prepared:
-    """Leaves out contradictory channels, assigns roles, and sets up the residuals.
+def prepare(
+    dataset: Dataset, model: Model | None, *, seed: int, jobs: int, deadline: Deadline = NO_LIMIT
+) -> tuple[Prepared, Sealed]:
+    """Leaves out contradictory channels, assigns roles, seals what is held out, and sets up the residuals.
 
     Raises:
         InputError: no measured signal is one that the model gives, every run is held out, or `model` is of another
@@ -106,75 +125,166 @@ def prepare(dataset: Dataset, model: Model | None, *, seed: int, jobs: int, dead
     roles = holdout.assign(stated, inputs, stretches=True)
     if not roles.fit():
         raise InputError("every run is held out: there is none to fit", file=measured.path, field="runs.role")
-    ready = started(stated, inputs)
+    whole = started(stated, inputs)
+    ready = _blind(whole, roles)
     plan = parameters.plan(ready)
-    windows = cut_into_windows(ready, inputs, _MOTOR_WINDOW_S) if ready.vehicle == "motor" else None
-    compared = ready if windows is None else windows
-    fitted, fit_runs = part(compared, roles, "fit"), _with_role(compared, roles, "fit")
-    return Prepared(
-        measured=measured,
-        dataset=ready,
-        plain=_plain(measured, ready, roles, given=model is not None),
-        compared=compared,
-        roles=roles,
-        plan=plan,
-        coarse=BinnedOutputError(compared, plan, fit_runs, coarse=True, threads=jobs, samples=fitted),
-        fine=BinnedOutputError(compared, plan, fit_runs, threads=jobs, samples=fitted),
-        excitation=_excitation(stated, ready, inputs, windowed=windows is not None),
-        seed=seed,
-        jobs=jobs,
-        deadline=deadline,
+    is_motor = ready.vehicle == "motor"
+    windows = _windows(whole, roles, inputs, _MOTOR_WINDOW_S if is_motor else _WINDOW_S)
+    windowed = is_motor and windows is not None
+    excitation = _excitation(_blind(stated, roles), ready, inputs, windowed=windowed)
+    sealed = Sealed(measured, whole, _plain(measured, whole, roles, given=model is not None))
+    compared = windows if windowed and windows is not None else ready
+    coarse, fine = _residuals(ready, compared, plan, jobs)
+    prepared = Prepared(
+        ready, compared, None if is_motor else windows, roles, plan, coarse, fine, excitation, seed, jobs, deadline
     )
-
-
-def _plain(measured: Dataset, ready: Dataset, roles: holdout.Roles, *, given: bool) -> Comparable:
-    """Returns the runs for the headline numbers; those of `ready` unless it starts from a given model."""
-    if given:
-        ready = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
-    return Comparable(measured, ready, roles)
+    return prepared, sealed
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
-    """Returns the same data cut into short windows.
+    """Returns the same data cut into short windows, each from the measured state: wheels keep their phase in them.
 
     None if they are in windows already, no wheel was measured, or the samples are too far apart for a window.
     """
-    if prepared.compared is not prepared.dataset:
+    windows = prepared.windows
+    if windows is None or not any(run.outputs for run in windows.runs):
         return None
-    ready = prepared.dataset
-    windows = cut_into_windows(ready, {run.name: motor_inputs(run, ready) for run in ready.runs}, _WINDOW_S)
-    if windows is None:
-        return None
-    fitted, fit_windows = part(windows, prepared.roles, "fit"), _with_role(windows, prepared.roles, "fit")
-    if not fit_windows:
-        return None
-    some = fit_windows[:: -(-len(fit_windows) // _SEARCHED_WINDOWS)]
+    coarse, fine = _residuals(prepared.dataset, windows, prepared.plan, prepared.jobs)
+    excitation = dataclasses.replace(prepared.excitation, windowed=True)
     return dataclasses.replace(
-        prepared,
-        compared=windows,
-        coarse=BinnedOutputError(windows, prepared.plan, some, coarse=True, threads=prepared.jobs, samples=fitted),
-        fine=BinnedOutputError(windows, prepared.plan, fit_windows, threads=prepared.jobs, samples=fitted),
-        excitation=dataclasses.replace(prepared.excitation, windowed=True),
+        prepared, compared=windows, windows=None, coarse=coarse, fine=fine, excitation=excitation
     )
 
 
-def _with_role(compared: Dataset, roles: holdout.Roles, role: str) -> list[str]:
-    """Returns the names of the runs, or windows of runs, that have a role."""
-    return [run.name for run in compared.runs if roles.by_run[run_of(run.name)] == role]
+def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tuple[Residual, Residual]:
+    """Returns the residual of the fit runs on a coarse time grid, and at the measured samples."""
+    names = [run.name for run in compared.runs if run.outputs]
+    some = names[:: -(-len(names) // _SEARCHED_WINDOWS)] if compared is not ready else names
+    coarse, fine = (
+        of_bins(compared, plan.model, of, width_s=numbers.BIN_S, coarse=is_coarse, threads=jobs)
+        for of, is_coarse in ((some, True), (names, False))
+    )
+    if compared is not ready:
+        coarse, fine = (_with_whole_inputs(one, ready) for one in (coarse, fine))
+    return coarse, fine
 
 
-def _tested(compared: Dataset, roles: holdout.Roles) -> list[str]:
-    """Returns the names of the runs, or windows of runs, of which samples are held out."""
-    tested = set(roles.tested())
-    return [run.name for run in compared.runs if run_of(run.name) in tested]
+def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
+    """Returns the residual of windows that know the inputs of their whole runs, for values of runs."""
+    whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
+    replay = data.replay.with_whole({run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs})
+    return dataclasses.replace(data, replay=replay)
 
 
-def part(compared: Dataset, roles: holdout.Roles, role: str) -> Dataset:
-    """Returns the data set without the samples that have another role, where a run holds both."""
-    if not roles.stretches:
-        return compared
-    runs = tuple(roles.samples(run, role, run_of(run.name)) for run in compared.runs)
-    return dataclasses.replace(compared, runs=runs)
+def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
+    """Returns the prepared data with settled weights, and the calibrated nominal model.
+
+    It is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise to
+    what the rough fit leaves from bin to bin.
+
+    Raises:
+        InputError: the plant diverges with the nominal values.
+    """
+    plan, problem = prepared.plan, Problem(prepared.coarse, prepared.plan)
+    start = plan.start()
+    if any(one.known is None for one in plan.free):
+        start, _ = search(problem, np.random.default_rng(prepared.seed), Counter(None, 1))
+    rough = fit(problem, (), plan, start, FINE)
+    if rough is None:
+        raise InputError(
+            "the plant diverges with these values: are units and nominal values right?",
+            file=prepared.dataset.path,
+            field="nominal",
+        )
+    coarse = prepared.coarse.with_raised_floors(rough.model)
+    ready = dataclasses.replace(prepared, coarse=coarse, fine=prepared.fine.weighed_like(coarse))
+    return ready, fit(Problem(coarse, plan), (), plan, rough.point, FINE) or rough
+
+
+def in_closed_loop(prepared: Prepared, nominal: Explanation) -> tuple[Prepared, Explanation]:
+    """Returns the data and the nominal model as they are right in a feedback loop; the same where there is none.
+
+    There a simulation from the commands alone is biased. A model of the noise makes innovations of the residual, and
+    all that follows works on them: the direct method (Ljung 1999, sec. 13.4). Noise model and nominal model are fitted
+    in turn. A loop that says next to nothing of the commands biases nothing, and free runs tell more there.
+    """
+    fitted = tuple(run for run in prepared.dataset.runs if run.outputs)
+    loop = follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted))
+    prepared = dataclasses.replace(prepared, loop=loop)
+    if not prepared.is_biased:
+        return prepared, nominal
+    for _ in range(_NOISE_ROUNDS):
+        models = {
+            signal: noise_model(prepared.coarse.parts(_left(prepared.coarse, nominal), signal), _HIGHEST_ORDER)
+            for signal in prepared.coarse.signals
+        }
+        coarse, fine = (_innovations(one, models) for one in (prepared.coarse, prepared.fine))
+        found = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE)
+        nominal = found or nominal
+    return dataclasses.replace(prepared, coarse=coarse, fine=fine), nominal
+
+
+def _left(data: Residual, found: Explanation) -> Array:
+    return np.asarray(data.measured - data.predict([found.model])[0])
+
+
+def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
+    """Returns a residual behind the noise models of its signals: signal -> (order,)."""
+    filters = {
+        (block.run, block.signal): whitening(models.get(block.signal, np.empty(0)), len(block.measured))
+        for block in data.blocks
+    }
+    return data.coloured(filters)
+
+
+def with_default_sds(dataset: Dataset) -> Dataset:
+    """Returns the data set with an sd on every nominal value that was stated without: nobody knows a value exactly.
+
+    A wrong nominal value is not an effect. All nominal values are fitted, each within what is usual for its kind.
+    """
+    nominal = {
+        name: Nominal(known.value, abs(known.value) * SD_SHARE[name])
+        if known.sd is None and known.value != 0 and name in SD_SHARE
+        else known
+        for name, known in dataset.nominal.items()
+    }
+    return dataclasses.replace(dataset, nominal=nominal)
+
+
+def _blind(dataset: Dataset, roles: holdout.Roles) -> Dataset:
+    """Returns the data set without any measured value that is held out."""
+
+    def blind(run: Run) -> Run:
+        if roles.by_run[run.name] == "held_out":
+            return dataclasses.replace(run, outputs={}, raw_outputs={})
+        return dataclasses.replace(roles.samples(run, "fit"), raw_outputs={})
+
+    return dataclasses.replace(dataset, runs=tuple(blind(run) for run in dataset.runs))
+
+
+def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
+    """Returns the fit runs cut into windows, without those that reach into a held-out stretch."""
+    outputs_of = {name for name, role in roles.by_run.items() if role == "fit"}
+    runs = tuple(
+        run if run.name in outputs_of else dataclasses.replace(run, outputs={}, raw_outputs={}) for run in whole.runs
+    )
+    cut = cut_into_windows(dataclasses.replace(whole, runs=runs), inputs, length_s)
+    if cut is None:
+        return None
+
+    def is_held_out(run: Run) -> bool:
+        stretch = roles.stretches.get(run_of(run.name))
+        return stretch is not None and bool(run.time[-1] >= stretch[0] and run.time[0] <= stretch[1])
+
+    blind = tuple(dataclasses.replace(run, outputs={}, raw_outputs={}) if is_held_out(run) else run for run in cut.runs)
+    return dataclasses.replace(cut, runs=blind)
+
+
+def _plain(measured: Dataset, whole: Dataset, roles: holdout.Roles, *, given: bool) -> Comparable:
+    """Returns the runs for the headline numbers; those of `whole` unless it starts from a given model."""
+    if given:
+        whole = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
+    return Comparable(measured, whole, roles)
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
@@ -193,25 +303,22 @@ def _starting_from(dataset: Dataset, model: Model) -> Dataset:
         if name in dataset.nominal or value != catalogue.presets(model.vehicle)[name]
     }
     effects = {
-        effect: {
-            name: Nominal(value, abs(value) * gates.SD_SHARE_OF_A_MODELS_EFFECT or None)
-            for name, value in table.items()
-        }
+        effect: {name: Nominal(value, abs(value) * numbers.ESTIMATE or None) for name, value in table.items()}
         for effect, table in model.effects.items()
     }
     return dataclasses.replace(dataset, nominal=nominal, nominal_effects={**dataset.nominal_effects, **effects})
 
 
 def _excitation(stated: Dataset, ready: Dataset, inputs: Mapping[str, Array], *, windowed: bool) -> Excitation:
+    fitted = [run for run in ready.runs if run.outputs]
     largest = {"voltage": max(float(np.nanmax(np.abs(values), initial=0.0)) for values in inputs.values())}
-    for name in dict.fromkeys(name for run in ready.runs for name in run.outputs):
-        values = [run.outputs[name] for run in ready.runs if name in run.outputs]
+    for name in dict.fromkeys(name for run in fitted for name in run.outputs):
+        values = [run.outputs[name] for run in fitted if name in run.outputs]
         largest[name] = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in values)
     return Excitation(
         largest=largest,
         orders=harmonics.orders(stated),
         least_order=_least_order(stated),
-        wheels_measured=all(wheel_angles(run) is not None for run in ready.runs),
         windowed=windowed,
     )
 
@@ -224,5 +331,5 @@ def _least_order(dataset: Dataset) -> float:
         if "position" in run.outputs
     ]
     if "force_per_volt" not in dataset.nominal or not travels:
-        return gates.LEAST_PERIODS_PER_TURN
-    return 2 * np.pi * gates.LEAST_PERIODS_OVER_TRAVEL / max(float(max(travels)), 1e-9)
+        return _PERIODS_PER_TURN
+    return 2 * np.pi * _PERIODS_OVER_TRAVEL / max(float(max(travels)), 1e-9)

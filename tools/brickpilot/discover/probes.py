@@ -1,4 +1,4 @@
-"""The values at which a candidate is simulated to see its signature."""
+"""The values at which a part is simulated to see its signature."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover.candidates import (
-    Candidate,
+from brickpilot.discover.parts import (
+    Excitation,
+    Part,
+    RunPart,
     is_signed,
     limit_of,
+    scale_of,
     scanned_parameter,
     switch_settings,
 )
-from brickpilot.discover.excitation import Excitation
-from brickpilot.discover.vehicle_scale import scale_of
+from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -46,45 +48,48 @@ _GRID_OF_PHASES = tuple(
 
 @dataclass(frozen=True)
 class Probe:
-    """Simulations of a candidate whose signatures are combined.
+    """Simulations of a part whose signatures are combined.
 
     Attributes:
         values: each is simulated, and its signature taken a_k times.
         free_sign: whether a_k may be negative.
     """
 
-    candidate: Candidate
+    part: Part
     values: tuple[Values, ...]
     free_sign: bool
 
 
-def probes_of(candidate: Candidate, base: Model, excitation: Excitation) -> list[Probe]:
-    """Returns the probes of a candidate beside `base`.
+def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
+    """Returns the probes of a part beside `base`.
 
     An effect that is smooth in its size is tried at one size and extrapolated. One that is not, such as a deadband, is
     tried at several.
     """
-    effect = catalogue.effect(candidate.effect)
-    infos = {one.name: one for one in effect.parameters if one.name in candidate.free}
-    if limit := limit_of(candidate):
+    if isinstance(part, RunPart):
+        starts = RUN_KINDS[part.effect].tried or (RUN_KINDS[part.effect].sd,)
+        return [Probe(part, (dict.fromkeys(part.free, value),), True) for value in starts]
+    effect = catalogue.effect(part.effect)
+    infos = {one.name: one for one in effect.parameters if one.name in part.free}
+    if limit := limit_of(part):
         largest = excitation.largest.get(limit.limits, 0.0)
         tried = [share * largest for share in _LIMIT_SHARES if limit.minimum <= share * largest <= limit.maximum]
-        return [Probe(candidate, ({limit.name: size},), False) for size in tried if size > 0]
-    if scanned := scanned_parameter(candidate):
+        return [Probe(part, ({limit.name: size},), False) for size in tried if size > 0]
+    if scanned := scanned_parameter(part):
         settings = switch_settings(effect)
-        return [Probe(candidate, ({scanned.name: v, **on},), False) for v in scanned.scan for on in settings]
+        return [Probe(part, ({scanned.name: v, **on},), False) for v in scanned.scan for on in settings]
     natural = {name: (one.preset or one.trial) * scale_of(one.unit, base) for name, one in infos.items()}
     if "order" in infos:
-        return _periodic(candidate, natural, excitation)
+        return _periodic(part, natural, excitation)
     if all(is_signed(one) for one in infos.values()):
         zero = dict.fromkeys(infos, 0.0)
-        return [Probe(candidate, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True)]
-    return _at_several_sizes(candidate, natural, infos)
+        return [Probe(part, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True)]
+    return _at_several_sizes(part, natural, infos)
 
 
-def _at_several_sizes(candidate: Candidate, natural: Values, infos: Mapping[str, ParameterInfo]) -> list[Probe]:
+def _at_several_sizes(part: Part, natural: Values, infos: Mapping[str, ParameterInfo]) -> list[Probe]:
     """Returns probes at every size, with every combination of signs and every setting of switches."""
-    effect = catalogue.effect(candidate.effect)
+    effect = catalogue.effect(part.effect)
     sized = [name for name in infos if infos[name].role not in ("shape", "place")]
     signed = [name for name in infos if is_signed(infos[name])]
     probes = []
@@ -95,36 +100,34 @@ def _at_several_sizes(candidate: Candidate, natural: Values, infos: Mapping[str,
             start = {**natural, **{name: natural[name] * size for name in sized}}
             start |= {name: natural[name] * sign for name, sign in zip(signed, signs, strict=True)}
             settings = switch_settings(effect)
-            probes += [Probe(candidate, (_within_range(effect.name, {**start, **on}),), False) for on in settings]
+            probes += [Probe(part, (_within_range(effect.name, {**start, **on}),), False) for on in settings]
     return probes
 
 
-def _periodic(candidate: Candidate, natural: Values, excitation: Excitation) -> list[Probe]:
+def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe]:
     """Returns probes at every order, linear in the phases; in windows also at large sizes, phase by phase."""
     orders = [order for order in (*excitation.orders, *_USUAL_ORDERS) if order >= excitation.least_order]
-    linear = [Probe(candidate, _at_phases(candidate, natural, order, _PHASES), True) for order in orders]
-    size = candidate.free[0]
+    linear = [Probe(part, _at_phases(part, natural, order, _PHASES), True) for order in orders]
+    size = part.free[0]
     large = [
-        Probe(candidate, (one,), False)
+        Probe(part, (one,), False)
         for order in (excitation.orders if excitation.windowed else ())
         if order in orders
         for share in _LARGE
-        for one in _at_phases(candidate, {**natural, size: share * natural[size]}, order, _GRID_OF_PHASES)
+        for one in _at_phases(part, {**natural, size: share * natural[size]}, order, _GRID_OF_PHASES)
     ]
     return [*linear, *large]
 
 
-def _at_phases(
-    candidate: Candidate, natural: Values, order: float, phases: Sequence[tuple[float, float]]
-) -> tuple[Values, ...]:
+def _at_phases(part: Part, natural: Values, order: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:
     """Returns the values of a periodic effect at each phase and, where it is free, each phase difference."""
-    two_phases = "phase_difference" in candidate.free
+    two_phases = "phase_difference" in part.free
     shifted = (
         {**natural, "order": order, "phase": phase} | ({"phase_difference": difference} if two_phases else {})
         for phase, difference in phases
         if two_phases or difference == 0
     )
-    return tuple(_within_range(candidate.effect, one) for one in shifted)
+    return tuple(_within_range(part.effect, one) for one in shifted)
 
 
 def fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
@@ -143,26 +146,32 @@ def fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
 
 def values_at(probe: Probe, amplitudes: Array) -> dict[str, float]:
     """Returns the parameters that the amplitudes of a probe's signatures stand for, within their ranges."""
-    candidate, values = probe.candidate, dict(probe.values[0])
+    part, values = probe.part, dict(probe.values[0])
+    if isinstance(part, RunPart):
+        kind = RUN_KINDS[part.effect]
+        return {
+            run: min(max(values[run] * share, kind.low), kind.high)
+            for run, share in zip(part.free, amplitudes.tolist(), strict=True)
+        }
     if "order" in values and probe.free_sign:
-        values |= _wave_at(candidate, values, amplitudes)
-    elif limit_of(candidate) or scanned_parameter(candidate):
+        values |= _wave_at(part, values, amplitudes)
+    elif limit_of(part) or scanned_parameter(part):
         pass  # a tighter limit changes more, so an amplitude does not say where the limit is
     elif probe.free_sign:
         for one, amplitude in zip(probe.values, amplitudes, strict=True):
             moved = next(name for name, value in one.items() if value != 0)
             values[moved] = one[moved] * float(amplitude)
-    elif candidate.free[0] in values:
-        values[candidate.free[0]] *= float(amplitudes[0])
-    return _within_range(candidate.effect, values)
+    elif part.free[0] in values:
+        values[part.free[0]] *= float(amplitudes[0])
+    return _within_range(part.effect, values)
 
 
-def _wave_at(candidate: Candidate, values: Values, amplitudes: Array) -> dict[str, float]:
+def _wave_at(part: Part, values: Values, amplitudes: Array) -> dict[str, float]:
     """Returns size and phases of a periodic effect from the amplitudes at `_PHASES`."""
     phasors = _wheel_phasors(amplitudes)
     left, right = np.angle(phasors)
     difference = float(np.angle(np.exp(1j * (left - right))))
-    size = candidate.free[0]
+    size = part.free[0]
     wave = {
         size: values[size] * float(np.mean(np.abs(phasors))),
         "phase": float(np.angle(np.exp(1j * (right + difference / 2)))),

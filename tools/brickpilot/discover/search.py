@@ -1,180 +1,333 @@
-"""The third stage: searches for what the data ask for, among the effects of the library or among composed terms.
+"""Searches for explanations. The search proposes and decides nothing: `verdict` weighs all that it fitted.
 
-Forward: the best candidate is added as long as it gains enough. All pairs of the best few effects compete with it, so
-that two effects at once are not taken for a third one. Backward: what the others make needless is removed.
+Singles, pairs of the best, then one part more beside the best two, as long as that scores better. Rivals are searched
+as hard as the winner: each part of the best explanation is forbidden once, and what is best without it is found from
+there. An explanation that comes out worse than one that it contains is a failed fit and is fitted again from there.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from brickpilot.discover.backward import explains_more, prune
-from brickpilot.discover.binned_error import BinnedOutputError
+from brickpilot import catalogue
+from brickpilot.discover import evidence, numbers
 from brickpilot.discover.deadline import Deadline
-from brickpilot.discover.fitting import (
+from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.discover.explanation import (
     ROUGH,
-    FittedModel,
-    best_first,
+    Explanation,
     fit,
-    fit_each,
+    is_possible,
+    joined,
     refine,
-    unfitted,
+    side_by_side,
     without,
 )
-from brickpilot.discover.gates import STRUCTURED
-from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.search_round import Source, try_candidates
-from brickpilot.fit.parameters import Free, Plan
+from brickpilot.discover.parts import Excitation, Part, RunPart, library_parts, run_parts
+from brickpilot.discover.screen import Trial, screen
+from brickpilot.fit.parameters import Plan
+from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.robust import pseudo_huber_loss
+from brickpilot.fit.windows import run_of
 
+Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PAIRED = 5  # candidates, of which all pairs are fitted
-_ROUNDS = 5
-_NEAR_TIE = 0.05  # of the best one's penalised cost
+_ROUGH_FITS, _FINE_FITS = 10, 7  # of one screen
+_PROMISED = 0.3  # of what a part has to gain: one that promises less in the screen, which saw few sizes, is not fitted
+_NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
+_LEAST_FINE = 3  # but so many are
+_STARTS = 3  # of a periodic part, at so many orders
+_PAIRED, _PAIRS_REFINED = 5, 3  # best singles of which all pairs are fitted, and the pairs that are fitted to the end
+_BEAM = 2
+_MOST_PARTS = 4
+_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
+_LOWER = 0.98  # of the cost: another order is worth a descent below it
+_WORSE = 0.5  # of the cost: an explanation that is worse than what it contains by more has a failed fit
+
+
+class Source(Protocol):
+    """Where parts come from: the library and values of runs, or terms without a name.
+
+    Attributes:
+        word: what one is called.
+        most: so many are added at most.
+        pairs: two may also be tried at once.
+    """
+
+    word: str
+    most: int
+    pairs: bool
+
+    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
+        """Returns what is worth a fit beside the model of `problem` at `point`, the best first."""
+
+    def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
+        """Returns what is worth a fit because of `fits`, which were made beside `current`."""
+
+
+class Library:
+    """The effects of the library and the values of runs, as a `Source`."""
+
+    word, most, pairs = "effect", _MOST_PARTS, True
+
+    def __init__(self, excitation: Excitation, runs: Sequence[str]) -> None:
+        self._excitation, self._runs = excitation, runs
+
+    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
+        """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
+        base = problem.plan.at(point)
+        own = [one for one in run_parts(self._runs) if one.effect not in base.by_run]
+        chosen = [one for one in (*library_parts(base, problem.data.signals), *own) if one.name not in without]
+        kept: dict[tuple[str, tuple[str, ...]], int] = {}
+        found = []
+        for trial in screen(problem, point, chosen, excitation=self._excitation, deadline=deadline):
+            key = (trial.part.name, trial.part.free)
+            kept[key] = kept.get(key, 0) + 1
+            if kept[key] <= (_STARTS if trial.part.is_periodic else 1):
+                found.append(trial)
+        return found
+
+    def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
+        """Returns a second phase for each fit that gave both wheels one, from where that ended.
+
+        The linear screen cannot find two phases at once: it starts from no effect, where wheels stop and slip in turn.
+        """
+        return [
+            Trial(other, found.model.effects[other.effect], found.cost, found.cost)
+            for found in fits
+            if found.parts[-1].is_periodic
+            for other in library_parts(current.model)
+            if other.effect == found.names[-1] and {*other.free} - {*found.parts[-1].free} == {"phase_difference"}
+        ]
+
+
+@dataclass
+class Found:
+    """Every explanation that was fitted to the end, each set of parts once, with its evidence.
+
+    Attributes:
+        nothing: the calibrated nominal model.
+    """
+
+    judge: Judge
+    nothing: Evidence
+    table: dict[frozenset[str], Evidence] = field(default_factory=dict)
+
+    def add(self, fits: Sequence[Explanation], jobs: int) -> None:
+        """Keeps what fits better than what is known of the same parts."""
+        best: dict[frozenset[str], Explanation] = {}
+        for one in fits:
+            known = best.get(one.key) or (self.table[one.key].explanation if one.key in self.table else None)
+            if known is None or one.cost < known.cost:
+                best[one.key] = one
+        for found in side_by_side(self.judge.of_explanation, list(best.values()), jobs):
+            if found is not None and np.isfinite(found.total):
+                self.table[found.explanation.key] = found
+
+    @property
+    def temperature(self) -> float:
+        """The nats that count as one, by the best explanation so far."""
+        return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
+
+    def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
+        """Returns what was found, the best score first: of so many parts, and without some of them."""
+        temperature = self.temperature
+        chosen = [
+            one for key, one in self.table.items() if (parts is None or len(key) == parts) and not key & set(forbidden)
+        ]
+        return sorted(chosen, key=lambda one: -evidence.score(one, temperature))
 
 
 @dataclass(frozen=True)
-class Round:
-    """One round of the search.
+class Search:
+    """What a search works on.
 
     Attributes:
-        before: the model that it began with.
-        tried: every model that was tried, the best one first.
-        taken: whether the best one was taken.
+        base: what each explanation begins with: the calibrated nominal model.
     """
 
-    before: FittedModel
-    tried: tuple[FittedModel, ...]
-    taken: bool
+    data: Residual
+    base: Explanation
+    source: Source
+    excitation: Excitation
+    jobs: int
+    deadline: Deadline
+    tell: Tell
+
+    def run(self, judge: Judge) -> Found:
+        """Returns everything that was found worth weighing."""
+        nothing = judge.of_explanation(self.base)
+        found = Found(judge, nothing, {self.base.key: nothing})
+        base = len(self.base.parts)
+        for count in range(1, self.source.most + 1):
+            if not self._may_gain(found) or not self.deadline.allows(f"the search for {self.source.word} {count}"):
+                break
+            self.tell(f"searching for {self.source.word} {count}")
+            before = found.ranked()[0]
+            for parent in _different(found.ranked(base + count - 1))[:_BEAM]:
+                found.add(self.beside(found, parent), self.jobs)
+            if count == 2 and self.source.pairs:
+                found.add(self._pairs([one.explanation for one in found.ranked(base + 1)[:_PAIRED]]), self.jobs)
+            self._repair(found)
+            if found.ranked()[0] is before and count > 1:
+                break
+        if len(found.table) > 1 and self.deadline.allows("the search for rivals"):
+            self.tell("searching for rivals")
+            self._rivals(found)
+            self._repair(found)
+        return found
+
+    def _may_gain(self, found: Found) -> bool:
+        """Returns whether one part more could score better than the best so far, if it left noise alone."""
+        best = found.ranked()[0]
+        possible = (found.judge.top - best.total) / found.temperature
+        return bool(possible > -np.log(numbers.COMMON))
+
+    def beside(self, found: Found, parent: Evidence, forbidden: Collection[str] = ()) -> list[Explanation]:
+        """Returns the best parts fitted beside an explanation: those that may score better than the best so far."""
+        current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
+        here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
+        behind = evidence.score(best, temperature) - evidence.score(parent, temperature)
+
+        def promises(trial: Trial) -> bool:
+            needed = temperature * (behind - trial.part.log_odds)
+            return trial.before - trial.after > _PROMISED * needed
+
+        def start(trial: Trial) -> Explanation | None:
+            begin = joined(current, trial.part, trial.values)
+            return fit(here, begin.parts, begin.plan, begin.point, ROUGH)
+
+        trials = [one for one in self.source.screened(here, current.point, forbidden, self.deadline) if promises(one)]
+        if not trials:
+            return []
+        rough = self._possible(side_by_side(start, trials[:_ROUGH_FITS], self.jobs, self.deadline))
+        near = self.source.nearby(here, current, rough)
+        rough += self._possible(side_by_side(start, near, self.jobs, self.deadline)) if near else []
+        rough.sort(key=_information)
+        if rough and rough[0].is_periodic and (other := self._with_better_order(rough[0])) is not None:
+            rough.insert(0, other)
+        worth = sum(one.cost < rough[0].cost + _NEAR * temperature for one in rough)
+        return self._possible(
+            refine(self.data, rough[: min(max(worth, _LEAST_FINE), _FINE_FITS)], self.jobs, self.deadline)
+        )
+
+    def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
+        return [one for one in fits if one is not None and is_possible(one, self.excitation)]
+
+    def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
+        """Returns the best pairs of singles, each fitted from where both stood alone: two are not taken for a third."""
+        pairs = list(itertools.combinations(singles, 2))
+
+        def one(pair: tuple[Explanation, Explanation]) -> Explanation | None:
+            both = self._joined(*pair)
+            here = Problem(self.data, both.plan).keeping(both.point, len(self.base.point))
+            return fit(here, both.parts, both.plan, both.point, ROUGH)
+
+        rough = sorted(self._possible(side_by_side(one, pairs, self.jobs, self.deadline)), key=_information)
+        return self._possible(refine(self.data, rough[:_PAIRS_REFINED], self.jobs, self.deadline)) if rough else []
+
+    def _joined(self, first: Explanation, second: Explanation) -> Explanation:
+        """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""
+        count = len(self.base.point)
+        begin = Explanation(first.parts, Plan(first.plan.model, first.plan.free, ()), first.point)
+        part = second.parts[-1]
+        both = joined(begin, part, part.values_in(second.model))
+        point = np.array(both.point)
+        point[:count] = (first.point[:count] + second.point[:count]) / 2
+        point[len(first.point) :] = second.point[count:]
+        return Explanation(both.parts, both.plan, point)
+
+    def _rivals(self, found: Found) -> None:
+        """Searches on with each part forbidden that would be named, and with it the laws that contain it."""
+        best, ranked = found.ranked()[0].explanation, found.ranked()
+        sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
+        for part in best.parts[len(self.base.parts) :]:
+            if self.deadline.passed:
+                return
+            if sure[part.name] < numbers.SURE:
+                continue
+            forbidden = [part.name, *(one.name for one in catalogue.effects() if part.name in one.contains)]
+            fewer = without(best, part)
+            if fewer.key not in found.table:
+                found.add(refine(self.data, [fewer], self.jobs, self.deadline), self.jobs)
+            known = found.ranked(forbidden=forbidden)[:1]
+            starts = {one.explanation.key: one for one in (*known, found.table.get(fewer.key)) if one is not None}
+            for key, start in starts.items():
+                if len(key) < self.source.most + len(self.base.parts) and key != self.base.key:
+                    found.add(self.beside(found, start, forbidden), self.jobs)
+
+    def _repair(self, found: Found) -> None:
+        """Fits again each explanation that came out worse than one that it contains, from there."""
+        failed = []
+        for key, one in found.table.items():
+            for smaller in (other for other in found.table if other < key):
+                part_of = found.table[smaller].explanation
+                if one.explanation.cost > part_of.cost + _WORSE:
+                    failed.append(_from_part(part_of, one.explanation))
+                    break
+        again = refine(self.data, failed, self.jobs, self.deadline) if failed else []
+        found.add(self._possible(again), self.jobs)
+
+    def _with_better_order(self, found: Explanation) -> Explanation | None:
+        """Returns `found`, with a periodic effect, fitted from the best order near its own; None if that is best.
+
+        Near the right order lie others that differ by one turn over the travel. Each has a valley that a descent stays
+        in.
+        """
+        last = next((part for part in reversed(found.parts) if part.is_periodic), found.parts[-1])
+        names = [one.name for one in found.plan.free]
+        if f"{last.effect}.order" not in names:
+            return None
+        direction = np.eye(len(found.point))[names.index(f"{last.effect}.order")]
+        starts = [found.point + offset * direction for offset in _ORDER_OFFSETS]
+        models = [found.plan.at(start) for start in starts]
+        costs = [float(np.nan_to_num(pseudo_huber_loss(one), nan=np.inf).sum()) for one in self.data.scaled_by(models)]
+        best = int(np.argmin(costs))
+        if costs[best] > _LOWER * float(self.data.losses(found.model).sum()):
+            return None
+        return fit(Problem(self.data, found.plan), found.parts, found.plan, starts[best], ROUGH)
 
 
-@dataclass(frozen=True)
-class Searched:
-    """What the search found.
-
-    Attributes:
-        nominal: the model that the search began with: of effects, the calibrated nominal model.
-        best: the model with what is kept; `nominal` itself if that is nothing.
-        rounds: the rounds of the search.
-    """
-
-    nominal: FittedModel
-    best: FittedModel
-    rounds: tuple[Round, ...]
+def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
+    """Returns those that contain no better one: what joins one joins the other."""
+    return [
+        one
+        for index, one in enumerate(ranked)
+        if not any(one.explanation.contains(other.explanation) for other in ranked[:index])
+    ]
 
 
-def search(
-    prepared: Prepared, source: Source, base: FittedModel, tell: Tell, deadline: Deadline, first: str
-) -> Searched:
-    """Searches forward and backward from `base`, on the coarse grid.
-
-    Args:
-        first: what is noted as left out where the deadline passes while the first candidate is searched for.
-    """
-    error, jobs, word = prepared.coarse, prepared.jobs, source.word
-    current, rounds = base, list[Round]()
-    while _added(base, current) < source.most and len(rounds) < _ROUNDS:
-        number = _added(base, current) + 1
-        if rounds and not deadline.allows(f"the search for {word} {number}"):
-            break
-        tell(f"searching for {word} {number}")
-        found = try_candidates(error, source, current, jobs, deadline)
-        tried, taken = _search_wider(prepared, source, base, current, rounds, found, deadline)
-        deadline.allows(f"a part of the search for {word} {number}" if rounds else first)
-        rounds.append(Round(current, tuple(tried), taken))
-        if not taken:
-            break
-        current = tried[0]
-        if source.is_finished(error, current):
-            break
-    tell(f"removing needless {word}s")
-    if _added(base, current) > 1 and deadline.allows(f"the removal of needless {word}s on the coarse grid"):
-        current = prune(error, base, current, jobs)
-    return Searched(base, current, tuple(rounds))
+def _information(one: Explanation) -> float:
+    """Returns the cost with one unit for each parameter of its parts (Akaike 1974)."""
+    return one.cost + one.parameter_count
 
 
-def _added(base: FittedModel, current: FittedModel) -> int:
-    return len(current.chosen) - len(base.chosen)
+def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
+    """Returns `larger` with the values of `smaller` for what both have: it contains that."""
+    values = dict(zip((one.name for one in smaller.plan.free), smaller.point.tolist(), strict=True))
+    point = [values.get(one.name, x) for one, x in zip(larger.plan.free, larger.point.tolist(), strict=True)]
+    added = [part for part in larger.parts if part.name not in smaller.key]
+    for index, free in enumerate(larger.plan.free):
+        if any(part.owns(free) for part in added) and free.info.role == "size":
+            point[index] = _nearly_off(point[index], signed=free.signed)
+    return Explanation(larger.parts, larger.plan, np.array(point))
 
 
-def _search_wider(
-    prepared: Prepared,
-    source: Source,
-    base: FittedModel,
-    current: FittedModel,
-    rounds: Sequence[Round],
-    tried: list[FittedModel],
-    deadline: Deadline,
-) -> tuple[list[FittedModel], bool]:
-    """Returns the models of a round, the best one first, and whether that one is accepted.
-
-    Adds pairs, near ties and exchanges to `tried` where one candidate after the other may be the wrong way.
-    """
-    error, jobs, added = prepared.coarse, prepared.jobs, _added(base, current)
-    structured = STRUCTURED * error.noise_cost()
-    taken = bool(tried) and explains_more(error, base, current, tried[0])
-    if source.pairs and added == 1 and (taken or current.cost > structured) and not deadline.passed:
-        tried += _fit_pairs(error, base, rounds[-1].tried, jobs, deadline)
-        if tried and min(one.cost for one in tried) > structured:
-            for other in _near_ties(rounds[-1].tried):
-                tried += try_candidates(error, source, other, jobs, deadline)
-        tried = best_first(tried)
-        taken = bool(tried) and explains_more(error, base, current, tried[0])
-    if not taken and added > 1 and current.cost > structured and not deadline.passed:
-        tried = best_first(tried + _exchange(prepared, source, current, len(base.chosen), deadline))
-        taken = bool(tried) and explains_more(error, base, current, tried[0])
-    return tried, taken
+def _nearly_off(coordinate: float, *, signed: bool) -> float:
+    """Returns the coordinate of a tenth of a size: a fit goes on from nearly nothing, but feels its slope."""
+    return 0.1 * coordinate if signed else coordinate - float(np.log(10.0))
 
 
-def _fit_pairs(
-    error: BinnedOutputError, nominal: FittedModel, singles: Sequence[FittedModel], jobs: int, deadline: Deadline
-) -> list[FittedModel]:
-    """Returns the best pairs of the best single candidates, each fitted from where both stood alone."""
-    best: dict[str, FittedModel] = {}
-    for single in singles:
-        if len(single.chosen) == len(nominal.chosen) + 1:
-            best.setdefault(single.names[-1], single)
-    few = list(best.values())[:_PAIRED]
-
-    def one(pair: tuple[FittedModel, FittedModel]) -> FittedModel | None:
-        joined = _joined(nominal, pair)
-        own = error.with_plan(joined.plan, threads=1)
-        own.keep_sensitivities(joined.point, len(nominal.point))
-        return fit(own, joined.chosen, joined.plan, joined.point, ROUGH)
-
-    rough = best_first(fit_each(one, list(itertools.combinations(few, 2)), jobs, deadline))
-    return refine(error, rough[:2], jobs, deadline)
+def runs_of(data: Residual) -> list[str]:
+    """Returns the names of the fit runs, windows of one run as that run."""
+    return list(dict.fromkeys(run_of(block.run) for block in data.blocks))
 
 
-def _joined(nominal: FittedModel, pair: tuple[FittedModel, FittedModel]) -> FittedModel:
-    """Returns both candidates' effects, at the mean of the nominal values that each alone led to."""
-    count = len(nominal.point)
-    first, second = pair
-    model = dataclasses.replace(first.plan.model, effects={**first.plan.model.effects, **second.plan.model.effects})
-    free: tuple[Free, ...] = (*first.plan.free, *second.plan.free[count:])
-    point = np.concatenate(
-        [(first.point[:count] + second.point[:count]) / 2, first.point[count:], second.point[count:]]
-    )
-    return unfitted((*first.chosen, second.chosen[-1]), Plan(model, free, ()), point)
-
-
-def _near_ties(tried: Sequence[FittedModel]) -> list[FittedModel]:
-    """Returns the next best of `tried` with other effects, if it is nearly as good. The wrong one may lead."""
-    others = [one for one in tried if one.names != tried[0].names]
-    return [one for one in others[:1] if one.penalised_cost < (1 + _NEAR_TIE) * tried[0].penalised_cost]
-
-
-def _exchange(
-    prepared: Prepared, source: Source, current: FittedModel, kept: int, deadline: Deadline
-) -> list[FittedModel]:
-    """Returns `current` with each candidate behind the first `kept` replaced by what is best beside the others."""
-    found: list[FittedModel] = []
-    starts = [without(current, one) for one in current.chosen[kept:]]
-    for fewer in refine(prepared.coarse, starts, prepared.jobs, deadline):
-        found += try_candidates(prepared.coarse, source, fewer, prepared.jobs, deadline)[:2]
-    return found
+__all__ = ["Found", "Library", "Part", "RunPart", "Search", "Source", "runs_of"]

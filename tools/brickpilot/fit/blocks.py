@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,8 +14,9 @@ from brickpilot.constants import STEP_S
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.fit.compared import compared_signals
-from brickpilot.fit.rates import MOTOR_RATE_OF, measured_rates
+from brickpilot.fit.comparable import compared_signals
+from brickpilot.fit.replay import Replay, mean_over_steps
+from brickpilot.fit.start_state import MOTOR_RATE_OF, measured_rates
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -246,3 +248,28 @@ def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], 
 def _frozen(known: Array, rate: Array | None) -> bool:
     """Whether a signal never changes while its measured rate is not zero."""
     return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))
+
+
+_STEPS_PER_BIN = 3
+
+
+def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
+    """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
+
+    It is simulated three times as fast as the measured samples, and near enough for a search.
+    """
+    full = Replay(dataset)
+    step = width_s / _STEPS_PER_BIN
+    runs, grids, means, inputs = [], {}, {}, {}
+    for run in dataset.runs:
+        own = float(np.median(np.diff(run.time)))
+        if own > step / 1.5:
+            runs.append(run)
+            inputs[run.name] = full.inputs[run.name]
+            continue
+        grid = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
+        grids[run.name], means[run.name] = grid, min(own, STEP_S)
+        inputs[run.name] = mean_over_steps(run.time, full.inputs[run.name], grid)
+        runs.append(dataclasses.replace(run, time=grid))
+    coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)
+    return coarse, Bins(width_s, grids, means)

@@ -14,8 +14,7 @@ import brickpilot
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.comparable import Comparable, comparable
-from brickpilot.fit.compared import compared_signals
+from brickpilot.fit.comparable import Comparable, comparable, compared_signals
 from brickpilot.fit.descent import (
     FINE,
     FOLLOWED,
@@ -30,11 +29,10 @@ from brickpilot.fit.descent import (
 )
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
 from brickpilot.fit.horizons import track
-from brickpilot.fit.output_error import OutputError, Scale
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.spread import Spread
-from brickpilot.fit.uncertainty import Combination, Estimate, assess
+from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
+from brickpilot.fit.uncertainty import Combination, Estimate, Spread, assess
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -211,19 +209,19 @@ def calibrate(
         return _result(ready, chosen.model, chosen.model, {}, {}, notes)
     if not ready.roles.fit():
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
-    problem = _problem(ready, chosen, threads)
-    notes.extend(problem.notes)
+    data = _residual(ready, chosen, threads)
+    notes.extend(data.notes)
     count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
     best, starts = _coarse_fit(ready, (nominal, chosen), np.random.default_rng(seed), threads, count)
     count("refining")
-    problem.rescale(best)
-    best = descend(problem, best, FINE)
+    data = data.rescaled(chosen.at(best))
+    best = descend(Problem(data, chosen), best, FINE)
     model = chosen.at(best)
-    known = assess(problem, model, chosen.free)
+    known = assess(data, model, chosen.free)
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
-    result = _result(ready, chosen.model, model, known.estimates, problem.scales, notes)
+    result = _result(ready, chosen.model, model, known.estimates, data.scales, notes)
     return dataclasses.replace(
         result,
         cannot_tell_apart=known.groups,
@@ -235,10 +233,10 @@ def calibrate(
     )
 
 
-def _problem(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> OutputError:
+def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
     """Returns the residual of what is fitted: runs from their estimated starts against the samples as measured."""
     replay = Replay(ready.started, motor_step=motor_step)
-    return OutputError(replay, fitted, ready.roles.fit(), threads=threads, measured=ready.part("fit"))
+    return of_samples(replay, fitted.model, ready.roles.fit(), measured=ready.part("fit"), threads=threads)
 
 
 def _coarse_fit(
@@ -253,18 +251,15 @@ def _coarse_fit(
     Returns the best point and the starts that were followed.
     """
     nominal, chosen = plans
-    rough = _problem(ready, nominal, threads, _COARSE_STEP)
-    rough.holds_priors = False
-    best, starts = search(rough, random, count)
+    rough = _residual(ready, nominal, threads, _COARSE_STEP)
+    best, starts = search(Problem(rough, nominal, holds_priors=False), random, count)
     if len(chosen.free) > len(nominal.free):
-        rough = _problem(ready, chosen, threads, _COARSE_STEP)
-        rough.holds_priors = False
-        best, starts = search_sizes(rough, best, count)
+        rough = _residual(ready, chosen, threads, _COARSE_STEP)
+        best, starts = search_sizes(Problem(rough, chosen, holds_priors=False), best, count)
     for number in range(_ROUNDS):
         count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
-        rough.rescale(best)
-        rough.holds_priors = number == _ROUNDS - 1
-        best = descend(rough, best, ROUGH)
+        rough = rough.rescaled(chosen.at(best))
+        best = descend(Problem(rough, chosen, holds_priors=number == _ROUNDS - 1), best, ROUGH)
     return best, starts
 
 

@@ -16,14 +16,12 @@ from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
-from brickpilot.fit.comparable import Comparable, comparable
-from brickpilot.fit.compared import compared_signals, is_compared
-from brickpilot.fit.enough import enough_to_fit
+from brickpilot.fit.comparable import Comparable, comparable, compared_signals, enough_to_fit, is_compared
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
 from brickpilot.fit.horizons import Course, track
 from brickpilot.fit.parameters import plan
-from brickpilot.fit.rates import MOTOR_RATE_OF
 from brickpilot.fit.replay import Array, Outputs
+from brickpilot.fit.start_state import MOTOR_RATE_OF
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:

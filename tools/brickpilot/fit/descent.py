@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.output_error import OutputError
+from brickpilot.fit.residual import Problem
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
@@ -46,19 +46,19 @@ class Counter:
         self._done += 1
 
 
-def _natural_start(problem: OutputError) -> Array:
+def _natural_start(problem: Problem) -> Array:
     """Returns the plan's start with other values for parameters that may be zero and are not stated.
 
     Each gets the size at which it changes the signals by their rms.
     """
     free, start = problem.plan.free, problem.plan.start()
-    share = np.sqrt(np.mean((problem.sensitivity(start) / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
+    share = np.sqrt(np.mean((problem.sensitivity(start) / problem.data.signal_size()[:, np.newaxis]) ** 2, axis=0))
     moved = np.array([one.known is None and one.info.minimum == 0 for one in free]) & (share > 0)
     low, high = _bounds(problem)
     return np.clip(np.where(moved, start - np.log(np.where(moved, share, 1.0)), start), low, high)
 
 
-def search(problem: OutputError, random: np.random.Generator, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def search(problem: Problem, random: np.random.Generator, count: Counter) -> tuple[Array, tuple[Start, ...]]:
     """Returns the best end of several descents: from two systematic starts and the best of many random ones near."""
     starts = np.array([problem.plan.start(), _natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
@@ -69,7 +69,7 @@ def search(problem: OutputError, random: np.random.Generator, count: Counter) ->
     return _follow(problem, named, count)
 
 
-def search_sizes(problem: OutputError, nominal: Array, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def search_sizes(problem: Problem, nominal: Array, count: Counter) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
     Few effects are smooth at zero. So descents start from several sizes: those at which an effect changes the signals
@@ -91,28 +91,28 @@ def search_sizes(problem: OutputError, nominal: Array, count: Counter) -> tuple[
     return _follow(problem, named, count)
 
 
-def _visible_sizes(problem: OutputError, base: Array, index: int) -> list[float]:
+def _visible_sizes(problem: Problem, base: Array, index: int) -> list[float]:
     """Returns the sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
     one = problem.plan.free[index]
     sizes = one.size * np.logspace(-_DECADES, _DECADES, _SIZES)
     sizes = sizes[(sizes >= one.info.minimum) & (sizes <= one.info.maximum)]
     points = np.tile(base, (len(sizes), 1))
     points[:, index] = [one.to_coordinate(float(size)) for size in sizes]
-    moved = problem.predict([problem.plan.at(point) for point in points])
-    changes = np.sqrt(np.mean(((moved - moved[0]) / problem.signal_size()) ** 2, axis=1))
+    moved = problem.data.predict([problem.plan.at(point) for point in points])
+    changes = np.sqrt(np.mean(((moved - moved[0]) / problem.data.signal_size()) ** 2, axis=1))
     logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
     return [float(sizes[int(np.argmin(np.abs(logs - np.log(share))))]) for share in VISIBLE]
 
 
-def _best_of(problem: OutputError, candidates: Array) -> list[tuple[str, Array]]:
+def _best_of(problem: Problem, candidates: Array) -> list[tuple[str, Array]]:
     low, high = _bounds(problem)
     inside = np.clip(candidates, low, high)
-    costs = np.array([_cost(problem, point) for point in inside])
+    costs = np.array([problem.cost(point) for point in inside])
     order = np.argsort(costs, kind="stable")[:FOLLOWED]
     return [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
 
 
-def _follow(problem: OutputError, named: list[tuple[str, Array]], count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def _follow(problem: Problem, named: list[tuple[str, Array]], count: Counter) -> tuple[Array, tuple[Start, ...]]:
     ends = []
     for name, point in named:
         count(f"descending from {name}")
@@ -120,23 +120,18 @@ def _follow(problem: OutputError, named: list[tuple[str, Array]], count: Counter
             end = descend(problem, point, ROUGH)
         except SimulationError:
             continue
-        ends.append((_cost(problem, end), name, end))
+        ends.append((problem.cost(end), name, end))
     if not ends:
         raise InputError("the plant diverges from every start: are units and nominal values right?", field="nominal")
     return min(ends, key=lambda one: one[0])[2], tuple(Start(name, cost) for cost, name, _ in ends)
 
 
-def _cost(problem: OutputError, point: Array) -> float:
-    cost = float(np.sum(problem.residual(point) ** 2) / 2)
-    return cost if np.isfinite(cost) else float("inf")
-
-
-def _bounds(problem: OutputError) -> tuple[Array, Array]:
+def _bounds(problem: Problem) -> tuple[Array, Array]:
     low, high = np.array([one.bounds() for one in problem.plan.free]).T
     return low, high
 
 
-def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
+def descend(problem: Problem, point: Array, tolerance: float) -> Array:
     """Returns the end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
 
     A step to a point where the plant diverges is taken back and shortened.
@@ -148,7 +143,7 @@ def descend(problem: OutputError, point: Array, tolerance: float) -> Array:
     margin = 1e-9 * (high - low)
     inside = np.clip(point, low + margin, high - margin)
     several = len(inside) > 1
-    if not np.isfinite(_cost(problem, inside)):
+    if not np.isfinite(problem.cost(inside)):
         raise SimulationError("the plant diverges at the point from which the fit should go on")
     found = least_squares(
         problem.residual,

@@ -12,9 +12,9 @@ from scipy.signal import savgol_filter
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import RATE_OF, SUMMED
 from brickpilot.errors import SimulationError
-from brickpilot.fit.compared import is_compared
-from brickpilot.fit.rates import zero_phase_rate
+from brickpilot.fit.comparable import is_compared
 from brickpilot.fit.replay import Mark, Outputs, Replay
+from brickpilot.fit.start_state import zero_phase_rate
 from brickpilot.vehicle.model import Model, output_names
 
 Array = NDArray[np.float64]

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 WIDE_SD = 3.0
 """Prior sd of a parameter that is not stated, in its logarithm: a factor of e^3 = 20 each way. For intervals only."""
 
+DECADE = 10.0
+"""The prior sd of an effect's parameter is this factor either way, about its usual size on the vehicle."""
+
 # With an sd below this share of its value a parameter is fixed: so narrow a prior would outweigh all data.
 _EXACT = 1e-6
 
@@ -38,11 +41,13 @@ class Free:
     """One free parameter.
 
     Attributes:
-        name: "mass", or "effect.parameter".
+        name: "mass", "effect.parameter", or "kind@run" for a value that one run has of its own.
         known: its value and sd in the data set; None: not stated, and the prior is wide.
         unit: of its coordinate, SI, where the caller knows a better one than the stated value or the preset; 0: none.
         keeps_sign: it moves in the logarithm of its share of `unit`, and has the sign of that. Where the data do not
             say how heavy a vehicle is, all forces grow with it, and only in logarithms is that valley straight.
+        natural: SI, a usual size on this vehicle, for a parameter of which nothing is stated: a prior of a decade about
+            it holds its logarithm, or as many times it hold its value. 0: no such prior.
     """
 
     name: str
@@ -50,11 +55,17 @@ class Free:
     known: Nominal | None
     unit: float = 0.0
     keeps_sign: bool = False
+    natural: float = 0.0
 
     @property
     def effect(self) -> tuple[str, str] | None:
-        head, dot, tail = self.name.partition(".")
+        head, dot, tail = self.name.partition("@" if "@" in self.name else ".")
         return (head, tail) if dot else None
+
+    @property
+    def run(self) -> str:
+        """The run that a value of its own belongs to; empty: it belongs to the model."""
+        return self.name.partition("@")[2]
 
     @property
     def signed(self) -> bool:
@@ -83,6 +94,16 @@ class Free:
     @property
     def _straight(self) -> bool:
         return self.signed or self.name in catalogue.loads()
+
+    def away(self, coordinate: float) -> float | None:
+        """Returns how many sd a coordinate is from what is known before any data; None where nothing is."""
+        if self.known is not None and self.known.sd is not None:
+            return (self.to_value(coordinate) - self.known.value) / self.known.sd
+        if self.natural == 0.0:
+            return None
+        if self._straight or self.keeps_sign:
+            return self.to_value(coordinate) / (DECADE * self.natural)
+        return (coordinate - self.to_coordinate(self.natural)) / math.log(DECADE)
 
     def to_coordinate(self, value: float) -> float:
         if self.keeps_sign:
@@ -130,6 +151,10 @@ class Plan:
 
 
 def value_of(model: Model, name: str) -> float:
+    """Returns the value of "mass", "effect.parameter" or "kind@run"."""
+    if "@" in name:
+        kind, _, run = name.partition("@")
+        return float(model.by_run[kind][run])
     effect, dot, parameter = name.partition(".")
     return float(model.effects[effect][parameter] if dot else model.parameters[name])
 

@@ -7,7 +7,7 @@ Age, charge and heat carry over from run to run in the file's order, with the st
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.fit import initial_state
+from brickpilot.fit.windows import run_of
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
@@ -41,6 +42,7 @@ class Replay:
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; None: the inputs of the data set.
+        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; None: its own.
     """
 
     def __init__(
@@ -50,9 +52,11 @@ class Replay:
         motor_step: float = 0.0,
         body_step: float = 0.0,
         inputs: Mapping[str, Array] | None = None,
+        whole: Mapping[str, tuple[Array, Array]] | None = None,
     ) -> None:
         self.dataset = dataset
         self.inputs = dict(inputs) if inputs else {run.name: motor_inputs(run, dataset) for run in dataset.runs}
+        self.whole = whole or {run.name: (run.time, self.inputs[run.name]) for run in dataset.runs}
         self._steps = (motor_step, body_step)
 
     def simulate(
@@ -135,7 +139,7 @@ class Replay:
                 if start is None:
                     start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
                     ready[id(state), id(left)] = start
-                one_run = self._open_loop(run, slice(None), start, steps[index])
+                one_run = self._open_loop(run, start, steps[index], models[index])
                 if restarts is not None and run.name in restarts[index]:
                     one_run = dataclasses.replace(one_run, restarts=restarts[index][run.name])
                 jobs.append((models[index], one_run))
@@ -169,6 +173,11 @@ class Replay:
         wanted = [index for index, run in enumerate(runs) if only is None or run.name in only]
         return [(runs[index], float(ages[index])) for index in range(max(wanted) + 1)]
 
+    def with_whole(self, whole: Mapping[str, tuple[Array, Array]]) -> Replay:
+        """Returns the same windows, which know time and inputs of the whole runs that they were cut from."""
+        motor_step, body_step = self._steps
+        return Replay(self.dataset, motor_step=motor_step, body_step=body_step, inputs=self.inputs, whole=whole)
+
     def nudged(self, signal: str, by: float) -> Replay:
         """Returns the same data with `by` added to `signal` in the first sample of each run."""
         runs = []
@@ -183,6 +192,7 @@ class Replay:
             motor_step=self._steps[0],
             body_step=self._steps[1],
             inputs=self.inputs,
+            whole=self.whole,
         )
 
     def _motor_step(self, model: Model) -> float:
@@ -190,10 +200,17 @@ class Replay:
         needed = [one.motor_step for one in catalogue.effects_of(model.effects) if one.motor_step > 0]
         return min([self._steps[0], *needed])
 
-    def _open_loop(self, run: Run, stretch: slice, start: State, motor_step: float) -> OpenLoopRun:
+    def _open_loop(self, run: Run, start: State, motor_step: float, model: Model) -> OpenLoopRun:
+        inputs = self.inputs[run.name]
+        own = {kind: one[run_of(run.name)] for kind, one in model.by_run.items() if one.get(run_of(run.name))}
+        if own:
+            time, driven = self.whole[run.name]
+            for kind, value in own.items():
+                driven = RUN_KINDS[kind].change(time, driven, value)
+            inputs = mean_over_steps(time, driven, run.time)
         return OpenLoopRun(
-            time=run.time[stretch],
-            inputs=self.inputs[run.name][stretch],
+            time=run.time,
+            inputs=inputs,
             initial=start,
             motor_step=motor_step,
             body_step=self._steps[1],
@@ -202,3 +219,96 @@ class Replay:
 
 def _duration(run: Run) -> float:
     return float(run.time[-1] - run.time[0])
+
+
+def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
+    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
+
+    Args:
+        time: (n,) s, when each row of `driven` begins to act; what acts before it is 0.
+        driven: (n, columns) V; NaN: the motor floats.
+        grid: (m,) s. Its last row is the last input.
+    """
+    held = np.where(np.isnan(driven), 0.0, driven)
+    summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
+    at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
+    means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
+    floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
+    means[floats] = np.nan
+    return means
+
+
+def later(time: Array, driven: Array, delay_s: float) -> Array:
+    """Returns (n, columns): inputs that act `delay_s` s later, or earlier below 0, at the same samples.
+
+    Before the first input arrives, 0 V act; the last one holds.
+    """
+    beyond = max(float(time[-1]), float(time[-1]) + delay_s) + 1.0
+    arrives = np.append(time + delay_s, beyond)
+    held = np.vstack([driven, driven[-1]])
+    return mean_over_steps(arrives, held, np.append(time, beyond))[:-1]
+
+
+def held_back(time: Array, driven: Array, held_s: float) -> Array:
+    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run; later ones act in time."""
+    steps = np.diff(time, append=2 * time[-1] - time[-2])
+    missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
+    return np.where(missing >= 1, 0.0, (1 - missing) * driven)
+
+
+@dataclass(frozen=True)
+class RunKind:
+    """One kind of value that a run may have of its own: what of its inputs reaches the motors, and when.
+
+    Attributes:
+        words: what differs, as the subject of a sentence.
+        unit: SI; 1 is a share.
+        mechanism: as of an effect.
+        change: (time (n,), inputs (n, columns), value) -> inputs.
+        sd: how much runs of one machine usually differ: the prior of a value. A held-out run has 0.
+        low, high: the range of values.
+        tried: values from which a fit may start, as nothing depends on a small one.
+    """
+
+    words: str
+    unit: str
+    mechanism: str
+    change: Callable[[Array, Array, float], Array]
+    sd: float
+    low: float
+    high: float
+    tried: tuple[float, ...] = ()
+
+
+RUN_KINDS: Mapping[str, RunKind] = {
+    "supply_gain": RunKind(
+        "The voltage that reaches the motors",
+        "1",
+        "supply",
+        lambda _, driven, value: driven * (1 + value),
+        0.1,
+        -0.5,
+        0.5,
+    ),
+    "delay": RunKind(
+        "The time from a command to its effect",
+        "s",
+        "timing",
+        later,
+        0.1,
+        -0.5,
+        0.5,
+        tuple(0.05 * k for k in range(-2, 7) if k),
+    ),
+    "start": RunKind(
+        "The time from the start of a recording to the first input that acts",
+        "s",
+        "timing",
+        held_back,
+        0.1,
+        0.0,
+        0.5,
+        tuple(0.05 * k for k in range(1, 8)),
+    ),
+}
+"""A battery's charge changes the gain of a run, a link its delay; a log may start before its command does."""

@@ -59,15 +59,18 @@ def noise_sd(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / 20**0.5)
 
 
-def correlation_time(parts: Sequence[Array]) -> float:
+def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> float:
     """Returns 1 + 2 times the sum of the autocorrelation up to its first zero, in samples (Geyer 1992, simplified).
 
-    Each part is one run. It is taken about its own mean, and parts are not correlated with each other.
+    Each part is one run; parts are not correlated with each other.
+
+    Args:
+        about_mean: each part is taken about its own mean; else about zero, so that a constant counts as correlated.
     """
     longest = max(len(part) for part in parts)
     total = np.zeros(longest)
     for part in parts:
-        spectrum = np.fft.rfft(part - part.mean(), 2 * longest)
+        spectrum = np.fft.rfft(part - part.mean() if about_mean else part, 2 * longest)
         total += np.fft.irfft(np.abs(spectrum) ** 2)[:longest]
     if total[0] <= 0:
         return 1.0

@@ -12,16 +12,15 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from brickpilot.fit.combinations import FORMULAS, Formula
-from brickpilot.fit.identified import forms
-from brickpilot.fit.output_error import OutputError, finite
+from brickpilot.fit.combinations import FORMULAS, Formula, forms
 from brickpilot.fit.parameters import WIDE_SD, Free, value_of
-from brickpilot.fit.spread import Spread
+from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.model import Model, with_values
 
 Array = NDArray[np.float64]
@@ -37,6 +36,9 @@ _LARGEST_LOG = 700.0  # of a double; an interval ends at the parameter's range l
 _FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
 _LEAST_REST = 1e-3  # of what is known of a direction, from all stretches but one: less may be rounding
 _STRETCHES = 20  # of time, at least, whose spread gives the intervals
+
+CORRELATED_S = 1.0
+"""Residuals are taken for correlated over so many seconds, as a part of a manoeuvre lasts: it widens intervals."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class _Linear:
         relative: whether the parameter is measured in its logarithm.
         prior_sd: SI; infinite where nothing is stated.
         slopes: (samples, parameters): change of the simulated signals in SI per SI unit.
-        pull, stiffness: (samples,), see `OutputError.influence`.
+        pull, stiffness: (samples,), see `Residual.influence`.
     """
 
     values: Array
@@ -117,10 +119,10 @@ class _Linear:
         return _above_slope_errors(raw * np.outer(self.sizes, self.sizes))
 
 
-def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncertainty:
-    """Returns the intervals at `model`, the fit's result. None is narrower than `problem.matched` allows."""
-    linear = _linearised(problem, model, free)
-    covariance, degrees = _covariance(problem, model, linear)
+def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
+    """Returns the intervals at `model`, the fit's result. None is narrower than `data.matched` allows."""
+    linear = _linearised(data, model, free)
+    covariance, degrees = _covariance(data, model, linear)
     sd = np.sqrt(np.diag(covariance))
     quantile = float(student_t.ppf(0.975, degrees))
     estimates = {
@@ -128,7 +130,8 @@ def assess(problem: OutputError, model: Model, free: tuple[Free, ...]) -> Uncert
         for one, v, s, size, log in zip(free, linear.values, sd, linear.sizes, linear.relative, strict=True)
     }
     known = _known(model)
-    for name in [one.name for one in free if one.effect is not None and estimates[one.name].ci95 is None]:
+    sizes = [one.name for one in free if one.effect is not None and "@" not in one.name]
+    for name in [one for one in sizes if estimates[one].ci95 is None]:
         found = (_combination(one, known, free, linear.sizes, covariance, quantile) for one in forms(name))
         identified = next((one for one in found if one is not None), None)
         estimates[name] = dataclasses.replace(estimates[name], identified=identified)
@@ -160,12 +163,12 @@ def _above_slope_errors(information: Array) -> Array:
     return np.asarray((vectors * kept) @ vectors.T * np.outer(size, size))
 
 
-def _linearised(problem: OutputError, model: Model, free: tuple[Free, ...]) -> _Linear:
+def _linearised(data: Residual, model: Model, free: tuple[Free, ...]) -> _Linear:
     values = np.array([value_of(model, one.name) for one in free])
     reach = np.array([one.reach for one in free])
     steps = np.maximum(np.abs(values), 1e-3 * np.array([one.size for one in free])) * reach * _STEP
-    slopes = _slopes(problem, model, free, steps)
-    share = np.sqrt(np.mean((slopes / problem.signal_size()[:, np.newaxis]) ** 2, axis=0))
+    slopes = _slopes(data, model, free, steps)
+    share = np.sqrt(np.mean((slopes / data.signal_size()[:, np.newaxis]) ** 2, axis=0))
     spans = np.array([one.info.maximum - one.info.minimum for one in free])
     natural = np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
     # The logarithm of a parameter that may be zero makes sense only far from zero.
@@ -174,28 +177,28 @@ def _linearised(problem: OutputError, model: Model, free: tuple[Free, ...]) -> _
     prior_sd = np.array(
         [one.known.sd if one.known is not None and one.known.sd is not None else np.inf for one in free]
     )
-    pull, stiffness = problem.influence(model)
+    pull, stiffness = data.influence(model)
     return _Linear(values, reach, np.where(relative, values, natural), relative, prior_sd, slopes, pull, stiffness)
 
 
-def _covariance(problem: OutputError, model: Model, linear: _Linear) -> tuple[Array, int]:
+def _covariance(data: Residual, model: Model, linear: _Linear) -> tuple[Array, int]:
     """Returns the covariance in the parameters' units, and the degrees of freedom of their intervals."""
     wide = np.where(np.isinf(linear.prior_sd), WIDE_SD**-2, 0.0)
     prior = (linear.sizes / linear.prior_sd) ** 2 + wide
     in_units = linear.slopes * linear.sizes
     weighted = in_units * linear.stiffness[:, np.newaxis]
     curvature = np.linalg.pinv(linear.data_information + np.diag(prior), hermitian=True)
-    covariance, degrees = _scatter(problem, in_units * linear.pull[:, np.newaxis], in_units, weighted, curvature)
-    for moved in problem.start_errors(model):
-        shift = problem.by_run(weighted * moved[:, np.newaxis]) @ curvature
+    covariance, degrees = _scatter(data, in_units * linear.pull[:, np.newaxis], in_units, weighted, curvature)
+    for moved in data.start_errors(model):
+        shift = data.by_run(weighted * moved[:, np.newaxis]) @ curvature
         covariance += shift.T @ shift
     covariance += curvature @ np.diag(prior) @ curvature
-    covariance += np.diag((problem.matched * linear.reach * linear.values / linear.sizes) ** 2)
+    covariance += np.diag((data.matched * linear.reach * linear.values / linear.sizes) ** 2)
     return covariance, degrees
 
 
 def _scatter(
-    problem: OutputError, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
+    data: Residual, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
 ) -> tuple[Array, int]:
     """Returns how the estimate scatters, as a covariance in the parameters' sizes, and its degrees of freedom.
 
@@ -205,7 +208,7 @@ def _scatter(
     too small there.
     """
     parameters = scores.shape[1]
-    numbers, count = problem.stretches(_STRETCHES + 2 * parameters)
+    numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
     root = _root(curvature)
     sums = np.array([np.bincount(numbers, column, count) for column in scores.T]).T
     order = np.argsort(numbers, kind="stable")
@@ -225,7 +228,7 @@ def _root(positive: NDArray[np.floating]) -> Array:
     return np.asarray((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
 
 
-def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
+def _slopes(data: Residual, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
     """Returns (samples, parameters): the change of the simulated signals per unit of each parameter."""
     values = np.array([value_of(model, one.name) for one in free])
     low = np.maximum(values - steps, [one.info.minimum for one in free])
@@ -236,8 +239,8 @@ def _slopes(problem: OutputError, model: Model, free: tuple[Free, ...], steps: A
         for ends in (low, high)
         for name, value in zip(names, ends, strict=True)
     ]
-    below, above = np.split(problem.predict(moved), 2)
-    return finite(((above - below) / (high - low)[:, np.newaxis]).T)
+    below, above = np.split(data.predict(moved), 2)
+    return np.asarray(np.nan_to_num(((above - below) / (high - low)[:, np.newaxis]).T, posinf=0.0, neginf=0.0))
 
 
 def _estimate(free: Free, value: float, sd: float, size: float, quantile: float, *, relative: bool) -> Estimate:
@@ -278,9 +281,10 @@ def _combinations(
 
 
 def _known(model: Model) -> dict[str, float]:
-    """Returns all values of a model, by "mass" or "effect.parameter"."""
-    known = dict(model.parameters)
-    return known | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
+    """Returns all values of a model, by "mass", "effect.parameter" or "kind@run"."""
+    known = {f"{kind}@{run}": v for kind, table in model.by_run.items() for run, v in table.items()}
+    known |= {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
+    return known | dict(model.parameters)
 
 
 def _combination(
@@ -317,3 +321,59 @@ def _log_slope(formula: Formula, known: Mapping[str, float], free: Free, size: f
     step = _FORMULA_STEP * max(abs(value), 1e-3 * free.size)
     moved = formula.value_at(dict(known) | {free.name: value + step})
     return float(np.log(moved / formula.value_at(known)) / step * size)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A normal distribution of the coordinates of all fitted parameters about their estimates.
+
+    Attributes:
+        names: "mass" or "effect.parameter".
+        values: estimates, SI.
+        units: SI: a coordinate is (value - estimate) / unit. None: it is log(value / estimate).
+        covariance: of the coordinates, (parameters, parameters).
+    """
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    units: tuple[float | None, ...]
+    covariance: Array
+
+    def at(self, coordinates: Array) -> dict[str, float]:
+        """Returns the values at a point, SI, not limited to their ranges."""
+        rows = zip(self.names, self.values, self.units, coordinates.tolist(), strict=True)
+        return {
+            name: value * math.exp(min(x, 700.0)) if unit is None else value + x * unit for name, value, unit, x in rows
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the object that `from_json` reads."""
+        return {
+            "parameters": list(self.names),
+            "values": list(self.values),
+            "units": list(self.units),
+            "covariance": self.covariance.tolist(),
+        }
+
+
+def from_json(given: Mapping[str, Any]) -> Spread:
+    """Returns the spread of an object of calibrate.json or verdict.json.
+
+    Raises:
+        ValueError: the object is none, or its covariance is not one.
+    """
+    try:
+        names, values, units = (tuple(given[key]) for key in ("parameters", "values", "units"))
+        covariance = np.array(given["covariance"], dtype=float).reshape(len(names), len(names))
+        numbers = np.array([*values, *(1.0 if unit is None else unit for unit in units)], dtype=float)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"lacks {error}") from error
+    if not len(names) == len(values) == len(units) or not (
+        np.isfinite(numbers).all() and np.isfinite(covariance).all()
+    ):
+        raise ValueError("has a parameter without value, unit or covariance")
+    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance).min(initial=0.0) < -1e-6 * (
+        1 + np.trace(covariance)
+    ):
+        raise ValueError("its covariance is not symmetric, or has a negative variance")
+    return Spread(names, values, units, covariance)

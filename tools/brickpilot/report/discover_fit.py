@@ -9,7 +9,7 @@ from typing import Any
 from brickpilot.data.agreement import mean_fit
 from brickpilot.data.own_units import OwnUnit, own_unit
 from brickpilot.discover.finding import Finding
-from brickpilot.discover.yardstick.record import Fit, Predictable, SignalFit
+from brickpilot.discover.yardstick import Fit, Predictable, SignalFit
 from brickpilot.report import discover_plots
 from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS, plain
 from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, quantity
@@ -17,8 +17,6 @@ from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, qu
 _HEADLINE = "free_run"
 _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
-_LISTED = 4  # sources and runs that are named
-_WORTH_NAMING = 0.05  # of all that is predictable: a run with less is not named
 _SAME = 0.05  # percentage points: fits that differ by less read the same
 
 
@@ -72,7 +70,7 @@ def shown(finding: Finding) -> dict[str, Any]:
             (one.runs.removeprefix("the "), fit_number(one.before), fit_number(one.after), fit_number(one.attainable))
             for one, _ in roles
         ],
-        "fit_horizons": [text for name, text in HORIZONS.items() if name in finding.yardstick.predictable],
+        "fit_horizons": [text for name, text in HORIZONS.items() if name in finding.yardstick.horizons],
         "fit_tables": [(one.runs.removeprefix("the "), _table(finding, role)) for one, role in roles],
         "fit_chart": _chart(finding),
         "fit_repeats": _repeats(finding),
@@ -83,7 +81,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns what of the error is predictable, how much of that is taken away, where it is and from what."""
+    """Returns what of the error is predictable, and how much of that is taken away; empty where it is not known."""
     if one.share is None and one.held_out is None:
         return ""
     known = [f"{percent(value)} on {runs}" for value, runs in _by_role(one.share, one.held_out) if value is not None]
@@ -96,12 +94,6 @@ def sentences(one: Predictable) -> str:
     ]
     if gone:
         text += f" The augmented model takes away {' and '.join(gone)} of what is predictable."
-    if one.sources:
-        text += f" It is predictable from: {', '.join(source.what for source in one.sources[:_LISTED])}."
-    runs = sorted(one.by_run, key=lambda name: -one.by_run[name])
-    named = [f"{name} ({percent(one.by_run[name])})" for name in runs[:_LISTED] if one.by_run[name] >= _WORTH_NAMING]
-    if one.sources and named:
-        text += f" Most of it is in {', '.join(named)}."
     return text
 
 
@@ -110,7 +102,7 @@ def lines(finding: Finding) -> list[str]:
     one = headline(finding)
     if one is None:
         return []
-    horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
+    horizons = [name for name in HORIZONS if name in finding.yardstick.horizons]
     head = f"fit in %, {one.runs}: before, after, attainable"
     error = "rms error"
     found = [f"{head:48}" + "".join(f"{HORIZONS[name]:>24}" for name in horizons) + f"{error:>34}"]
@@ -147,7 +139,7 @@ def _removed(share: float) -> str:
 
 def _table(finding: Finding, role: str) -> list[tuple[str, list[dict[str, str] | None]]]:
     """Returns for each signal its cells, one for each horizon; None where the horizon is absent."""
-    horizons = [name for name in HORIZONS if name in finding.yardstick.predictable]
+    horizons = [name for name in HORIZONS if name in finding.yardstick.horizons]
     rows = []
     for signal, fits in finding.yardstick.signals.items():
         own = own_unit(finding.dataset, signal)

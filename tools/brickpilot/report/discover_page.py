@@ -10,13 +10,13 @@ from brickpilot.data.own_units import own_unit
 from brickpilot.discover.finding import Finding, Gap
 from brickpilot.report import discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
-from brickpilot.report.discover_text import OVER_NOISE, explanation, listed, say, verdict, words
+from brickpilot.report.discover_text import OVER_NOISE, explanation, left_predictable, listed, say, verdict, words
 from brickpilot.report.own_words import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.report.quantities import ROLES, gap_text, plain, quantity
 from brickpilot.report.template import render
 from brickpilot.vehicle import model as model_file
 
-_RANKED = 8  # candidates that are shown; the others are folded
+_RANKED = 8  # explanations that are shown; the others are folded
 _PLACES = 8  # places that are shown
 _LISTED = 20  # faults that are shown; the others are folded
 
@@ -66,12 +66,13 @@ def _gaps(finding: Finding) -> dict[str, Any]:
 
 
 def _tables(finding: Finding) -> dict[str, Any]:
-    """Returns the rows of the tables on effects, candidates and parameters."""
+    """Returns the rows of the tables on effects, explanations and parameters."""
     own, data = shown_finding(finding), finding.dataset
     return {
         "places": [discover_tables.place(one, finding) for one in finding.where[:_PLACES]],
         "effects": [discover_tables.effect(one) for one in own.effects],
         "equivalents": discover_tables.equivalents(own),
+        "explanations": [discover_tables.share(one) for one in finding.explanations],
         "nominal": discover_tables.nominal(finding),
         "run_values": [discover_tables.run_values(one) for one in finding.run_values],
         "ranking": [discover_tables.rank(shown_rank(data, one), finding.augmented) for one in finding.ranking],
@@ -167,6 +168,8 @@ def _remaining(finding: Finding) -> list[str]:
         )
     elif finding.whiteness and not over:
         found.append("The residual is white: its samples are not correlated in time.")
+    if left := left_predictable(finding):
+        found.append(left)
     return found
 
 

@@ -15,7 +15,7 @@ from brickpilot.data.own_units import own_unit
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding, Place
 from brickpilot.discover.locate import residual
-from brickpilot.fit.rates import measured_rates
+from brickpilot.fit.start_state import measured_rates
 from brickpilot.report.discover_plots import measured, superimposed
 from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
 from brickpilot.report.plot import Curve, points_for

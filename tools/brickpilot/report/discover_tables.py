@@ -9,11 +9,11 @@ import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
-from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank
-from brickpilot.fit.run_values import RunValues
+from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank, RunValues, Share
+from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words
-from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
+from brickpilot.report.quantities import DASH, ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
 from brickpilot.vehicle.model import Model, unit_on
 
 
@@ -60,7 +60,7 @@ def equivalents(finding: Finding) -> list[dict[str, Any]]:
     rivals = {rival.name: rival for one in finding.effects for rival in one.equivalents}
     best = {f"{one.name}.{key}": value for one in finding.effects for key, value in one.parameters.items()}
     found = []
-    for name in alternatives(finding.effects) if rivals else []:
+    for name in alternatives(finding) if rivals else []:
         values = rivals[name].parameters if name in rivals else best
         shown = _labelled(list(values), [quantity(one.value, one.unit) for one in values.values()])
         worse = plain(rivals[name].worse_by, 2) if name in rivals else None
@@ -98,14 +98,24 @@ def nominal(finding: Finding) -> list[dict[str, Any]]:
 
 def run_values(one: RunValues) -> dict[str, Any]:
     """Returns one kind of value that differs from run to run, with a row for each run."""
-    kind = one.kind
     return {
-        "words": kind.words,
+        "words": one.words,
         "sentence": one.sentence(),
-        "heading": {"mean": "less the mean of the runs", "least": "more than in the run of the least"}.get(
-            kind.counts_from, "value"
-        ),
-        "rows": [(name, quantity(value.value, kind.unit, value.ci95)) for name, value in one.runs.items()],
+        "rows": [
+            (name, quantity(value, one.unit, ci95 if all(np.isfinite(ci95)) else None))
+            for name, (value, ci95) in one.runs.items()
+        ],
+    }
+
+
+def share(one: Share) -> dict[str, str]:
+    """Returns the row of an explanation of the set that holds 95 % of the weight."""
+    return {
+        "names": " + ".join(one.effects) or "no effect",
+        "words": " with ".join(words(name) for name in one.effects) or "nothing is missing",
+        "weight": percent(one.weight),
+        "width": f"{100 * one.weight:.1f}",
+        "mechanism": ", ".join(one.mechanisms) or DASH,
     }
 
 
@@ -115,16 +125,27 @@ def _determined(finding: Finding, name: str) -> bool:
 
 
 def rank(one: Rank, model: Model) -> dict[str, Any]:
-    """Returns the row of one candidate in the ranking."""
-    sizes = [_quantity(key, value, model) for key, value in one.parameters.items()]
+    """Returns the row of one explanation in the ranking."""
+    own = {key: value for key, value in one.parameters.items() if "@" not in key}
+    sizes = [_quantity(key, value, model) for key, value in own.items()]
     return {
-        "names": " + ".join(one.names),
-        "values": _labelled(list(one.parameters), sizes),
+        "names": " + ".join(one.names) or "no effect",
+        "values": _labelled(list(own), sizes) + _of_runs(one),
         "gap": gap_text(one.gap),
         "removed": percent(one.removed),
         "width": f"{100 * min(max(one.removed, 0.0), 1.0):.1f}",
         "why": one.why,
     }
+
+
+def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
+    """Returns the least and the largest value of each kind that runs have of their own."""
+    found = []
+    for kind, info in RUN_KINDS.items():
+        values = [value for key, value in one.parameters.items() if key.startswith(f"{kind}@")]
+        if values:
+            found += [(f"{say(kind)} from", quantity(min(values), info.unit)), ("to", quantity(max(values), info.unit))]
+    return found
 
 
 def start_s(finding: Finding, run: str) -> float:

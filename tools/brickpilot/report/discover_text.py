@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Identified, Parameter, Term
+from brickpilot.discover import numbers
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Identified, Parameter, Share
+from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_fit
 from brickpilot.report.own_words import shown_finding, told
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
@@ -25,9 +27,11 @@ def say(name: str) -> str:
 
 
 def words(effect: str) -> str:
-    """Returns an effect in plain English; its name if the table has no words for it."""
+    """Returns an effect, or a value of runs, in plain English; its name if the table has no words for it."""
     if effect == NOMINAL_VALUES:
         return "nominal values other than stated"
+    if effect in RUN_KINDS:
+        return f"{RUN_KINDS[effect].words[0].lower()}{RUN_KINDS[effect].words[1:]} that differs from run to run"
     known = catalogue.effects_of((effect,))
     return known[0].words if known else say(effect)
 
@@ -35,9 +39,11 @@ def words(effect: str) -> str:
 def explanation(names: str | Sequence[str]) -> str:
     """Returns effects in words, each with its name behind it in parentheses.
 
-    `names` is a sequence, or one text joined by " + ".
+    `names` is a sequence, or one text joined by " + "; without a name it is that of the calibrated model.
     """
     chosen = names.split(" + ") if isinstance(names, str) else names
+    if not chosen:
+        return "nothing is missing"
     return " with ".join(words(name) if name == NOMINAL_VALUES else f"{words(name)} ({name})" for name in chosen)
 
 
@@ -73,10 +79,62 @@ def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Identified]:
     return name, one
 
 
-def alternatives(effects: Sequence[Effect]) -> list[str]:
+def alternatives(finding: Finding) -> list[str]:
     """Returns every equivalent explanation, the best one first; names are joined by " + "."""
-    first = " + ".join(one.name for one in effects)
-    return list(dict.fromkeys([first, *(rival.name for one in effects for rival in one.equivalents)]))
+    rivals = [rival.name for one in finding.effects for rival in one.equivalents]
+    asked = () if finding.next_experiment is None else finding.next_experiment.separates
+    return list(dict.fromkeys([" + ".join(found_names(finding)), *(rivals or asked)]))
+
+
+def found_names(finding: Finding) -> list[str]:
+    """Returns the names of the effects of the best explanation, and of the values of runs in it."""
+    return [*(one.name for one in finding.effects), *(one.kind for one in finding.run_values)]
+
+
+def one_mechanism(finding: Finding) -> str | None:
+    """Returns the mechanism that all equivalent explanations have alone; None if they have several."""
+    known = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
+    kinds = {
+        kind for one in alternatives(finding) for kind in known.get(frozenset(one.split(" + "))) or _mechanisms(one)
+    }
+    return next(iter(kinds)) if len(kinds) == 1 else None
+
+
+def _mechanisms(names: str) -> list[str]:
+    """Returns the mechanisms of names joined by " + "; of nominal values it is no mechanism of the table."""
+    named = names.split(" + ")
+    known = {one.name: one.mechanism for one in catalogue.effects()} | {
+        kind: one.mechanism for kind, one in RUN_KINDS.items()
+    }
+    return [known.get(name, name) for name in named]
+
+
+def explanation_lines(finding: Finding) -> list[str]:
+    """Returns the explanations that hold 95 % of the weight, for a terminal; none where one says it all."""
+    if len(finding.explanations) < 2:
+        return []
+    head = f"{'weight':>8}  explanations that hold 95 % of the weight"
+    return [head, *(f"{_weight(one):>8}  {_named(one)}" for one in finding.explanations)]
+
+
+def _weight(one: Share) -> str:
+    return percent(one.weight).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def _named(one: Share) -> str:
+    return f"{' + '.join(one.effects)} ({', '.join(one.mechanisms)})" if one.effects else "no effect"
+
+
+def left_predictable(finding: Finding) -> str:
+    """Returns how much of what is left a black box still predicts; empty: it was not asked."""
+    shares = finding.predictable_left
+    if not shares:
+        return ""
+    parts = [f"{percent(share)} of {say(signal)}" for signal, share in shares.items()]
+    return (
+        f"Of the squared error that the best explanation leaves, a black box predicts {listed(parts)} on fit runs that "
+        f"it has not seen. More than {percent(numbers.SHARED_REST)} says that something is missing."
+    )
 
 
 def verdict(finding: Finding) -> str:
@@ -109,7 +167,7 @@ def _moved_values(finding: Finding) -> str:
     ]
     if not moved:
         return ""
-    known = alternatives(finding.effects) if finding.effects else []
+    known = alternatives(finding) if finding.effects else []
     names = dict.fromkeys(name for one in finding.nominal_findings for name in one.rivals if name not in known)
     rivals = [explanation(name) for name in names]
     either = f" Or they hide an effect: {listed(rivals, 'or')}." if rivals else ""
@@ -123,6 +181,9 @@ def _verdict(finding: Finding) -> str:
         return _unknown(finding)
     if finding.verdict == "ambiguous":
         return _ambiguous(finding)
+    if not finding.effects:
+        kinds = listed([explanation(one.kind) for one in finding.run_values])
+        return f"What the simulator does not know is {kinds}. Without it, {_proved_change(finding)}."
     many = len(finding.effects) > 1
     count = f"{_number_word(len(finding.effects))} effects: " if many else ""
     named = _with_sizes(finding.effects)
@@ -139,18 +200,17 @@ def _none(finding: Finding) -> str:
     else:
         size = f"the gap of the calibrated model on {role} is {gap_text(gap.after)} times the noise"
     if leaves_more_than_noise(finding):
-        return f"No effect is named: {size}, but no effect that was tried removes enough of the error to be credible."
+        return f"No effect is named: {size}, but no effect that was tried explains enough of the error to be credible."
     return f"These data show no missing effect: {size}{', and noise alone would give 1' if fit is None else ''}."
 
 
 def _ambiguous(finding: Finding) -> str:
-    rivals = alternatives(finding.effects)
+    rivals = alternatives(finding)
     either = listed([explanation(one) for one in rivals], "or")
-    kinds = {catalogue.effect(name).mechanism for one in rivals if one != NOMINAL_VALUES for name in one.split(" + ")}
-    place = f" in the {finding.mechanism}" if len(kinds) == 1 and NOMINAL_VALUES not in rivals else ""
+    kind = one_mechanism(finding)
+    place = "An effect is missing" if kind is None else f"The cause is in the {kind}"
     fit = f"{_number_word(len(rivals))} explanations fit these data equally well"
-    sentence = f"An effect is missing{place}, and {fit}: "
-    sentence += f"{either}. With the first of them, {_proved_change(finding)}."
+    sentence = f"{place}, and {fit}: {either}. With the first of them, {_proved_change(finding)}."
     return sentence + (f" {finding.next_experiment.advice}" if finding.next_experiment else "")
 
 
@@ -164,7 +224,6 @@ def _unknown(finding: Finding) -> str:
     if finding.term is None:
         change = _proved_change(finding)
         return f"{sentence} With the named effects, {change}." if found else f"{sentence} {change.capitalize()}."
-    sentence += _resembled(finding.term)
     equation = finding.term.equation.partition(". ")[0]  # the page explains its symbols further down
     role, gap = _proof(finding)
     if role != _HELD_OUT or finding.term.removed_held_out is None:
@@ -178,26 +237,29 @@ def _unknown(finding: Finding) -> str:
     )
 
 
-def _resembled(term: Term) -> str:
-    """Returns a sentence on the law of the library that a composed term equals; empty: none."""
-    nearest = next((one for one in term.matches if one.is_equal), None)
-    return f" The term does to these data what {say(nearest.law)} does." if nearest is not None else ""
-
-
 def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
     """Returns what explains the fit runs best, and why it is not claimed."""
     names = listed([explanation(one.name) for one in unclaimed])
-    removed = percent(unclaimed[0].removed)
-    if finding.term is not None:
-        reason = "A term without a name explains more."
-    elif finding.evidence is not None:
-        reason = finding.evidence.sentence
-    else:
-        reason = "It does not gain enough to be claimed."
     return (
         f"Something is missing, most likely in the {finding.mechanism}. On the fit runs, {names} "
-        f"{'explain' if len(unclaimed) > 1 else 'explains'} {removed} of the gap above the noise. {reason}"
+        f"{'go' if len(unclaimed) > 1 else 'goes'} {percent(unclaimed[0].removed)} of the way to noise. "
+        f"{why_unclaimed(finding)}"
     )
+
+
+def why_unclaimed(finding: Finding) -> str:
+    """Returns why the best names are not claimed."""
+    if finding.term is not None:
+        return "A term without a name explains more."
+    if finding.evidence is not None and finding.evidence.kind == "fitted_only":
+        return finding.evidence.sentence
+    if finding.budget is not None and finding.budget.exhausted:
+        return "The time was too short to compare all explanations."
+    left = finding.predictable_left or {}
+    signal = max(left, key=lambda name: left[name], default=None)
+    if signal is not None and left[signal] > numbers.SHARED_REST:
+        return f"A black box still predicts {percent(left[signal])} of what is left of {say(signal)}."
+    return "The data do not determine its size, or too much error is left beside it."
 
 
 def _with_sizes(effects: Sequence[Effect]) -> str:

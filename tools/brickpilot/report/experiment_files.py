@@ -8,8 +8,8 @@ import io
 import numpy as np
 import tomlkit
 
+from brickpilot.discover.experiment import commands
 from brickpilot.discover.finding import Finding, Manoeuvre
-from brickpilot.discover.manoeuvres import commands
 from brickpilot.report.template import render_plain
 
 SCENARIO, TABLE, ARRAY = (f"next_experiment.{ending}" for ending in ("toml", "csv", "h"))

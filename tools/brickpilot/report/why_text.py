@@ -9,7 +9,15 @@ from dataclasses import dataclass
 
 from brickpilot.discover.finding import Finding
 from brickpilot.report import discover_fit
-from brickpilot.report.discover_text import alternatives, explanation, leaves_more_than_noise, listed
+from brickpilot.report.discover_text import (
+    alternatives,
+    explanation,
+    found_names,
+    leaves_more_than_noise,
+    listed,
+    one_mechanism,
+    why_unclaimed,
+)
 from brickpilot.report.own_words import told
 from brickpilot.report.quantities import fit_text, percent, quantity
 from brickpilot.vehicle.compensation import NOMINAL, Compensation
@@ -70,7 +78,7 @@ def answer(finding: Finding, undone: Compensation | None) -> Answer:
 
 
 def _what(finding: Finding) -> str:
-    names = [explanation(one.name) for one in finding.effects]
+    names = [explanation(one) for one in found_names(finding)]
     if finding.verdict == "none" and leaves_more_than_noise(finding):
         fit = discover_fit.headline(finding)
         size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
@@ -80,7 +88,9 @@ def _what(finding: Finding) -> str:
     if finding.verdict == "named":
         return f"The robot has {listed(names)}, and the simulation has not."
     if finding.verdict == "ambiguous":
-        either = listed([explanation(one) for one in alternatives(finding.effects)], "or")
+        either = listed([explanation(one) for one in alternatives(finding)], "or")
+        if (kind := one_mechanism(finding)) is not None:
+            return f"It is in the {kind}, and the logs cannot tell which of these the robot has: {either}."
         return f"The robot has one of these, and the logs cannot tell which: {either}."
     if finding.mechanism is None:
         return "The robot does something that the simulation does not, and the logs do not say in which part."
@@ -96,7 +106,7 @@ def _sure(finding: Finding) -> str:
         parts.append(f"{text[0].upper()}{text[1:]}.")
     known = finding.yardstick.predictable.get("free_run")
     removed = None if known is None else known.removed if known.removed_held_out is None else known.removed_held_out
-    added = finding.effects or finding.term is not None
+    added = any(one.claimed for one in finding.effects) or finding.term is not None
     if removed is not None and finding.verdict != "none" and added:
         parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
     return " ".join(parts)
@@ -112,7 +122,7 @@ def _proof(finding: Finding) -> str:
         return "No name is proved: a term without a name explains more."
     if finding.evidence is not None and finding.evidence.kind == "fitted_only":
         return f"Not proved. {finding.evidence.sentence}"
-    return "No explanation is proved."
+    return f"No explanation is proved. {why_unclaimed(finding)}" if finding.effects else "No explanation is proved."
 
 
 def _todo(finding: Finding, undone: Compensation | None) -> list[str]:

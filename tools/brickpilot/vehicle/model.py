@@ -48,6 +48,8 @@ class Model:
         parameters: nominal parameter -> value, SI; what is absent keeps the plant's preset.
         effects: effect -> its parameters, SI; what is absent keeps the effect's preset.
         basis: parameter, or ``effect.parameter``, -> source of its value.
+        by_run: kind of value that a run has of its own -> run -> value; see `fit.replay`. They belong to recordings and
+            stand in no file.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Model:
     parameters: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     basis: Mapping[str, str] = field(default_factory=dict)
+    by_run: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @cache
@@ -65,16 +68,20 @@ def rcx() -> Model:
 
 
 def with_values(model: Model, values: Mapping[str, float]) -> Model:
-    """Returns a copy of `model` with some nominal ("mass") or effect ("effect.parameter") values replaced."""
+    """Returns a copy of `model` with some values replaced: "mass", "effect.parameter" or, of one run, "kind@run"."""
     parameters = dict(model.parameters)
     effects = {name: dict(table) for name, table in model.effects.items()}
+    by_run = {kind: dict(table) for kind, table in model.by_run.items()}
     for name, value in values.items():
+        kind, at, run = name.partition("@")
         effect, dot, parameter = name.partition(".")
-        if dot:
+        if at:
+            by_run[kind][run] = value
+        elif dot:
             effects[effect][parameter] = value
         else:
             parameters[name] = value
-    return dataclasses.replace(model, parameters=parameters, effects=effects)
+    return dataclasses.replace(model, parameters=parameters, effects=effects, by_run=by_run)
 
 
 def output_names(model: Model) -> frozenset[str]:

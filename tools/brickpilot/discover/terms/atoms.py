@@ -14,23 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover.candidates import Candidate
-from brickpilot.discover.gates import (
-    SLOWEST_SWING_HZ,
-    TERM_PLACE_COST,
-    TERM_SECOND_PLACE_COST,
-    TERM_SENSOR_COST,
-    strip_cost,
-)
-from brickpilot.discover.segment import Segment
+from brickpilot.discover import numbers
+from brickpilot.discover.parts import Part
 from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
+from brickpilot.discover.terms.periods import Segment
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Settings = tuple[tuple[str, float], ...]
 
+_SLOWEST_SWING_HZ = 0.5  # a pendulum of a metre swings so, and no robot here carries a longer one
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # tried for a sprung mass, beside the peaks of the spectrum
 _NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
 _STRIP = ("patch_x", "patch_half_width")
@@ -45,7 +40,7 @@ _SENSOR_SIGNALS = {
 
 
 @dataclass(frozen=True)
-class Atom(Candidate):
+class Atom(Part):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
@@ -56,6 +51,23 @@ class Atom(Candidate):
     terms: tuple[Basis, ...]
     settings: Settings
     slowest: float
+
+    @property
+    def name(self) -> str:
+        return " and ".join(self.names)
+
+    @property
+    def log_odds(self) -> float:
+        """The log of the prior odds: each term is a statement, and so is each setting, picked from many."""
+        return math.log(numbers.RARE) * (len(self.terms) + len(self.tuned))
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def mechanism(self) -> str:
+        return self.terms[0].mechanism
 
     @property
     def place(self) -> str:
@@ -69,11 +81,6 @@ class Atom(Candidate):
     def tuned(self) -> tuple[str, ...]:
         """The settings that are fitted: all but the clock, which is one of two."""
         return tuple(name for name, _ in self.settings if name != "clock")
-
-    @property
-    def is_strip(self) -> bool:
-        """Whether it acts on a strip of the floor only."""
-        return bool(set(_STRIP) & set(self.tuned))
 
     def joins(self, table: Mapping[str, float]) -> bool:
         """Returns whether terms at the values of `table` lack it, and have no other settings."""
@@ -97,13 +104,11 @@ class Atom(Candidate):
         table = {one.name: table[one.name] for one in left} | settings_of(left, table)
         return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
 
-    def penalty(self, beside: Sequence[Candidate], cost: float) -> float:
-        """Returns the penalty for another place where terms act, and for a first strip of the floor."""
-        others = [one for one in beside if isinstance(one, Atom)]
-        found = 0.0
-        if self.place not in {one.place for one in others}:
-            found = TERM_PLACE_COST.get(self.place, TERM_SENSOR_COST) + (TERM_SECOND_PLACE_COST if others else 0.0)
-        return found + (strip_cost(cost) if self.is_strip and not any(one.is_strip for one in others) else 0.0)
+    def owns(self, free: Free) -> bool:
+        return free.effect is not None and free.effect[0] == EFFECT and free.effect[1] in self.free
+
+    def values_in(self, model: Model) -> Mapping[str, float]:
+        return {name: model.effects[EFFECT][name] for name in (*self.names, *(one for one, _ in self.settings))}
 
     def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
         """Returns a free parameter. Sine and cosine move in units of their amplitude, a strip in half widths."""
@@ -136,7 +141,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
     several_ages = len({segment.age for segment in segments}) > 1
     clocks = (0.0, 1.0) if several_ages else (0.0,)
     frequencies = {clock: periods.frequencies(segments, residual, clock) for clock in clocks}
-    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0] if f > SLOWEST_SWING_HZ)})
+    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0] if f > _SLOWEST_SWING_HZ)})
     orders = periods.angle_orders(segments, residual)
     settings: dict[tuple[str, ...], list[Settings]] = {
         (): [()],
@@ -172,7 +177,7 @@ def _slowest(settings: Settings, segments: Sequence[Segment]) -> float:
     shaping = dict(settings)
     if "frequency" not in shaping:
         return 0.0
-    swings = SLOWEST_SWING_HZ if "damping" in shaping else 0.0
+    swings = _SLOWEST_SWING_HZ if "damping" in shaping else 0.0
     return max(swings, periods.time_resolution(segments, shaping.get("clock", 0.0)))
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from brickpilot.discover.segment import Segment
 
 Array = NDArray[np.float64]
 
@@ -19,6 +18,26 @@ _CELLS, _STRIPS = 24, 2  # cells of the travel, to look for strips; strips that 
 
 _ANGLES = ("wheel_angle_left", "wheel_angle_right", "angle")
 _POSITIONS = ("x", "position")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One signal of one run in the stacked residual.
+
+    Attributes:
+        place: its rows.
+        time: (n,) s since the run's first sample.
+        age: s from power-on to the run's first sample.
+        at: what the base model gives at these rows, by name: wheel angles, "x", or "angle" and "position" of a motor.
+            Terms that depend on a missing one are not screened.
+    """
+
+    run: str
+    signal: str
+    place: slice
+    time: Array
+    age: float
+    at: Mapping[str, Array]
 
 
 def angle_orders(segments: Sequence[Segment], residual: Array) -> list[float]:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.discover.binned_error import BinnedOutputError
-from brickpilot.discover.candidates import Candidate
 from brickpilot.discover.deadline import Deadline
-from brickpilot.discover.excitation import Excitation
-from brickpilot.discover.fitting import FittedModel
-from brickpilot.discover.gates import MOST_TERMS, required_gain
-from brickpilot.discover.projection import Projection
+from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.parts import Part
 from brickpilot.discover.screen import Trial
-from brickpilot.discover.search_round import Start
 from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.atoms import Atom, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis
+from brickpilot.discover.terms.periods import Segment
+from brickpilot.fit.replay import Replay
+from brickpilot.fit.residual import Problem, Projection, Residual
+from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
@@ -29,52 +28,45 @@ _SIZES = (1.0, 0.3)  # of the linear estimate, at which they are: few terms are 
 _NEARBY = 8  # atoms at and beside a fitted period that are fitted
 _ALIKE = 2  # trials of the same terms with different settings, at most
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
-_NOISE_COST = 0.876  # mean pseudo-Huber loss of normal noise, over that of squares
+_MOST_TERMS = 3  # the basis is large, and a law that a reader can check is short
 
 
 class TermSource:
-    """See `search_round.Source`. Holds the signature of each atom at the model that the search begins with."""
+    """See `search.Source`. Holds the signature of each atom at the model that the search begins with."""
 
-    word, most, pairs = "term", MOST_TERMS, False
+    word, most, pairs = "term", _MOST_TERMS, False
 
-    def __init__(self, error: BinnedOutputError, base: FittedModel, excitation: Excitation) -> None:
-        self.excitation = excitation
-        self._error, self._base = error.with_plan(base.plan), base.model
-        self._error.keep_sensitivities(base.point, len(base.point))
-        self._residual = self._error.residual_of(self._base)
-        self._segments = error.segments(self._base, _OUTPUTS)
+    def __init__(self, data: Residual, base: Explanation) -> None:
+        self._data, self._base = data, base.model
+        self._residual = data.scaled(self._base)
+        self._segments = segments(data, self._base)
         self._changes: dict[Atom, Array] = {}
-        projection = Projection(self._error, base.point)
+        projection = Projection(Problem(data, base.plan), base.point)
         rest = projection.remainder(self._residual)
         self._add(find_atoms(self._base.vehicle, self._segments, rest[: len(self._residual)]))
         self._add_strips(projection, rest)
 
-    def screened(self, error: BinnedOutputError, point: Array, deadline: Deadline) -> list[Trial]:
+    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
         """Returns every atom that could gain something, with a diverse choice of settings."""
-        return self._best(error, point, list(self._changes))
+        return self._best(problem, point, [one for one in self._changes if one.name not in without])
 
-    def nearby(self, error: BinnedOutputError, current: FittedModel, fits: Sequence[FittedModel]) -> list[Start]:
+    def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
         """Returns what is worth a fit at the period that the best fit ended at, and at the periods beside it."""
-        best = min(fits, key=lambda one: one.penalised_cost, default=None)
-        if best is None or not isinstance(last := best.chosen[-1], Atom) or not last.tuned:
+        best = min(fits, key=lambda one: one.cost, default=None)
+        if best is None or not isinstance(last := best.parts[-1], Atom) or not last.tuned:
             return []
         near = family(last, best.model.effects[EFFECT], self._base.vehicle, self._segments)
         self._add(near)
-        point = best.point[: len(current.point)]
-        return [Start(one.candidate, one.values, point) for one in self._best(error, current.point, near)[:_NEARBY]]
+        return self._best(problem, current.point, near)[:_NEARBY]
 
-    def is_finished(self, error: BinnedOutputError, current: FittedModel) -> bool:
-        """Returns whether the cost above that of noise is less than a term has to gain."""
-        return current.cost - _NOISE_COST * error.noise_cost() < required_gain(current.cost, error.floor_cost())
-
-    def _best(self, error: BinnedOutputError, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
-        """Returns the atoms that could leave least beside the model of `error` at `point`, the best first.
+    def _best(self, problem: Problem, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
+        """Returns the atoms that could leave least beside the model of `problem` at `point`, the best first.
 
         All are compared by their signatures at the base model. The best of them are then simulated beside that model.
         """
-        model, projection = error.plan.at(point), Projection(error, point)
+        model, projection = problem.plan.at(point), Projection(problem, point)
         table, linear = model.effects.get(EFFECT, {}), []
-        rest = projection.remainder(error.residual_of(model))
+        rest = projection.remainder(problem.data.scaled(model))
         for one in atoms:
             if one.joins(table):
                 signatures = projection.signatures(self._changes[one].T)
@@ -88,7 +80,7 @@ class TermSource:
             for _, one, sizes in best
             for share in _SIZES
         ]
-        simulated = error.residuals_of([with_terms(model, values) for _, values in sized])
+        simulated = problem.data.scaled_by([with_terms(model, values) for _, values in sized])
         with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant runs away is left out below
             trials = [
                 Trial(one, values, float(rest @ rest) / 2, float(np.sum(projection.remainder(residual) ** 2)) / 2)
@@ -124,7 +116,7 @@ class TermSource:
             with_terms(self._base, {**dict(one.settings), term.name: size})
             for (one, term), size in zip(terms, sizes, strict=True)
         ]
-        moved = self._error.residuals_of(tiny)
+        moved = self._data.scaled_by(tiny)
         changes = np.array([(self._residual - one) / size for one, size in zip(moved, sizes, strict=True)])
         changes = changes.reshape(len(terms), len(self._residual))
         changes[~np.isfinite(changes).all(axis=1)] = 0.0
@@ -151,8 +143,40 @@ def _lowest(term: Basis, table: Mapping[str, float]) -> float:
 
 def _diverse(trials: Sequence[Trial]) -> list[Trial]:
     """Returns each atom at its better size, and no more than `_ALIKE` of the same terms with different settings."""
-    found: dict[Candidate, Trial] = {}
+    found: dict[Part, Trial] = {}
     for trial in trials:
-        if sum(one.free == trial.candidate.free for one in found) < _ALIKE:
-            found.setdefault(trial.candidate, trial)
+        if sum(one.free == trial.part.free for one in found) < _ALIKE:
+            found.setdefault(trial.part, trial)
     return list(found.values())
+
+
+def segments(data: Residual, model: Model) -> list[Segment]:
+    """Returns the blocks of a residual with the outputs of `model`, that terms may depend on, at their times."""
+    outputs = data.replay.simulate([model], threads=data.threads)[0]
+    grids = {run.name: run.time for run in data.replay.dataset.runs}
+    ages = _ages(data.replay)
+    return [
+        Segment(
+            block.run,
+            block.signal,
+            block.place,
+            block.middle - grids[block.run][0],
+            ages[block.run],
+            {
+                name: np.interp(block.middle, grids[block.run], outputs[block.run][name])
+                for name in _OUTPUTS
+                if name in outputs[block.run]
+            },
+        )
+        for block in data.blocks
+    ]
+
+
+def _ages(replay: Replay) -> dict[str, float]:
+    """Returns run -> s from power-on to its start."""
+    ages, age = dict[str, float](), 0.0
+    for run in replay.dataset.runs:
+        age += run.gap_s
+        ages[run.name] = age
+        age += float(run.time[-1] - run.time[0])
+    return ages

@@ -44,6 +44,9 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     still = _STILL * length_s * max((_mean_rate(run, turned[run.name] or {}) for run in dataset.runs), default=0.0)
     for run in dataset.runs:
         angles = turned[run.name]
+        if not run.outputs:  # nothing of it is compared; heat and charge carry over
+            windows.append(run)
+            continue
         if angles is None:
             return None
         windows += _windows(run, angles, length_s, still)
@@ -77,6 +80,7 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: floa
             time=run.time[rows],
             inputs={name: values[rows] for name, values in run.inputs.items()},
             outputs=outputs,
+            raw_outputs={},
             gap_s=run.gap_s if number == 0 else 0.0,
             replicate_of=None,
             initial={} if number else run.initial,

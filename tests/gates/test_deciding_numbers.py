@@ -1,0 +1,171 @@
+"""The numbers that decide a verdict stand in one file, each with its reason, and nowhere else.
+
+Found in the syntax tree: a literal inside a comparison, and a literal that a module constant is bound to if that is
+used in one. 0, 1, -1, 2 and 0.5 are arithmetic.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from python_layers import imports, modules
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "tools/brickpilot"
+DISCOVER = PACKAGE / "discover"
+
+MOST_NUMBERS = 15
+MOST_FILES, MOST_LINES = 53, 11100
+
+PLAIN = {0, 1, -1, 2, 0.5}
+
+DECIDES = ("verdict.py", "evidence.py", "adequacy.py", "seal.py", "pipeline.py", "conclude.py")
+
+WORK = {
+    ("evidence.py", "_SETTLED"): "the iterated scale has come to rest: a smaller number gives the same scale",
+}
+"""Constants in comparisons that say how much work is done, or how something is shown."""
+
+SEALED = {"prepare", "pipeline"}
+"""The only modules up to the verdict that may name the seal: one closes it, one has it opened."""
+
+BEHIND_THE_SEAL = {"conclude", "yardstick", "seal"}
+"""Modules that work with what was opened, after the last choice."""
+
+
+def literals(path: Path) -> dict[str, list[ast.Constant]]:
+    """Returns name -> the numeric literals in the value that it is bound to at the top of a module."""
+    found: dict[str, list[ast.Constant]] = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            pairs = [(target, node.value) for target in targets]
+            if isinstance(targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(targets[0].elts, node.value.elts, strict=True))
+            for target, value in pairs:
+                assert isinstance(target, ast.Name)
+                found[target.id] = [one for one in ast.walk(value) if is_number(one)]
+    return found
+
+
+def is_number(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+def bound_numbers(path: Path) -> dict[str, str]:
+    """Returns each name of numbers.py that is bound to a plain number -> the docstring below it."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    found: dict[str, str] = {}
+    for node, after in zip(body, [*body[1:], ast.Pass()], strict=True):
+        if not isinstance(node, ast.Assign):
+            continue
+        reason = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
+        (target,) = node.targets
+        pairs = (
+            list(zip(target.elts, node.value.elts, strict=True))
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            else [(target, node.value)]
+        )
+        for name, value in pairs:
+            assert isinstance(name, ast.Name)
+            derived = any(isinstance(one, ast.Name) and one.id.isupper() for one in ast.walk(value))
+            if not derived:
+                assert isinstance(reason, str)
+                found[name.id] = reason
+    return found
+
+
+def deciding_literals(path: Path) -> list[str]:
+    """Returns "FILE:LINE: NUMBER" of each literal that decides in a module."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    constants = literals(path)
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            said = [one for one in ast.walk(node) if is_number(one)]
+            for name in (one.id for one in ast.walk(node) if isinstance(one, ast.Name)):
+                if (path.name, name) not in WORK:
+                    said += constants.get(name, [])
+            for one in said:
+                assert isinstance(one, ast.Constant)
+                if one.value not in PLAIN:
+                    found.append(f"{path.name}:{one.lineno}: {one.value}")
+    return sorted(set(found))
+
+
+def test_few_numbers_decide_and_each_has_its_reason() -> None:
+    found = bound_numbers(DISCOVER / "numbers.py")
+    assert {"KNEE", "SURE", "RARE", "LAW_ERROR"} <= found.keys()
+    assert not {"USUAL", "CHANCE_NATS"} & found.keys()  # these follow from others
+    assert len(found) <= MOST_NUMBERS
+    for name, reason in found.items():
+        assert len(reason.split()) > 8, name
+
+
+@pytest.mark.parametrize("name", DECIDES)
+def test_no_number_decides_outside_of_them(name: str) -> None:
+    assert deciding_literals(DISCOVER / name) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (">= numbers.SURE", ">= 0.9", "0.9"),
+        ("Kind = Literal", "_MOST = 7\nKind = Literal", ""),
+        ("len(least) == 1", "len(least) <= _MOST", "7"),
+        ("share >= numbers.SURE", "share > (1 - 0.07) * 1", "0.07"),
+    ],
+)
+def test_a_number_that_is_planted_is_found(old: str, new: str, said: str, tmp_path: Path) -> None:
+    text = (DISCOVER / "verdict.py").read_text(encoding="utf-8")
+    assert old in text
+    text = text.replace(old, new, 1)
+    if "_MOST" in new and "least" in new:
+        text = text.replace("Kind = Literal", "_MOST = 7\nKind = Literal", 1)
+    planted = tmp_path / "verdict.py"
+    planted.write_text(text, encoding="utf-8")
+    assert [one.split()[-1] for one in deciding_literals(planted)] == ([said] if said else [])
+
+
+def test_what_is_listed_as_work_is_there() -> None:
+    assert all(name in literals(DISCOVER / file) for file, name in WORK)
+
+
+def test_no_stage_before_the_verdict_names_the_seal() -> None:
+    known = modules(PACKAGE)
+    seal = "brickpilot.discover.seal"
+    named = {
+        name.rpartition(".")[2]
+        for name, path in known.items()
+        if name.startswith(("brickpilot.discover.", "brickpilot.fit."))
+        for _, other in imports(name, path, known)
+        if other == seal
+    }
+    assert named <= SEALED | BEHIND_THE_SEAL
+    assert named >= SEALED
+
+
+def reached(name: str, known: dict[str, Path], seen: set[str]) -> set[str]:
+    """Returns the modules that a module needs when it runs, itself included, without those of `SEALED`."""
+    if name not in seen:
+        seen.add(name)
+        for _, other in imports(name, known[name], known, run=True):
+            if other.rpartition(".")[2] not in SEALED:
+                reached(other, known, seen)
+    return seen
+
+
+@pytest.mark.parametrize("name", ["search", "verdict", "adequacy", "compose", "settle", "evidence"])
+def test_no_stage_before_the_verdict_reaches_the_seal_by_another_module(name: str) -> None:
+    known = modules(PACKAGE)
+    found = {one.rpartition(".")[2] for one in reached(f"brickpilot.discover.{name}", known, set())}
+    assert not found & BEHIND_THE_SEAL
+
+
+def test_the_rooms_that_decide_stay_small() -> None:
+    files = [path for room in ("fit", "discover") for path in (PACKAGE / room).rglob("*.py")]
+    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
+    assert len(files) <= MOST_FILES
+    assert lines <= MOST_LINES

@@ -1,0 +1,94 @@
+"""Does a machine get one answer? Cuts each log into parts of time and explains each part by itself.
+
+    python tests/lab/parts.py DATASET... [--parts 2] [--jobs 1] [--out parts.jsonl]
+
+Each run is cut into as many stretches of equal length, and part k holds stretch k of every run. Two parts agree if one
+mechanism stands in an explanation of each that holds 95 % of the weight, or if both say that nothing is missing. An
+`unknown` agrees with `unknown`. Each part is kept when it is done, so an interrupted call goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+import time
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import brickpilot as bp
+import numpy as np
+from brickpilot.data.dataset import Dataset, Run
+
+
+def part(dataset: Dataset, index: int, count: int) -> Dataset:
+    """Returns part `index` of `count`: that stretch of each run, with roles chosen anew."""
+    return dataclasses.replace(dataset, runs=tuple(_cut(run, index, count) for run in dataset.runs))
+
+
+def _cut(run: Run, index: int, count: int) -> Run:
+    edges = np.linspace(0, len(run.time), count + 1).astype(int)
+    rows = slice(edges[index], edges[index + 1])
+    tables = {
+        name: {signal: values[rows] for signal, values in getattr(run, name).items()}
+        for name in ("inputs", "outputs", "raw_outputs")
+    }
+    return dataclasses.replace(run, time=run.time[rows], role=None, replicate_of=None, initial={}, **tables)
+
+
+def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
+    """Returns what is said of a data set, in short."""
+    began = time.perf_counter()
+    found = bp.discover(dataset, jobs=jobs)
+    return {
+        "verdict": found.verdict,
+        "effects": [one.name for one in found.effects if one.claimed],
+        "mechanism": found.mechanism,
+        "explanations": [[list(one.effects), one.weight, list(one.mechanisms)] for one in found.explanations],
+        "seconds": round(time.perf_counter() - began, 1),
+    }
+
+
+def agree(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Returns whether two answers name one mechanism, or both none, or are both `unknown`."""
+    if "unknown" in (one["verdict"], other["verdict"]):
+        return one["verdict"] == other["verdict"]
+    if "none" in (one["verdict"], other["verdict"]):
+        return one["verdict"] == other["verdict"]
+    first, second = ({name for _, _, names in said["explanations"] for name in names} for said in (one, other))
+    return bool(first & second)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("datasets", nargs="+", type=Path)
+    parser.add_argument("--parts", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("parts.jsonl"))
+    options = parser.parse_args()
+    known = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    done = {(one["log"], one["parts"], one["part"]): one for one in known}
+    pairs = right = 0
+    for folder in options.datasets:
+        dataset, said = bp.read(folder), []
+        for index in range(options.parts):
+            key = (folder.name, options.parts, index)
+            if key not in done:
+                made = answer(part(dataset, index, options.parts), options.jobs)
+                done[key] = {"log": folder.name, "parts": options.parts, "part": index, **made}
+                with options.out.open("a") as file:
+                    file.write(json.dumps(done[key]) + "\n")
+            said.append(done[key])
+            sys.stdout.write(
+                f"{folder.name} {index + 1}/{options.parts}: {said[-1]['verdict']} {said[-1]['effects']}\n"
+            )
+        agreed = [agree(one, other) for one, other in combinations(said, 2)]
+        pairs, right = pairs + len(agreed), right + sum(agreed)
+    sys.stdout.write(f"{right} of {pairs} pairs of parts agree\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,214 @@
+"""Adequacy: whether what an explanation leaves is still predictable, or too much.
+
+A machine is never explained to its sensors' noise. So a black box that knows no law looks at what is left: a ridge
+regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS), which predicts runs
+that it has not seen. What it predicts, a law could have explained; what nobody can predict is not missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from brickpilot.discover import numbers
+from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.robust import robust_size
+from brickpilot.fit.windows import run_of
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_FOLDS = 4
+_FEATURES = 200
+_WIDTH = 0.3  # of the kernel that the random features stand for, on standardised columns
+_ALPHAS = (1.0, 10.0, 100.0)  # penalties that are tried on standardised columns; the larger, the smoother
+_TAUGHT_ROWS = 3000  # at most so many rows teach: the rest of a long log says the same again
+_BEYOND = 0.1  # a column may leave the range that was taught by this share of it
+_FAR = 5.0  # scales: a residual beyond counts as so far
+_FILTERS_S = (0.1, 0.5, 2.0)  # time constants: a motor, a body, what is slow
+_STANDSTILL_SHARE = 0.03  # of the largest speed: below, a direction fades out
+_SETTLING_S = 0.3
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """What an explanation leaves.
+
+    Attributes:
+        predictable: signal -> the share of its squared residual that a black box predicts on runs that it has not seen.
+        nats_left: what is left above noise, nats a value.
+        explained: the share of the way from the nominal model to noise that the explanation goes, 0..1.
+    """
+
+    predictable: Mapping[str, float]
+    nats_left: float
+    explained: float
+
+    @property
+    def most_predictable(self) -> float:
+        return max(self.predictable.values(), default=0.0)
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether nothing more that could be named is left."""
+        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < numbers.EXPLAINED
+        return self.most_predictable <= numbers.SHARED_REST and not too_much
+
+    @property
+    def sentence(self) -> str:
+        """Returns why more is missing, for a reader; empty where nothing is."""
+        if self.most_predictable > numbers.SHARED_REST:
+            signal = max(self.predictable, key=lambda name: self.predictable[name])
+            return (
+                f"A black box still predicts {100 * self.predictable[signal]:.0f} % of the error of {signal} on runs "
+                "that it has not seen: something more is missing."
+            )
+        if not self.is_adequate:
+            return (
+                "Much more error is left than noise makes, and neither a law of the library nor a black box "
+                "predicts it."
+            )
+        return ""
+
+
+def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adequacy:
+    """Returns what an explanation leaves of the fit runs."""
+    data, model = judge.data, best.explanation.model
+    found = predictable(judge, model, seed)
+    way = judge.top - nothing.total
+    explained = (best.total - nothing.total) / way if way > 0 else 1.0
+    left = max(judge.top - best.total, 0.0) / len(data.measured)
+    return Adequacy(found, left, float(np.clip(explained, 0.0, 1.0)))
+
+
+def predictable(judge: Judge, model: Model, seed: int) -> dict[str, float]:
+    """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
+
+    What is left counts as large as noise and the error of every simulator at least: a black box that predicts a part of
+    less shows no law that is missing.
+    """
+    data = judge.data
+    error = data.measured - data.predict([model])[0]
+    outputs = data.replay.simulate([model], threads=data.threads)[0]
+    found = {}
+    for signal in data.signals:
+        blocks = [one for one in data.blocks if one.signal == signal]
+        columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
+        target = np.concatenate([error[one.place] for one in blocks])
+        size = robust_size(target) or 1.0
+        target = np.clip(target, -_FAR * size, _FAR * size)
+        runs = [run_of(one.run) for one in blocks for _ in one.middle]
+        folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
+        predicted = out_of_fold(columns, target, folds, seed).value
+        total = float(target @ target)
+        least = max(total, len(target) * judge.floor(signal) ** 2)
+        found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2))) / least)
+    return found
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What a black box predicts of rows that it has not seen.
+
+    Attributes:
+        value: (rows,), scaled down by as much as it proved too bold there.
+        best: the number of the penalty that predicts best.
+        boldness: the factor, 0..1, by which it was scaled.
+    """
+
+    value: Array
+    best: int
+    boldness: float
+
+
+def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Unseen:
+    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), of each row from the other folds."""
+    tried = np.zeros((len(target), len(_ALPHAS)))
+    for fold in np.unique(folds):
+        here = folds == fold
+        if not here.all():
+            tried[here] = taught_by(columns[~here], target[~here], seed)(columns[here])
+    best = int(np.argmin(np.sum((target[:, np.newaxis] - tried) ** 2, axis=0)))
+    power = float(tried[:, best] @ tried[:, best])
+    boldness = float(np.clip(target @ tried[:, best] / power, 0.0, 1.0)) if power > 0 else 0.0
+    return Unseen(boldness * tried[:, best], best, boldness)
+
+
+def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Array]:
+    """Returns a black box that learned `target` (rows,) from `columns` (rows, columns).
+
+    It takes columns and gives (rows, penalties), a prediction for each penalty.
+    """
+    rows = slice(None, None, -(-len(columns) // _TAUGHT_ROWS))
+    columns, target = columns[rows], target[rows]
+    middle, size = columns.mean(axis=0), columns.std(axis=0)
+    size = np.where(size > 0, size, np.inf)
+    low, high = columns.min(axis=0), columns.max(axis=0)
+    low, high = low - _BEYOND * (high - low), high + _BEYOND * (high - low)
+    random, count = np.random.default_rng(seed), columns.shape[1]
+    directions = random.normal(size=(count, _FEATURES)) * (2 * _WIDTH / count) ** 0.5
+    phases = random.uniform(0, 2 * np.pi, _FEATURES)
+    weight = (2 * count / _FEATURES) ** 0.5  # the random features count as much as the plain columns
+
+    def features(asked: Array) -> Array:
+        plain = (np.clip(asked, low, high) - middle) / size
+        return np.hstack([plain, weight * np.cos(plain @ directions + phases)])
+
+    told, mean = features(columns), float(target.mean())
+    values, axes = np.linalg.eigh(told.T @ told)
+    turned = axes.T @ (told.T @ (target - mean))
+    weights = np.column_stack([axes @ (turned / (np.maximum(values, 0.0) + alpha)) for alpha in _ALPHAS])
+    return lambda asked: np.asarray(features(asked) @ weights + mean)
+
+
+def folds_of(runs: Sequence[str], times: Array) -> Indices:
+    """Returns (rows,) the fold of each row: whole runs, the longest first to the emptiest; of one run, its parts."""
+    names, number = np.unique(np.array(runs), return_inverse=True)
+    if len(names) == 1:
+        cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)
+        return np.asarray(np.minimum(cut, 2 * _FOLDS - 1) % _FOLDS, dtype=np.int64)
+    sizes = np.bincount(number)
+    loads, fold_of = np.zeros(min(_FOLDS, len(names))), np.zeros(len(names), dtype=np.int64)
+    for run in np.argsort(-sizes, kind="stable").tolist():
+        fold_of[run] = int(np.argmin(loads))
+        loads[fold_of[run]] += sizes[run]
+    return np.asarray(fold_of[number], dtype=np.int64)
+
+
+def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Array) -> Array:
+    """Returns (rows, columns): what the simulator is told and what it makes of it, at some times of a run.
+
+    No measurement is among it.
+    """
+    time = next(one.time for one in replay.dataset.runs if one.name == run)
+    step = float(np.median(np.diff(time)))
+    clock = time - time[0]
+    made = [clock, np.exp(-clock / _SETTLING_S)]
+    for volts in np.nan_to_num(replay.inputs[run]).T:
+        small = max(_STANDSTILL_SHARE * float(np.abs(volts).max()), 1e-12)
+        made += [volts, np.tanh(volts / small), *_past(volts, step)]
+    simulated = outputs[run]
+    rates = [name for name in simulated if name in _RATES]
+    for name in rates:
+        rate = np.nan_to_num(simulated[name])
+        small = max(_STANDSTILL_SHARE * float(np.abs(rate).max()), 1e-12)
+        side = np.tanh(rate / small)
+        made += [rate, np.abs(rate), side, *_past(rate, step), *_past(side, step)]
+    if "yaw_rate" in simulated and "surge" in simulated:
+        made.append(simulated["surge"] * simulated["yaw_rate"])
+    return np.column_stack([np.interp(at, time, one) for one in made])
+
+
+_RATES = frozenset({"speed", "velocity", "yaw_rate", "wheel_speed_left", "wheel_speed_right"})
+
+
+def _past(values: Array, step: float) -> list[Array]:
+    """Returns `values` (n,) through first-order filters that start at 0."""
+    kept = [float(np.exp(-step / constant)) for constant in _FILTERS_S]
+    return [np.asarray(lfilter([1 - one], [1.0, -one], values)) for one in kept]

@@ -1,0 +1,243 @@
+"""An explanation: a set of parts with one fit. All are fitted here, by one optimiser."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import catalogue
+from brickpilot.discover.deadline import NO_LIMIT, Deadline
+from brickpilot.discover.parts import Excitation, Part, read_limits, sizes_of
+from brickpilot.errors import SimulationError
+from brickpilot.fit.descent import descend
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.uncertainty import Estimate, assess
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+ROUGH, FINE = 1e-3, 1e-4
+"""Relative change of cost at which a descent ends, of a proposal and of what is judged."""
+
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # descents of one fine fit, at most; one that gains less is the last
+_AT_BOUND = 1e-3  # of a parameter: this near to an end of its range other than 0, it stands at it
+_LIMIT_OVER_READING = 0.9  # a sensor never reads beyond its limit; readings have noise on them
+_LEAST_BASE_SHARE = 0.1  # of what is added to a parameter: dry friction remains after a breakaway
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One model fitted to the fit runs.
+
+    Attributes:
+        parts: what it has beside what the nominal model holds.
+        plan: its free parameters, the nominal ones first.
+        point: their fitted coordinates.
+        cost: half of all squared residuals and priors, in scales.
+    """
+
+    parts: tuple[Part, ...]
+    plan: Plan
+    point: Array
+    cost: float = np.inf
+
+    @property
+    def model(self) -> Model:
+        return self.plan.at(self.point)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its parts, in the order in which they joined."""
+        return tuple(one.name for one in self.parts)
+
+    @property
+    def key(self) -> frozenset[str]:
+        return frozenset(self.names)
+
+    @property
+    def log_odds(self) -> float:
+        """The log of the prior odds of all its parts together."""
+        return sum(one.log_odds for one in self.parts)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether one of its effects repeats with the angle of a wheel."""
+        return any(one.is_periodic for one in self.parts)
+
+    @property
+    def parameter_count(self) -> int:
+        """The number of free parameters of its parts."""
+        return sum(any(one.owns(free) for one in self.parts) for free in self.plan.free)
+
+    @property
+    def effects(self) -> tuple[Part, ...]:
+        """Its parts that are effects of the library."""
+        return tuple(one for one in self.parts if type(one) is Part)
+
+    def contains(self, other: Explanation) -> bool:
+        """Returns whether it says all that `other` says and more: each part is here, or a law that contains it."""
+        if self.key == other.key or len(self.parts) < len(other.parts):
+            return False
+        return all(any(name == one.name or name in one.contains for one in self.parts) for name in other.names)
+
+
+def fit(base: Problem, parts: Sequence[Part], plan: Plan, point: Array, tolerance: float) -> Explanation | None:
+    """Returns the end of a descent from `point`; None where the plant diverges there."""
+    problem = base.of(plan)
+    try:
+        end = descend(problem, point, tolerance)
+    except SimulationError:
+        return None
+    return Explanation(tuple(parts), plan, end, problem.cost(end))
+
+
+def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Deadline = NO_LIMIT) -> list[Explanation]:
+    """Fits each explanation to the end, with sensitivities of its own, and returns them, the least cost first.
+
+    Sensitivities of nominal parameters cost most. They are computed once per descent, and descents are repeated until
+    one gains nothing.
+    """
+
+    def one(found: Explanation) -> Explanation | None:
+        for _ in range(_DESCENTS):
+            own = Problem(data.on_threads(1), found.plan)
+            own = own.keeping(found.point, len(found.point) - found.parameter_count)
+            better = fit(own, found.parts, found.plan, found.point, FINE)
+            if better is None:
+                return None
+            gain, found = found.cost - better.cost, better
+            if gain < _LEAST_GAIN_SHARE * better.cost or deadline.passed:
+                break
+        return found
+
+    found = [one for one in side_by_side(one, fits, jobs, deadline) if one is not None]
+    return sorted(found, key=lambda one: one.cost)
+
+
+def joined(base: Explanation, part: Part, values: Mapping[str, float]) -> Explanation:
+    """Returns `base` with one more part at `values`, to be fitted."""
+    plan = part.starting(base.plan, values)
+    return Explanation((*base.parts, part), plan, np.concatenate([base.point, plan.start()[len(base.point) :]]))
+
+
+def without(found: Explanation, part: Part) -> Explanation:
+    """Returns `found` without one of its parts, at the same values of the others; it has to be fitted again."""
+    model = part.removed_from(found.plan.model)
+    kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
+    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    return Explanation(tuple(one for one in found.parts if one is not part), plan, found.point[kept])
+
+
+def _is_in(free: Free, model: Model) -> bool:
+    """Returns whether a model still has the parameter."""
+    if free.effect is None:
+        return True
+    head, tail = free.effect
+    return tail in (model.by_run if "@" in free.name else model.effects).get(head, {})
+
+
+def side_by_side(
+    work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int, deadline: Deadline = NO_LIMIT
+) -> list[_Result | None]:
+    """Returns the results of `work` in the order of `items`, `jobs` at a time.
+
+    The first item is always worked on; those behind it only before the deadline, and are None after it.
+    """
+
+    def one(item: _Item) -> _Result | None:
+        return work(item) if item is items[0] or not deadline.passed else None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(one, items))
+
+
+def is_possible(found: Explanation, excitation: Excitation) -> bool:
+    """Returns whether the fitted values are possible for effects of these names.
+
+    No fitted parameter stands at the end of its range: there the data ask for another law. A periodic effect has at
+    least about one period. A sensor never reads beyond its limit. A parameter that adds to another, as a breakaway
+    torque adds to dry friction, does not replace it.
+    """
+    tables = found.model.effects
+    for one in found.effects:
+        for info in catalogue.effect(one.effect).parameters:
+            value = tables[one.effect].get(info.name, info.preset)
+            away = min(abs(value - end) for end in (info.minimum, info.maximum) if end != 0)
+            if info.name in one.free and away < _AT_BOUND * abs(value):
+                return False
+    periodic = all(tables[one.effect]["order"] >= excitation.least_order for one in found.effects if one.is_periodic)
+    limits = [(tables[one.effect][name], signal) for one in found.effects for name, signal in read_limits(one)]
+    additions = [
+        (table[info.only_with], table[info.name])
+        for name, table in tables.items()
+        for info in catalogue.effect(name).parameters
+        if info.only_with
+    ]
+    return (
+        periodic
+        and all(limit > _LIMIT_OVER_READING * excitation.largest.get(signal, 0.0) for limit, signal in limits)
+        and all(base > _LEAST_BASE_SHARE * added for base, added in additions)
+    )
+
+
+def without_undetermined(data: Residual, found: Explanation, jobs: int) -> Explanation:
+    """Returns `found` without sizes whose interval holds zero, dropped one at a time, the least certain one first.
+
+    An effect without any size left is dropped as a whole. A size without an interval stays if the data determine
+    another form of it, as the voltage that makes up for a friction torque where nobody stated a mass.
+    """
+    while found.effects:
+        estimates = assess(data, found.model, found.plan.free).estimates
+        doubtful = [
+            (_certainty(estimate), part, name)
+            for part in found.effects
+            for name in sizes_of(part)
+            if not _excludes_zero(estimate := estimates[f"{part.effect}.{name}"]) and estimate.identified is None
+        ]
+        if not doubtful:
+            return found
+        _, part, doubted = min(doubtful, key=lambda one: one[0])
+        shorter = refine(data, [_without_parameter(found, part, _dropped_first(part, doubted))], jobs)
+        if not shorter:
+            return found
+        found = shorter[0]
+    return found
+
+
+def _without_parameter(found: Explanation, part: Part, name: str) -> Explanation:
+    """Returns `found` with one parameter of `part` held at zero; without the part if it has no size left."""
+    left = tuple(one for one in part.free if one != name)
+    smaller = dataclasses.replace(part, free=left, fixed={**part.fixed, name: 0.0})
+    if not sizes_of(smaller):
+        return without(found, part)
+    kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{part.effect}.{name}"]
+    table = {**found.plan.model.effects[part.effect], name: 0.0}
+    model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, part.effect: table})
+    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    return Explanation(tuple(smaller if one is part else one for one in found.parts), plan, found.point[kept])
+
+
+def _dropped_first(part: Part, name: str) -> str:
+    """Returns what goes before `name` does: an addition to it, as a breakaway torque is to dry friction."""
+    infos = catalogue.effect(part.effect).parameters
+    return next((one.name for one in infos if one.only_with == name and one.name in sizes_of(part)), name)
+
+
+def _excludes_zero(estimate: Estimate) -> bool:
+    return estimate.ci95 is not None and (estimate.ci95[0] > 0 or estimate.ci95[1] < 0)
+
+
+def _certainty(estimate: Estimate) -> float:
+    """Returns the value over the width of its interval; 0 if it has none."""
+    if estimate.ci95 is None:
+        return 0.0
+    return abs(estimate.value) / max(estimate.ci95[1] - estimate.ci95[0], 1e-300)

@@ -1,0 +1,59 @@
+"""The numbers that decide a verdict, and why each has its value. There are no others.
+
+Each is a convention (a level, a decade) or follows from one. None is set on a case. Numbers that only say how much work
+a search does stand where it is done: they propose, and decide nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+BIN_S = 0.03
+"""Residuals are means over so many seconds: slower than tyres, compliance and vibration, which no model here has."""
+
+STRETCH_S = 2.0
+"""An explanation is judged by how it predicts stretches of so many seconds that it was not fitted to: longer than a
+motor and a body settle, so that what is left out is another answer and not the end of the same one."""
+
+KNEE = 2.0
+"""Scales at which the hyperbolic density turns from square to linear. The robust fit has the same knee."""
+
+COMMON, RARE = 0.05, 0.01
+"""Prior odds of an effect that most machines have and of one that few have; the effect table says which."""
+
+USUAL = math.sqrt(COMMON * RARE)
+"""Prior odds between the two."""
+
+SURE = 0.95
+"""The weight that a set of explanations holds, that names an effect, and the level of every interval and test."""
+
+STRICT = 0.01
+"""The level at which data show a feedback loop or a period of its own: all that is concluded changes with them."""
+
+CHANCE_NATS = -math.log(1 - SURE)
+"""The log likelihood ratio that counts as sure: 3.0 nats."""
+
+LAW_ERROR = 0.01
+"""A law of the library is right to this share of what it explains: what is less, its own error may have left."""
+
+SHARED_REST = 0.2
+"""What the best explanation leaves, another law might share: differences below this share of it decide nothing. A black
+box that predicts more than this share of what is left of a signal shows that something is missing."""
+
+UNEXPLAINED_NATS = 0.3
+"""What is left above noise, in nats a value, that is too much for `none` and for a name: a residual a third larger than
+noise."""
+
+EXPLAINED = 1 / 3
+"""Effects that went less than this share of the way from the nominal model to noise do not explain the machine, if more
+than the above is left."""
+
+RULER, BENCH, ESTIMATE, GUESS = 0.03, 0.05, 0.1, 0.3
+"""The sd of a nominal value that is stated without one, as a share of it: lengths, masses and voltages are read off a
+ruler, scales or a voltmeter; a motor's constants come from a sheet or a bench; inertias are estimated from the shape;
+friction changes with grease, dust and floor."""
+
+
+def leaves_prior(sd_away: float, parameters: int) -> bool:
+    """Returns whether a value is further from what was stated of it than chance among so many values explains."""
+    return math.erfc(abs(sd_away) / math.sqrt(2)) * max(parameters, 1) < 1 - SURE

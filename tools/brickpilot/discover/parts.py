@@ -1,0 +1,283 @@
+"""The parts that an explanation is made of: effects of the library, and values that each run has of its own.
+
+Terms that are composed where no effect has a name are parts too: see `terms.atoms`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from brickpilot import catalogue
+from brickpilot.catalogue import EffectInfo, ParameterInfo
+from brickpilot.data.dataset import Nominal
+from brickpilot.discover import numbers
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.fit.replay import RUN_KINDS
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import OpenLoopRun, State
+
+_COMMAND = "voltage"  # the limited signal that is a command, not a reading
+_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # have no usual size
+_ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect with some of its parameters free. The others stay at `fixed`."""
+
+    effect: str
+    free: tuple[str, ...]
+    fixed: Mapping[str, float] = field(hash=False)
+
+    @property
+    def name(self) -> str:
+        """What tells it from other parts."""
+        return self.effect
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether it repeats with the angle of a wheel, at an order that is fitted."""
+        return "order" in self.free
+
+    @property
+    def log_odds(self) -> float:
+        """The log of the prior odds that a machine has it and its simulator lacks it."""
+        return math.log(_ODDS[catalogue.effect(self.effect).prior])
+
+    @property
+    def mechanism(self) -> str:
+        return catalogue.effect(self.effect).mechanism
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """The names of the parts whose law this one contains."""
+        return catalogue.effect(self.effect).contains
+
+    def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
+        """Returns `base` with this part at `values`. Its free parameters come last."""
+        infos = catalogue.effect(self.effect).parameters
+        table = {one.name: values.get(one.name, self.fixed.get(one.name, one.preset)) for one in infos}
+        model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
+        added = tuple(
+            Free(f"{self.effect}.{one.name}", one, None, natural=natural_size(one, base.model))
+            for one in infos
+            if one.name in self.free
+        )
+        return Plan(model, (*base.free, *added), ())
+
+    def removed_from(self, model: Model) -> Model:
+        """Returns `model` without what `starting` added."""
+        effects = {name: table for name, table in model.effects.items() if name != self.effect}
+        return dataclasses.replace(model, effects=effects)
+
+    def owns(self, free: Free) -> bool:
+        """Returns whether a free parameter is one of this part's."""
+        return free.effect is not None and free.effect[0] == self.effect
+
+    def values_in(self, model: Model) -> Mapping[str, float]:
+        """Returns its values in `model`, for `starting`."""
+        return model.effects[self.effect]
+
+
+@dataclass(frozen=True)
+class RunPart(Part):
+    """A value of one kind that each fit run has of its own; `effect` is its kind and `free` the runs."""
+
+    @property
+    def log_odds(self) -> float:
+        """The log of the prior odds: each run's value is a statement of its own."""
+        return math.log(numbers.RARE) * len(self.free)
+
+    @property
+    def mechanism(self) -> str:
+        return RUN_KINDS[self.effect].mechanism
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        return ()
+
+    def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
+        kind = RUN_KINDS[self.effect]
+        table = {run: values.get(run, 0.0) for run in self.free}
+        model = dataclasses.replace(base.model, by_run={**base.model.by_run, self.effect: table})
+        info = ParameterInfo(
+            self.effect, kind.unit, kind.words, kind.low, kind.high, 0.0, False, "size", kind.unit, False, 0.0, (),
+            "", "", "", "", False, "", "", "",
+        )  # fmt: skip
+        known = Nominal(0.0, kind.sd)
+        free = tuple(Free(f"{self.effect}@{run}", info, known, unit=kind.sd) for run in self.free)
+        return Plan(model, (*base.free, *free), ())
+
+    def removed_from(self, model: Model) -> Model:
+        by_run = {kind: table for kind, table in model.by_run.items() if kind != self.effect}
+        return dataclasses.replace(model, by_run=by_run)
+
+    def values_in(self, model: Model) -> Mapping[str, float]:
+        return model.by_run[self.effect]
+
+
+def library_parts(base: Model, measured: Collection[str] | None = None) -> list[Part]:
+    """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
+
+    Args:
+        measured: the signals that are compared; an effect on sensors that gave none of them is no part. None: all.
+    """
+    found = []
+    for info in catalogue.effects():
+        if info.name in base.effects or info.composed or (info.acts_on == "supply" and _has_current_loop(base)):
+            continue
+        if info.acts_on == "sensor" and measured is not None and not readings_of(info.name, base.vehicle) & {*measured}:
+            continue
+        usable = [one for one in info.parameters if _adds_something(one, base)]
+        for free in _sets_of_parameters(usable):
+            off = {one.name: one.preset if one.role == "shape" else 0.0 for one in usable if one.name not in free}
+            found.append(Part(info.name, free, off))
+    return found
+
+
+def run_parts(runs: Sequence[str]) -> list[RunPart]:
+    """Returns the values of runs, for data of several fit runs: of one run alone, a value of its own is the model's."""
+    return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
+
+
+def _adds_something(one: ParameterInfo, base: Model) -> bool:
+    """Returns whether a parameter can say more than `base` does: it has two sides, and nothing that does the same."""
+    sided = base.vehicle == "diff_drive" or not one.odd
+    return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
+
+
+@cache
+def readings_of(effect: str, vehicle: str) -> frozenset[str]:
+    """Returns the signals that an effect on sensors changes, from a lively run of the compiled plant with it."""
+    time = np.arange(0.0, 1.0, 0.01)
+    wave = 9.0 * np.sign(np.sin(9.0 * time))
+    inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]
+    fast = State(surge=0.5, yaw_rate=20.0, wheel_speed=(40.0, 10.0), wheel_angle=(2.0, 1.0))
+    table = {one.name: one.preset or one.trial for one in catalogue.effect(effect).parameters}
+    with_metres = catalogue.presets(vehicle) | {"wheel_radius": catalogue.parameter("wheel_radius").preset}
+    base = Model("lively", vehicle, "coupled", with_metres)
+    run = OpenLoopRun(time=time, inputs=inputs, initial=fast)
+    models = (base, dataclasses.replace(base, effects={effect: table}))
+    plain, changed = (one.outputs for one in plant.simulate([(model, run) for model in models]))
+    return frozenset(name for name in plain.keys() & changed.keys() if np.any(plain[name] != changed[name]))
+
+
+def _has_current_loop(base: Model) -> bool:
+    """Returns whether the drive commands a force or a torque: its current loop makes up for the supply."""
+    return base.parameters.get("force_per_volt", 0) + base.parameters.get("torque_per_volt", 0) != 0
+
+
+def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
+    """Returns the sets of an effect's parameters that are freed together.
+
+    An optional parameter is freed beside the others, and alone where it needs none of them. Where one effect holds
+    three laws, each is tried alone.
+    """
+    main = tuple(one.name for one in usable if not one.optional and one.role != "switch")
+    optional = [one.name for one in usable if one.optional]
+    signed = all(is_signed(one) for one in usable)
+    sets = [main, *((name,) for name in optional if signed)]
+    if not signed or len(usable) == 2:
+        sets += [(*main, name) for name in optional]
+    return list(dict.fromkeys(one for one in sets if one))
+
+
+def sizes_of(part: Part) -> list[str]:
+    """Returns its free parameters that say how large it is and may be zero."""
+    if isinstance(part, RunPart):
+        return []
+    infos = {one.name: one for one in catalogue.effect(part.effect).parameters}
+    return [name for name in part.free if infos[name].role != "shape" and infos[name].minimum <= 0]
+
+
+def is_signed(one: ParameterInfo) -> bool:
+    """Returns whether a parameter is a size that may be negative."""
+    return one.minimum < 0 and one.role != "shape"
+
+
+def read_limits(part: Part) -> list[tuple[str, str]]:
+    """Returns the parameters of a part that limit what a sensor reads, each with the signal."""
+    if isinstance(part, RunPart):
+        return []
+    infos = catalogue.effect(part.effect).parameters
+    return [(one.name, one.limits) for one in infos if one.limits not in ("", _COMMAND)]
+
+
+def limit_of(part: Part) -> ParameterInfo | None:
+    """Returns the parameter that is the end of a range; None if the effect has none."""
+    return next((one for one in catalogue.effect(part.effect).parameters if one.role == "limit"), None)
+
+
+def scanned_parameter(part: Part) -> ParameterInfo | None:
+    """Returns the parameter whose sizes are tried one by one, because the effect comes and goes with it; or None."""
+    return next((one for one in catalogue.effect(part.effect).parameters if one.scan), None)
+
+
+def switch_settings(effect: EffectInfo) -> list[dict[str, float]]:
+    """Returns the settings of an effect's switches that are tried: all off, and each one on alone."""
+    return [{}, *({one.name: one.maximum} for one in effect.parameters if one.role == "switch")]
+
+
+def natural_size(info: ParameterInfo, model: Model) -> float:
+    """Returns a usual size of an effect's parameter on this vehicle, SI; 0 where there is none to speak of."""
+    if info.name in _UNSCALED or info.role in ("limit", "switch") or info.arm_of:
+        return 0.0
+    return (info.preset or info.trial) * scale_of(info.unit, model)
+
+
+def scale_of(unit: str, model: Model) -> float:
+    """Returns how many times larger a quantity of a unit is on this vehicle than on the packaged robot.
+
+    The presets of the catalogue are sizes for the packaged robot.
+    """
+    own, packaged = _sizes(model), _sizes(rcx())
+    return own[unit] / packaged[unit] if unit in own else 1.0
+
+
+def _sizes(model: Model) -> dict[str, float]:
+    """Returns what is large for a vehicle, by unit: at stall, or at the speed that it reaches without a load."""
+    known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
+    volts = known["battery_voltage"] or robot["battery_voltage"]
+    direct = known["force_per_volt"] or known["torque_per_volt"]
+    torque = direct * volts if direct else known["torque_constant"] * volts / known["resistance"]
+    radius = 1.0 if known["force_per_volt"] else known["wheel_radius"] or 0.04
+    if direct:
+        speed = torque / known["viscous_friction"] if known["viscous_friction"] else 1.0
+    else:
+        speed = volts / known["emf_constant"]
+    return {
+        "V": volts,
+        "N m": torque,
+        "N": torque / radius,
+        "N m s/rad": torque / speed,
+        "N s^2/m^2": torque / radius / (speed * radius) ** 2,
+        "rad/s": speed,
+        "kg": known["mass"] or 1.0,
+        "m": known["half_track"] or robot["half_track"],
+        "ohm": known["resistance"] or 1.0,
+        "m/(N s)": speed * radius**2 / torque,
+    }
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """How far a vehicle was driven, and what of it was measured.
+
+    Attributes:
+        largest: the largest command, under "voltage", and the largest reading of each signal.
+        orders: orders (periods per turn) at which the wheels' acceleration repeats.
+        least_order: an effect of a lower order is not periodic: it shows less than about one period.
+        windowed: simulations start from the measured state every short window, and the wheels keep their phase.
+    """
+
+    largest: Mapping[str, float]
+    orders: tuple[float, ...] = ()
+    least_order: float = 0.9
+    windowed: bool = False

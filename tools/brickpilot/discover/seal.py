@@ -1,0 +1,178 @@
+"""The seal: held-out runs are opened once, after the last choice, on the model as read back from its file.
+
+What they say may turn `named` or `ambiguous` into `unknown`. It chooses nothing: no value, no effect, no rival.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.dataset import Dataset, motor_inputs
+from brickpilot.discover import locate, numbers
+from brickpilot.discover.evidence import Judge
+from brickpilot.discover.finding import Evidence, EvidenceKind, Gap
+from brickpilot.fit.comparable import Comparable
+from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.residual import Residual, of_bins
+from brickpilot.fit.robust import pseudo_huber_loss
+from brickpilot.fit.windows import cut_into_windows, run_of
+from brickpilot.vehicle.model import Model
+
+if TYPE_CHECKING:
+    from brickpilot.discover.prepare import Prepared
+
+Array = NDArray[np.float64]
+
+_DRAWS = 1000  # of the bootstrap
+_CONFIRMED = "Held-out runs confirm it."
+_NO_RUNS = "No run was held out, so only the fit runs show it."
+_NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
+_CONTRADICTED = "It explains the fit runs, but the held-out runs do not confirm it."
+
+
+class SealError(RuntimeError):
+    """The seal was opened a second time: something was chosen after the last check."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The whole data set.
+
+    Attributes:
+        measured: as read, without channels that contradict the model.
+        whole: `measured` with an sd on every nominal value and with averaged start states.
+        plain: the same runs as `compare` and `calibrate` take them: the headline numbers are of these.
+    """
+
+    measured: Dataset
+    whole: Dataset
+    plain: Comparable
+
+
+class Sealed:
+    """A data set whose held-out runs nobody has seen. It can be opened once."""
+
+    __slots__ = ("__contents",)
+
+    def __init__(self, measured: Dataset, whole: Dataset, plain: Comparable) -> None:
+        self.__contents: Opened | None = Opened(measured, whole, plain)
+
+    def open(self) -> Opened:
+        """Returns the whole data set.
+
+        Raises:
+            SealError: it was opened before.
+        """
+        if self.__contents is None:
+            raise SealError("the held-out runs were opened before")
+        contents, self.__contents = self.__contents, None
+        return contents
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What the opened seal says of a model.
+
+    Attributes:
+        opened: the whole data set.
+        evidence: None if nothing was added to the nominal model.
+        simulated: "nominal", "augmented" -> run -> outputs, over whole runs.
+        gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
+    """
+
+    opened: Opened
+    evidence: Evidence | None
+    simulated: Mapping[str, Mapping[str, Outputs]]
+    gap: Mapping[str, Gap]
+    by_signal: Mapping[str, Gap]
+
+    @property
+    def is_confirmed(self) -> bool:
+        return self.evidence is not None and self.evidence.kind == "held_out"
+
+    @property
+    def is_contradicted(self) -> bool:
+        return self.evidence is not None and self.evidence.contradicted
+
+
+def prove(prepared: Prepared, sealed: Sealed, nominal: Model, written: Model) -> Proof:
+    """Opens the seal, and returns what the held-out runs say of the model.
+
+    Args:
+        nominal: the calibrated nominal model.
+        written: the model of the last choice, as read back from its file.
+    """
+    opened = sealed.open()
+    outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
+    simulated = dict(zip(("nominal", "augmented"), outputs, strict=True))
+    gap, by_signal = locate.gaps(opened.whole, simulated, prepared.roles, prepared.fine.sample_noise)
+    added = nominal.effects.keys() != written.effects.keys()
+    evidence = _evidence(prepared, opened, nominal, written, grows=gap["held_out"].grows) if added else None
+    return Proof(opened, evidence, simulated, gap, by_signal)
+
+
+def unproved(proof: Proof, nominal: Model) -> Proof:
+    """Returns the proof of the nominal model alone, where what was added to it did not hold."""
+    simulated = {one: proof.simulated["nominal"] for one in ("nominal", "augmented")}
+
+    def before(gap: Gap) -> Gap:
+        return Gap(gap.before, gap.before)
+
+    return dataclasses.replace(
+        proof,
+        simulated=simulated,
+        gap={role: before(one) for role, one in proof.gap.items()},
+        by_signal={name: before(one) for name, one in proof.by_signal.items()},
+    )
+
+
+def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model, *, grows: bool) -> Evidence:
+    """Returns what proves the written model. `grows`: the gap of the held-out runs does, in free runs."""
+    removed_fit = _removed(prepared.fine, nominal, written)
+    held_out = _held_out(prepared, opened)
+    if held_out is None:
+        return Evidence("fitted_only", removed_fit, None, None, False, _NO_RUNS)
+    judge = Judge.of(held_out, prepared.seed)
+    before, after = held_out.predict([nominal, written])
+    rises = judge.density(held_out.measured - after) - judge.density(held_out.measured - before)
+    alpha = np.random.default_rng(0).dirichlet(np.ones(judge.count), _DRAWS)
+    draws = float(np.mean(alpha @ rises > 0))
+    claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
+    shown = claimed > numbers.CHANCE_NATS
+    confirmed = shown and draws >= numbers.SURE and not grows
+    sentence = _CONFIRMED if confirmed else _CONTRADICTED if shown else _NOT_EXCITED
+    kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
+    removed = _removed(held_out, nominal, written)
+    return Evidence(kind, removed_fit, removed, draws, shown and not confirmed, sentence)
+
+
+def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
+    """Returns the residual of what is held out, weighed like the fit runs; None if nothing is."""
+    tested = set(prepared.roles.tested())
+    if not tested:
+        return None
+    whole = opened.whole
+    compared = whole
+    if prepared.windowed:
+        inputs = {run.name: motor_inputs(run, whole) for run in whole.runs}
+        lengths = [float(run.time[-1] - run.time[0]) for run in prepared.compared.runs if run.outputs]
+        compared = cut_into_windows(whole, inputs, float(np.median(lengths))) or whole
+    samples = dataclasses.replace(
+        compared, runs=tuple(prepared.roles.samples(run, "held_out", run_of(run.name)) for run in compared.runs)
+    )
+    names = [run.name for run in compared.runs if run_of(run.name) in tested]
+    data = of_bins(compared, prepared.plan.model, names, width_s=numbers.BIN_S, samples=samples, threads=prepared.jobs)
+    return data.weighed_like(prepared.fine)
+
+
+def _removed(data: Residual, nominal: Model, written: Model) -> float | None:
+    """Returns the share of the cost above that of noise that the written model removes, at most 1."""
+    before, after = (float(data.losses(model).sum()) for model in (nominal, written))
+    noise = data.noise_cost()
+    return min(1.0, (before - after) / (before - noise)) if before > noise else None

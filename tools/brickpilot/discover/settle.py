@@ -1,0 +1,156 @@
+"""The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
+
+The search compares short windows and changes, because a wrong force moves a velocity for seconds and a position for
+ever. What is written must also follow a whole run. So the values of the same explanation are fitted again to free runs,
+and kept where the fit runs get better by it. Nothing joins here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.discover import numbers
+from brickpilot.discover.explanation import Explanation, refine, without_undetermined
+from brickpilot.discover.prepare import Prepared
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.replay import Outputs, Replay
+from brickpilot.fit.residual import Residual, of_bins
+from brickpilot.fit.uncertainty import Estimate, Spread, assess
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 2  # of weighing the signals by their residuals and fitting again
+_WHOLE = "The values are those of a fit to whole runs."
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A model that is written.
+
+    Attributes:
+        explanation: what of it was fitted.
+        model: as read back from its file, with the basis of each value.
+        estimates: of all fitted parameters, by name.
+        spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
+        notes: on how it was fitted, one sentence each.
+        determined: the data determine a size of each effect.
+    """
+
+    explanation: Explanation
+    model: Model
+    estimates: Mapping[str, Estimate]
+    spread: Spread | None
+    notes: tuple[str, ...] = ()
+    determined: bool = True
+
+
+def settle(prepared: Prepared, found: Explanation) -> Settled:
+    """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better.
+
+    Sizes that the data do not determine are left out of it, unless an effect would go as a whole.
+    """
+    found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
+    less = without_undetermined(prepared.fine, found, prepared.jobs)
+    determined = less.key == found.key
+    found = less if determined else found
+    whole = whole_runs(prepared)
+    best, data, notes = found, prepared.fine, tuple[str, ...]()
+    if whole is not None:
+        try:
+            followed = follow(whole, found, prepared.jobs)
+            before, after = free_run_errors(prepared, [found.model, followed[1].model])
+        except SimulationError:
+            before, after = {}, {}
+        if before and _change(before, after) < 1:
+            data, best = followed
+            notes = (_WHOLE,)
+    return dataclasses.replace(written(prepared, data, best, notes), determined=determined)
+
+
+def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...]) -> Settled:
+    """Returns the model of an explanation as read back from its file, with intervals that `data` give."""
+    plan = found.plan
+    known = assess(data, found.model, plan.free) if plan.free else None
+    estimates = {} if known is None else known.estimates
+    name = prepared.dataset.name
+    basis = {key: f"fitted to {name}: {estimate.basis}" for key, estimate in estimates.items() if "@" not in key}
+    model = read_back(dataclasses.replace(found.model, basis=basis, by_run={}))
+    return Settled(found, model, estimates, None if known is None else known.spread, notes)
+
+
+def whole_runs(prepared: Prepared) -> Residual | None:
+    """Returns the residual of whole runs as measured; None where a feedback loop biases free runs."""
+    if prepared.is_biased:
+        return None
+    names = [run.name for run in prepared.dataset.runs if run.outputs]
+    try:
+        return of_bins(
+            prepared.dataset,
+            prepared.plan.model,
+            names,
+            width_s=numbers.BIN_S,
+            coarse=True,
+            as_measured=True,
+            threads=prepared.jobs,
+        )
+    except InputError:
+        return None
+
+
+def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Explanation]:
+    """Returns whole runs weighed by what is left of each signal, and the explanation fitted to them.
+
+    Raises:
+        SimulationError: the plant diverges over whole runs.
+    """
+    for _ in range(_ROUNDS):
+        whole = whole.weighed_by_size(found.model)
+        fits = refine(whole, [found], jobs)
+        if not fits or not np.isfinite(fits[0].cost):
+            raise SimulationError("the plant diverges over whole runs")
+        found = fits[0]
+    return whole, found
+
+
+def free_run_errors(prepared: Prepared, models: list[Model]) -> list[dict[str, float]]:
+    """Returns for each model signal -> rms of measured less simulated over the spread of the signal, on the fit runs.
+
+    The spread is the rms about each run's mean. A signal that does not vary is left out.
+    """
+    return [_errors(prepared, outputs) for outputs in Replay(prepared.dataset).simulate(models, threads=prepared.jobs)]
+
+
+def _errors(prepared: Prepared, outputs: Mapping[str, Outputs]) -> dict[str, float]:
+    sums: dict[str, Array] = {}
+    for run in prepared.dataset.runs:
+        for signal in sorted(run.outputs.keys() & outputs[run.name].keys() - {"battery_voltage"}):
+            measured = run.outputs[signal]
+            known = np.isfinite(measured)
+            if np.count_nonzero(known) > 1:
+                left = measured[known] - outputs[run.name][signal][known]
+                both = np.array([np.sum(left**2), np.sum((measured[known] - measured[known].mean()) ** 2)])
+                sums[signal] = sums.get(signal, np.zeros(2)) + both
+    return {signal: float(np.sqrt(left / all_)) for signal, (left, all_) in sums.items() if all_ > 0}
+
+
+def _change(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """Returns how many times as large the error becomes, as the geometric mean over the signals."""
+    ratios = [after[signal] / before[signal] for signal in before if before[signal] > 0 and after.get(signal, 0) > 0]
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
+
+
+def read_back(model: Model) -> Model:
+    """Returns the model as it is read back from its file: what is shown is simulated from what is written."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        model_file.save(model, path)
+        return model_file.load(path)

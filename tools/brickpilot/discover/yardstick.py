@@ -1,0 +1,312 @@
+"""The yardstick that a real machine can be held to: fit in percent before, after and attainable.
+
+A real machine is never simulated to the noise of its sensors, so multiples of noise say little about it. Two other
+bounds are measured from the data: how much of the nominal model's error the black box of `adequacy` predicts on runs
+that it has not seen, and how far repeats of the same inputs differ. It is measured behind the seal and decides nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.agreement import Agreement
+from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.signals import SIGNALS
+from brickpilot.discover import numbers
+from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by
+from brickpilot.discover.finding import Predictor
+from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.seal import Proof
+from brickpilot.discover.settle import Settled
+from brickpilot.errors import SimulationError
+from brickpilot.fit.headline import Headline, headline, headline_of
+from brickpilot.fit.horizons import HORIZONS, Track, simulate, track
+from brickpilot.fit.replay import Replay
+from brickpilot.fit.residual import of_bins
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+_FREE_RUN = "free_run"
+_SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
+_LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
+_GRID_S = 0.02
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """R2 about the mean, and rms of error and signal in SI; see `data.agreement`. None: there is no such number."""
+
+    r2: float | None
+    rms_error: float | None
+    rms_signal: float | None
+
+    @classmethod
+    def of(cls, one: Agreement) -> Numbers:
+        return cls(one.r2, one.rms_error, one.rms_signal)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well one signal is simulated at one horizon, in percent of the signal: see `data.agreement`.
+
+    It is over all samples of all runs of a role. None: there is no such run, or the signal is no more than its noise.
+
+    Attributes:
+        before, after: of the calibrated nominal model and of the augmented model.
+        attainable: what a model could reach at least: of the nominal model with a black box beside it that predicts
+            runs that it has not seen, or of `before` or `after` if that is more.
+        numbers_before, numbers_after: the other headline numbers of the two models.
+    """
+
+    before: float | None
+    after: float | None
+    attainable: float | None
+    numbers_before: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+    numbers_after: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+
+    def to_json(self) -> dict[str, Any]:
+        first, last = self.numbers_before, self.numbers_after
+        return {
+            "before": self.before,
+            "after": self.after,
+            "attainable": self.attainable,
+            "r2": {"before": first.r2, "after": last.r2},
+            "rms_error": {"before": first.rms_error, "after": last.rms_error},
+            "rms_signal": last.rms_signal,
+        }
+
+
+@dataclass(frozen=True)
+class SignalFit:
+    """One signal at one horizon.
+
+    Attributes:
+        repeatability: fit in percent of a perfect model, as far as repeats of the same inputs tell: two repeats differ
+            by what no model can know. None: nothing was repeated.
+    """
+
+    fit: Fit
+    held_out: Fit
+    repeatability: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return {**self.fit.to_json(), "repeatability": self.repeatability, "held_out": self.held_out.to_json()}
+
+
+@dataclass(frozen=True)
+class Predictable:
+    """How much of the nominal model's squared error in free runs a black box predicts, on runs that it has not seen.
+
+    Attributes:
+        share, held_out: on the fit runs, and on the held-out runs from the fit runs alone; each signal in units of its
+            own variance, 0..1. None: no such runs.
+        removed, removed_held_out: the share of the predictable error that the augmented model takes away; negative
+            where it makes the error larger, 1 if it takes away more than the black box. None: nothing is predictable.
+    """
+
+    share: float | None
+    held_out: float | None
+    removed: float | None
+    removed_held_out: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "share": self.share,
+            "removed": self.removed,
+            "held_out": {"share": self.held_out, "removed": self.removed_held_out},
+        }
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """What a real machine can be held to.
+
+    Attributes:
+        signals: signal -> horizon -> fit.
+        predictable: "free_run" -> how much of the nominal model's error is predictable.
+        notes: sentences on what is absent.
+    """
+
+    signals: Mapping[str, Mapping[str, SignalFit]] = field(default_factory=dict)
+    predictable: Mapping[str, Predictable] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def horizons(self) -> list[str]:
+        return list(dict.fromkeys(name for one in self.signals.values() for name in one))
+
+    def fit_json(self) -> dict[str, Any]:
+        """Returns `fit_percent` of verdict.json."""
+        return {
+            signal: {horizon: {**one.to_json(), "unit": SIGNALS[signal].unit} for horizon, one in fits.items()}
+            for signal, fits in self.signals.items()
+        }
+
+    def predictable_json(self) -> dict[str, Any]:
+        """Returns `predictable` of verdict.json."""
+        return {horizon: one.to_json() for horizon, one in self.predictable.items()}
+
+
+def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
+    """Returns the record of two models: the calibrated nominal one, and the one that is written."""
+    plain = proof.opened.plain
+    compared = track(plain.measured, plain.started, nominal)
+    simulated = simulate(compared, [nominal, augmented], jobs=prepared.jobs)
+    before, after = (
+        headline_of(compared, {name: one[index] for name, one in simulated.items()}, prepared.roles) for index in (0, 1)
+    )
+    shares = _unseen_shares(prepared, proof, nominal)
+    repeated = _repeatability(compared, simulated[_FREE_RUN][0]) if _FREE_RUN in simulated else {}
+    signals: dict[str, dict[str, SignalFit]] = {}
+    for horizon in (name for name in HORIZONS if name in simulated):
+        free = horizon == _FREE_RUN
+        for signal in compared.signals:
+            fits = [
+                _fit(before, after, signal, role, horizon, shares.get((signal, role), 0.0) if free else 0.0)
+                for role in ("fit", "held_out")
+            ]
+            kept = repeated.get(signal) if free else None
+            signals.setdefault(signal, {})[horizon] = SignalFit(fits[0], fits[1], kept)
+    return Yardstick(signals, {_FREE_RUN: _predictable(signals)} if signals else {}, compared.notes)
+
+
+def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
+    """Returns the best predictor with its fit in percent."""
+    score = headline(proof.opened.plain, found.model, threads=prepared.jobs)
+    fits = {
+        signal: {role: score.of(signal, role).fit_percent for role in ("fit", "held_out")} for signal in score.signals
+    }
+    return Predictor(found.model, found.explanation.names, fits)
+
+
+def _fit(before: Headline, after: Headline, signal: str, role: str, horizon: str, share: float) -> Fit:
+    """Returns the figures of a signal; `share`: of its squared error, predicted by the black box."""
+    first, last = before.of(signal, role, horizon), after.of(signal, role, horizon)
+    known = [one for one in (first.fit_percent, last.fit_percent) if one is not None]
+    if not known:
+        return Fit(None, None, None)
+    if first.fit_percent is not None:
+        known.append(100 - (100 - first.fit_percent) * math.sqrt(1 - share))
+    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), Numbers.of(first), Numbers.of(last))
+
+
+def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
+    """Returns the shares over all signals, each in units of its own variance, from their fits."""
+    found: list[float | None] = []
+    for role in ("fit", "held_out"):
+        fits = [getattr(one[_FREE_RUN], role) for one in signals.values() if _FREE_RUN in one]
+        known = [fit for fit in fits if None not in (fit.before, fit.after, fit.attainable)]
+        if not known:
+            found += [None, None]
+            continue
+        error, left, least = (
+            sum((1 - getattr(fit, which) / 100) ** 2 for fit in known) for which in ("before", "after", "attainable")
+        )
+        gone = error - least
+        share = round(gone / error, 4) if error > 0 else 0.0
+        found += [share, round(min(1.0, (error - left) / gone), 4) if gone > 0 else None]
+    return Predictable(found[0], found[2], found[1], found[3])
+
+
+def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tuple[str, str], float]:
+    """Returns (signal, role) -> the share of its squared error in free runs that a black box predicts unseen."""
+    whole = proof.opened.whole
+    names = [run.name for run in whole.runs if run.outputs]
+    data = of_bins(whole, nominal, names, width_s=numbers.BIN_S, as_measured=True, threads=prepared.jobs)
+    try:
+        error = data.measured - data.predict([nominal])[0]
+        outputs = data.replay.simulate([nominal], threads=prepared.jobs)[0]
+    except SimulationError:
+        return {}
+    found = {}
+    for signal in data.signals:
+        blocks = [one for one in data.blocks if one.signal == signal]
+        columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
+        target = np.concatenate([error[one.place] for one in blocks])
+        fitted = np.concatenate([_is_fit(prepared, one.run, one.middle) for one in blocks])
+        if not np.isfinite(target).all() or fitted.sum() < 2:
+            continue
+        numbers_of = folds_of(
+            [one.run for one in blocks for _ in one.middle], np.concatenate([one.middle for one in blocks])
+        )
+        inside = out_of_fold(columns[fitted], target[fitted], numbers_of[fitted], prepared.seed)
+        found[signal, "fit"] = _share(target[fitted], inside.value)
+        if not fitted.all():
+            outside = taught_by(columns[fitted], target[fitted], prepared.seed)(columns[~fitted])[:, inside.best]
+            found[signal, "held_out"] = _share(target[~fitted], inside.boldness * outside)
+    return found
+
+
+def _share(error: Array, predicted: Array) -> float:
+    total = float(error @ error)
+    return float(np.clip(1 - np.sum((error - predicted) ** 2) / total, 0.0, 1.0)) if total > 0 else 0.0
+
+
+def _is_fit(prepared: Prepared, run: str, middle: Array) -> NDArray[np.bool_]:
+    """Returns (n,) whether a time of a run is fitted."""
+    first, last = prepared.roles.stretches.get(run, (np.inf, -np.inf))
+    return (prepared.roles.by_run[run] == "fit") & ((middle < first) | (middle > last))
+
+
+def _repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
+    """Returns signal -> the fit in percent of a perfect model, as far as repeats of the same inputs tell.
+
+    Two repeats differ by twice the variance of one. The nominal model's errors are compared and not the signals, so
+    that what little the inputs and the start states differ is allowed for.
+    """
+    pairs = repeats(compared.dataset)
+    runs = {run.name: run for run in compared.dataset.runs}
+    found = {}
+    for signal in compared.signals if pairs else ():
+        apart, size = [], []
+        for first, second, seconds in pairs:
+            one, other = (compared.measured[name].get(signal) for name in (first, second))
+            if one is None or other is None:
+                continue
+            errors = [values - simulated[name][signal] for name, values in ((first, one), (second, other))]
+            clocks = [runs[name].time - runs[name].time[0] for name in (first, second)]
+            known = np.isfinite(errors[1])
+            there = np.interp(clocks[0], clocks[1][known], errors[1][known])
+            apart.append((errors[0] - there)[clocks[0] <= seconds])
+            size.append(one)
+        left, whole = (np.concatenate(parts) if parts else np.empty(0) for parts in (apart, size))
+        left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
+        rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
+        if len(left) and rms > 0:
+            found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
+    return found
+
+
+def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
+    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
+    inputs = Replay(dataset).inputs
+    found = []
+    for one, other in combinations(dataset.runs, 2):
+        seconds = _same_for(one, other, inputs)
+        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
+        if seconds >= max(_LEAST_S, _LEAST_SHARE * shorter):
+            found.append((one.name, other.name, seconds))
+    return tuple(found)
+
+
+def _same_for(one: Run, other: Run, inputs: Mapping[str, Array]) -> float:
+    grid = np.arange(0.0, min(float(run.time[-1] - run.time[0]) for run in (one, other)), _GRID_S)
+    given = []
+    for run in (one, other):
+        held = np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1
+        given.append(inputs[run.name][held])
+    if len(grid) == 0 or not np.array_equal(np.isnan(given[0]), np.isnan(given[1])):
+        return 0.0
+    first, second = (np.nan_to_num(values) for values in given)
+    apart = np.cumsum(np.sum((first - second) ** 2, axis=1))
+    size = np.cumsum(np.sum(first**2 + second**2, axis=1) / 2)
+    same = (apart <= _SAME_SHARE**2 * size) & (size > 0)
+    return float(grid[np.flatnonzero(same)[-1]]) if same.any() else 0.0
