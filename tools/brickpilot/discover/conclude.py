@@ -51,6 +51,7 @@ from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
+_LARGEST_LOG = 700.0  # of a double
 _ERROR_SHOWN = 1.5  # the same for an error without an explanation, which has the noise on it: noise alone has 1
 
 
@@ -305,7 +306,7 @@ def _rank(one: Evidence, found: Conclusion, held: Mapping[frozenset[str], float]
     return Rank(
         explanation.names,
         {name: value_of(explanation.model, name) for name in names},
-        math.exp(left),
+        math.exp(min(left, _LARGEST_LOG)),
         _removed(found, explanation),
         why,
     )

@@ -1,7 +1,8 @@
-"""The numbers that decide a verdict, and why each has its value. There are no others.
+"""The numbers that decide a verdict, and why each has its value.
 
-Each is a convention (a level, a decade) or follows from one. None is set on a case. Numbers that only say how much work
-a search does stand where it is done: they propose, and decide nothing.
+Each is a convention (a level, a decade) or follows from one. None is set on a case. Two more weigh every residual, also
+those of `calibrate`, and stand in fit/residual.py; the decade of a prior stands in fit/parameters.py. Numbers that only
+say how much work a search does stand where it is done: they propose, and decide nothing.
 """
 
 from __future__ import annotations
