@@ -20,8 +20,10 @@ from brickpilot.discover.finding import Finding
 pytest.importorskip("mujoco")
 
 TESTS = Path(__file__).parents[1]
-TOLERANCE = 0.07  # a gyro's scale trades against track and inertia, whose stated values are 2 % off
+TOLERANCE = 0.05
 """Of a parameter's true value."""
+TOLERANCE_OF = {"gyro_scale": 0.07}
+"""The same for an effect that trades against others: a gyro's scale against track and inertia, both 2 % off."""
 FLOOR = 1.1
 """Times the noise: what may be left on held-out runs."""
 COMPOSED = 0.8
@@ -93,7 +95,7 @@ def test_what_is_hidden_is_named_with_its_size(name: str, blind: Blind) -> None:
     assert {effect.name for effect in found.effects} == hidden.keys()
     for effect in found.effects:
         assert {one: value.value for one, value in effect.parameters.items()} == pytest.approx(
-            hidden[effect.name], rel=TOLERANCE
+            hidden[effect.name], rel=TOLERANCE_OF.get(effect.name, TOLERANCE)
         )
         for one in effect.parameters.values():
             assert one.ci95 is not None
