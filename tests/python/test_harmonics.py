@@ -42,6 +42,18 @@ def test_a_ripple_is_found_at_its_order(order: float) -> None:
     assert min(abs(one - order) for one in found) < 0.2
 
 
+def test_a_ripple_is_found_beside_what_is_held_out() -> None:
+    """Nobody knows the wheel's angle behind a hole, so the longest part of each run has to do."""
+    data = ramps(0.002, 0.1, 6.0)
+
+    def with_hole(run: Run) -> Run:
+        hidden = (run.time > 6.0) & (run.time < 8.0)
+        return dataclasses.replace(run, outputs={k: np.where(hidden, np.nan, v) for k, v in run.outputs.items()})
+
+    found = orders(dataclasses.replace(data, runs=tuple(with_hole(run) for run in data.runs)))
+    assert min(abs(one - 6.0) for one in found) < 0.2
+
+
 def test_smooth_wheels_have_no_order() -> None:
     assert orders(ramps(0.002, 0.0, 6.0)) == ()
 

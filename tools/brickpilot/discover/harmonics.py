@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.dataset import Dataset, motor_inputs
-from brickpilot.fit.windows import wheel_angles
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.fit.windows import HOLE_S, wheel_angles
 
 Array = NDArray[np.float64]
 
@@ -34,8 +35,9 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     """
     alone = np.zeros(_LONGEST * _PADDING // 2 + 1)
     together: dict[tuple[str, bool], NDArray[np.complex128]] = {}
-    for run in dataset.runs:
-        driven = np.nan_to_num(motor_inputs(run, dataset))
+    for whole in dataset.runs:
+        run, rows = _measured(whole)
+        driven = np.nan_to_num(motor_inputs(whole, dataset))[rows]
         for wheel, (name, angle) in enumerate((wheel_angles(run) or {}).items()):
             speed = np.gradient(angle, run.time)
             jerked = np.gradient(speed, run.time) * np.gradient(run.time)
@@ -53,6 +55,19 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     for power in (*coherent, alone):
         found += [one for one in _peaks(power) if all(abs(one - other) > _SAME for other in found)]
     return tuple(found)
+
+
+def _measured(run: Run) -> tuple[Run, slice]:
+    """Returns the longest part of a run that was measured without a long hole, and its rows: some may be held out.
+
+    Behind a hole nobody knows the wheel's angle any more.
+    """
+    known = np.flatnonzero(np.any([np.isfinite(one) for one in run.outputs.values()], axis=0))
+    parts = np.split(known, np.flatnonzero(np.diff(run.time[known]) > HOLE_S) + 1)
+    longest = max(parts, key=len)
+    rows = slice(int(longest[0]), int(longest[-1]) + 1) if len(longest) else slice(0, 0)
+    outputs = {name: one[rows] for name, one in run.outputs.items()}
+    return dataclasses.replace(run, time=run.time[rows], outputs=outputs), rows
 
 
 def resolved_order(dataset: Dataset) -> float | None:

@@ -16,7 +16,7 @@ from brickpilot.fit.start_state import MOVING_SAMPLES, with_averaged_starts
 Array = NDArray[np.float64]
 
 _STILL = 0.01  # of the mean rate in the fastest run: a wheel that turns less and is not driven rests
-_HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
+HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
 _ANGLE_AND_RATE = (
     ("wheel_angle_left", "wheel_speed_left"),
@@ -101,7 +101,7 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
     holes = np.diff(time[np.concatenate([[0], known])])  # what follows the last sample stays as it was
-    return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= _HOLE_S else None
+    return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= HOLE_S else None
 
 
 def wheel_angles(run: Run) -> dict[str, Array] | None:
