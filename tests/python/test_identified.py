@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 from brickpilot.data import dataset
+from brickpilot.fit import uncertainty
 from brickpilot.fit.calibrate import calibrate
 from synthetic import robot, write
 
@@ -31,3 +33,15 @@ def test_a_torque_without_a_scale_is_given_as_a_voltage(
     volts = size * lever * truth.parameters["resistance"] / truth.parameters["torque_constant"]
     assert found.identified.ci95[0] < volts < found.identified.ci95[1]
     assert found.identified.value == pytest.approx(volts, rel=0.1)
+
+
+def test_slopes_that_may_be_errors_tell_nothing_and_pull_nowhere() -> None:
+    """Two parameters that move the signals alike but for a thousandth, and one that moves them otherwise."""
+    random = np.random.default_rng(0)
+    first, third = random.normal(size=500), random.normal(size=500)
+    slopes = np.column_stack([first, first + 1e-3 * random.normal(size=500), third])
+    cleaned = uncertainty._without_errors(slopes, np.ones(500))
+    assert cleaned == pytest.approx(slopes, abs=3e-3)
+    assert np.linalg.svd(cleaned, compute_uv=False)[2] < 1e-9
+    clear = np.column_stack([first, first + 0.1 * third, third[::-1]])
+    assert uncertainty._without_errors(clear, np.ones(500)) == pytest.approx(clear, abs=1e-9)

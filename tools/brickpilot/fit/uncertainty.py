@@ -99,7 +99,7 @@ class _Linear:
         sizes: the unit in which a parameter is measured, SI: its value where `relative`, else its natural size.
         relative: whether the parameter is measured in its logarithm.
         prior_sd: SI; infinite where nothing is stated.
-        slopes: (samples, parameters): change of the simulated signals in SI per SI unit.
+        slopes: (samples, parameters): change of the simulated signals in SI per unit of the parameter.
         pull, stiffness: (samples,), see `Residual.influence`.
     """
 
@@ -115,8 +115,7 @@ class _Linear:
     @property
     def data_information(self) -> Array:
         """(parameters, parameters), in the parameters' units."""
-        raw = self.slopes.T @ (self.slopes * self.stiffness[:, np.newaxis])
-        return _above_slope_errors(raw * np.outer(self.sizes, self.sizes))
+        return np.asarray(self.slopes.T @ (self.slopes * self.stiffness[:, np.newaxis]))
 
 
 def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
@@ -150,17 +149,18 @@ def _spread(linear: _Linear, free: tuple[Free, ...], covariance: Array) -> Sprea
     return Spread(tuple(one.name for one in free), tuple(linear.values.tolist()), units, covariance)
 
 
-def _above_slope_errors(information: Array) -> Array:
-    """Returns `information` without what errors of the slopes may have made.
+def _without_errors(slopes: Array, stiffness: Array) -> Array:
+    """Returns `slopes` (samples, parameters) without the directions that errors of finite differences may have made.
 
     Where only combinations of parameters change the signals, their slopes cancel along one direction. Finite
     differences across the stops of dry friction do not cancel exactly, and on many samples the remainder would look
     like knowledge.
     """
+    information = slopes.T @ (slopes * stiffness[:, np.newaxis])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    kept = np.where(values > _SLOPE_ERROR**2, values, 0.0)
-    return np.asarray((vectors * kept) @ vectors.T * np.outer(size, size))
+    kept = vectors[:, values > _SLOPE_ERROR**2]
+    return np.asarray((slopes / size) @ kept @ kept.T * size)
 
 
 def _linearised(data: Residual, model: Model, free: tuple[Free, ...]) -> _Linear:
@@ -178,17 +178,18 @@ def _linearised(data: Residual, model: Model, free: tuple[Free, ...]) -> _Linear
         [one.known.sd if one.known is not None and one.known.sd is not None else np.inf for one in free]
     )
     pull, stiffness = data.influence(model)
-    return _Linear(values, reach, np.where(relative, values, natural), relative, prior_sd, slopes, pull, stiffness)
+    sizes = np.where(relative, values, natural)
+    in_units = _without_errors(slopes * sizes, stiffness)
+    return _Linear(values, reach, sizes, relative, prior_sd, in_units, pull, stiffness)
 
 
 def _covariance(data: Residual, model: Model, linear: _Linear) -> tuple[Array, int]:
     """Returns the covariance in the parameters' units, and the degrees of freedom of their intervals."""
     wide = np.where(np.isinf(linear.prior_sd), WIDE_SD**-2, 0.0)
     prior = (linear.sizes / linear.prior_sd) ** 2 + wide
-    in_units = linear.slopes * linear.sizes
-    weighted = in_units * linear.stiffness[:, np.newaxis]
+    weighted = linear.slopes * linear.stiffness[:, np.newaxis]
     curvature = np.linalg.pinv(linear.data_information + np.diag(prior), hermitian=True)
-    covariance, degrees = _scatter(data, in_units * linear.pull[:, np.newaxis], in_units, weighted, curvature)
+    covariance, degrees = _scatter(data, linear.slopes * linear.pull[:, np.newaxis], linear.slopes, weighted, curvature)
     for moved in data.start_errors(model):
         shift = data.by_run(weighted * moved[:, np.newaxis]) @ curvature
         covariance += shift.T @ shift
@@ -217,7 +218,7 @@ def _scatter(
     for number in range(count):
         rows = order[ends[number] : ends[number + 1]]
         share, axes = np.linalg.eigh(root @ (slopes[rows].T @ weighted[rows]) @ root)
-        kept = np.where(np.abs(1 - share) < _LEAST_REST, _LEAST_REST, 1 - share)
+        kept = np.maximum(1 - share, _LEAST_REST)
         shifts[number] = root @ (axes @ ((axes.T @ (root @ sums[number])) / kept))
     return shifts.T @ shifts * (count - 1) / count, max(count - parameters, 1)
 
