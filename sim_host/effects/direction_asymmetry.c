@@ -84,7 +84,8 @@ const effect_t effect_direction_asymmetry = {
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Brushes off the neutral axis and worn teeth favour one direction on some motors.",
              .parameter_count = 3,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .made_of = "coulomb_friction constant_offset"},
     .hook = {[SITE_DRIVE] = drive, [SITE_MOTOR] = motor, [SITE_WHEEL] = wheel},
     .undo = undo,
 };

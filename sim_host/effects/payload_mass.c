@@ -55,6 +55,7 @@ const effect_t effect_payload_mass = {
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Robots carry batteries, cameras or cargo that the stated mass leaves out.",
              .parameter_count = 3,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .contains = "com_forward_offset com_lateral_offset"},
     .hook = {[SITE_BUILD] = build},
 };

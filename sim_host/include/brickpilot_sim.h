@@ -67,7 +67,7 @@ typedef struct {
     const char *same_as;   /* the nominal parameter that this one adds to: missing only where that one is 0 */
 } bp_parameter_info;
 
-/* One effect of the library. Every field is set in every row, but for the last six.
+/* One effect of the library. Every field is set in every row, but for the last seven.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
  * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
@@ -76,7 +76,11 @@ typedef struct {
  *
  * A law contains another where it is that one with some of its parameters at 0 or equal to each other, while the others
  * have the other law's values: stiction_stribeck without a breakaway is coulomb_friction. Parameters that cannot be 0
- * keep their presets. The composed effect contains no law, for it is none until its terms are chosen. */
+ * keep their presets, and the vehicle's own mass and inertia may give way: a load without weight, far out, moves the
+ * centre of mass alone. The composed effect contains no law, for it is none until its terms are chosen.
+ *
+ * A law is made of others where these together are it, at sizes of their own: friction in one direction alone is
+ * coulomb_friction and a constant_offset. */
 typedef struct {
     const char *name;
     const char *words;   /* a noun phrase: "The simulator lacks ..." */
@@ -97,6 +101,7 @@ typedef struct {
     const char *variant_of; /* the effect of which this one is a variant; NULL: none */
     const char *variation;  /* what differs from that one; NULL: none */
     const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */
+    const char *made_of;    /* names of the effects that together are this law, with spaces between; NULL: none */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
 import numpy as np
@@ -32,13 +32,48 @@ def machines() -> tuple[Model, ...]:
 
 
 def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
-    """Says whether `law` is `other` with some of its parameters at 0 or equal, on every machine, where `other` acts."""
+    """Says whether `law` is `other` with some of its parameters at 0 or equal, on every machine, where `other` acts.
+
+    A load is judged on a body that is lighter by as much: the vehicle's own mass and inertia may give way to it.
+    """
     given = {one.name: _visible(one) for one in other.parameters}
-    if len(law.parameters) <= len(other.parameters):
+    if len(law.parameters) <= len(other.parameters) or _is_off(other.name, given):
         return False
-    return any(
-        _same(other.name, given, law.name, values) for values in _special_cases(law, other, given)
-    ) and not _is_off(other.name, given)
+    if any(one.arm_of for one in law.parameters):
+        return all(_is_load(machine, other.name, given, law.name) for machine in machines())
+    return any(_same(other.name, given, law.name, values) for values in _special_cases(law, other, given))
+
+
+def is_made_of(law: EffectInfo, others: Sequence[EffectInfo]) -> bool:
+    """Says whether a law, with its first parameter alone, is `others` together, at this size or half of it."""
+    size = _visible(law.parameters[0])
+    alone = (law.name, ((law.parameters[0].name, size),))
+    sizes = [[sign * share * size for share in (0.5, 1.0) for sign in (1, -1)] for _ in others]
+
+    def is_it(values: Sequence[float]) -> bool:
+        together = [(one.name, ((one.parameters[0].name, value),)) for one, value in zip(others, values, strict=True)]
+        return all(_alike(_flown(machine, alone), _flown(machine, *together)) for machine in machines())
+
+    possible = [one for one in itertools.product(*sizes) if _in_range(others, one)]
+    return any(is_it(values) for values in possible)
+
+
+def _in_range(effects: Sequence[EffectInfo], values: Sequence[float]) -> bool:
+    return all(one.parameters[0].minimum <= value for one, value in zip(effects, values, strict=True))
+
+
+def _is_load(machine: Model, other: str, given: Mapping[str, float], law: str) -> bool:
+    """Says whether half the body's mass, taken off it and put where it balances as `other` does, is `other`."""
+    if machine.vehicle == "motor":
+        return _alike(_flown(machine), _flown(machine, (other, tuple(given.items()))))
+    arm = {name: 2 * given.get(name, 0.0) for name in ("forward", "right")}
+    mass, inertia = machine.parameters["mass"], machine.parameters["yaw_inertia"]
+    turned = inertia - mass / 4 * (arm["forward"] ** 2 + arm["right"] ** 2)
+    lighter = {**machine.parameters, "mass": mass / 2, "yaw_inertia": turned}
+    body = dataclasses.replace(machine, name=f"{machine.name}, lighter for {other}", parameters=lighter)
+    return _alike(
+        _flown(machine, (other, tuple(given.items()))), _flown(body, (law, (("mass", mass / 2), *arm.items())))
+    )
 
 
 def _visible(one: ParameterInfo) -> float:
@@ -59,13 +94,13 @@ def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float
 
 def _same(other: str, given: Mapping[str, float], law: str, values: Mapping[str, float]) -> bool:
     return all(
-        _alike(_flown(machine, other, tuple(given.items())), _flown(machine, law, tuple(values.items())))
+        _alike(_flown(machine, (other, tuple(given.items()))), _flown(machine, (law, tuple(values.items()))))
         for machine in machines()
     )
 
 
 def _is_off(name: str, given: Mapping[str, float]) -> bool:
-    return all(_alike(_flown(machine, "", ()), _flown(machine, name, tuple(given.items()))) for machine in machines())
+    return all(_alike(_flown(machine), _flown(machine, (name, tuple(given.items())))) for machine in machines())
 
 
 def _alike(one: Simulated, other: Simulated) -> bool:
@@ -78,11 +113,11 @@ def _alike(one: Simulated, other: Simulated) -> bool:
 _KEPT: dict[tuple[object, ...], Simulated] = {}
 
 
-def _flown(machine: Model, name: str, values: tuple[tuple[str, float], ...]) -> Simulated:
-    """Returns the drive of `machine` with this effect alone, from a start with some age and charge."""
-    key = (machine.name, machine.profile, name, values)
+def _flown(machine: Model, *effects: tuple[str, tuple[tuple[str, float], ...]]) -> Simulated:
+    """Returns the drive of `machine` with these effects alone, from a start with some age and charge."""
+    key = (machine.name, machine.profile, effects)
     if key not in _KEPT:
-        model = dataclasses.replace(machine, effects={name: dict(values)} if name else {})
+        model = dataclasses.replace(machine, effects={name: dict(values) for name, values in effects})
         inputs = np.repeat(np.array(DRIVE, dtype=float), 30, axis=0)
         if machine.vehicle == "motor":
             inputs = inputs[:, :1]

@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 from brickpilot import catalogue
-from contained_laws import is_contained
+from contained_laws import is_contained, is_made_of
 from effect_names import MAY_NAME, TABLE, faults, names, sources
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -137,7 +137,15 @@ def test_a_row_contains_just_the_laws_that_give_the_same_simulation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "other"), [("payload_mass", "com_forward_offset"), ("direction_asymmetry", "coulomb_friction")]
+    ("law", "other"), [("payload_mass", "surge_drag"), ("direction_asymmetry", "coulomb_friction")]
 )
 def test_a_law_that_is_only_alike_is_not_contained(law: str, other: str) -> None:
     assert not is_contained(catalogue.effect(other), catalogue.effect(law))
+
+
+def test_a_law_that_is_made_of_others_gives_their_simulation() -> None:
+    made = [effect for effect in catalogue.effects() if effect.made_of]
+    assert "direction_asymmetry" in [effect.name for effect in made]
+    assert [one.name for one in made if not is_made_of(one, [catalogue.effect(name) for name in one.made_of])] == []
+    others = [catalogue.effect(name) for name in ("coulomb_friction", "constant_offset")]
+    assert not is_made_of(catalogue.effect("rolling_sqrt"), others)

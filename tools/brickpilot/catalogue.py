@@ -75,6 +75,7 @@ class EffectInfo:
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: what differs from that one, to be read after "but"; empty: none.
         contains: the effects whose laws are this one's with some of its parameters at 0 or equal to each other.
+        made_of: the effects that together are this law, at sizes of their own.
     """
 
     name: str
@@ -93,6 +94,7 @@ class EffectInfo:
     variant_of: str
     variation: str
     contains: tuple[str, ...]
+    made_of: tuple[str, ...]
 
 
 def _text(value: Any) -> str:
@@ -180,6 +182,7 @@ def effects() -> tuple[EffectInfo, ...]:
                 variant_of=_text(info.variant_of),
                 variation=_text(info.variation),
                 contains=tuple(_text(info.contains).split()),
+                made_of=tuple(_text(info.made_of).split()),
             )
         )
     return tuple(found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import brickpilot
@@ -78,6 +78,10 @@ def effects_page() -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def _links(names: Sequence[str]) -> str:
+    return ", ".join(f"[`{one}`](#{one})" for one in names)
+
+
 def _effect(effect: EffectInfo) -> str:
     lines = [f"### `{effect.name}`", _plain(effect.summary)]
     if effect.variant_of:
@@ -86,7 +90,9 @@ def _effect(effect: EffectInfo) -> str:
     lines.append(f"It acts on: {effect.acts_on}. Source: {_plain(effect.source)}.")
     lines.append(f"Prior: {effect.prior}. {_plain(effect.prior_reason)}")
     if effect.contains:
-        lines.append(f"It contains {', '.join(f'[`{one}`](#{one})' for one in effect.contains)}.")
+        lines.append(f"It contains {_links(effect.contains)}.")
+    if effect.made_of:
+        lines.append(f"{_links(effect.made_of)} together are the same law.")
     head = ("parameter", "role", "unit", "range", "preset", "meaning")
     rows = table(head, (_parameter(one) for one in effect.parameters))
     if len(effect.parameters) > MANY:

@@ -76,6 +76,8 @@ def _text(effect: EffectInfo) -> str:
     lines.append(f"prior: {effect.prior}. {effect.prior_reason}")
     if effect.contains:
         lines.append(f"contains: {', '.join(effect.contains)}")
+    if effect.made_of:
+        lines.append(f"made of: {', '.join(effect.made_of)}")
     if effect.variant_of:
         lines.insert(1, f"variant: {effect.variant_of}, but {effect.variation}")
     return "\n  ".join([head, *lines, *(_line(parameter) for parameter in effect.parameters)])
