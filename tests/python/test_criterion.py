@@ -34,6 +34,11 @@ Array = NDArray[np.float64]
 
 KNEE, SURE = 2.0, 0.95
 ODDS = {"common": 0.05, "usual": math.sqrt(0.05 * 0.01), "rare": 0.01}
+CHANCE = -math.log(0.05)
+OTHERS = (
+    "accel_bias", "battery_sag", "caster_drag", "cogging", "dead_time", "gyro_scale", "imu_lag", "wheel_slip",
+    "yaw_scrub", "input_delay",
+)  # fmt: skip
 
 
 def hyperbolic(x: Array | float, size: float) -> Any:
@@ -137,11 +142,13 @@ def test_the_most_likely_scale_is_the_reference_s() -> None:
     assert evidence._scale(0.01 * random.normal(size=900), 0.2) == 0.2
 
 
-def made(names: str, table: Array) -> Evidence:
-    """Returns the evidence of an explanation of effects of the library."""
-    parts = tuple(Part(name, ("x",), {}) for name in names.split())
+def made(names: str, table: Array, surprise: float = 0.0, cost: float | None = None) -> Evidence:
+    """Returns the evidence of an explanation of effects of the library, whose values surprise by so many nats."""
+    parts = tuple(Part(name, (catalogue.effect(name).parameters[0].name,), {}) for name in names.split())
     unknown: Any = None
-    return Evidence(Explanation(parts, unknown, np.zeros(0), 0.0), table, np.zeros(0), 0.0)
+    found = Explanation(parts, unknown, np.zeros(0), 100.0 - len(parts) if cost is None else cost)
+    away = np.array([50.0] * round(surprise / CHANCE))  # so far away, each costs as much as a common effect
+    return Evidence(found, table, np.zeros(0), away, np.zeros((len(away), 0)), np.zeros((0, 0)))
 
 
 def odds_of(one: Evidence) -> float:
@@ -184,10 +191,21 @@ class Settled:
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
         return self.nats
 
+    def correlation(self, one: Evidence) -> float:
+        return 2.0
+
 
 def judged(table: list[Evidence], temperature: float) -> verdict.Verdict:
     judge: Any = Settled(temperature)
     return verdict.weigh(Found(judge, table[0], {one.explanation.key: one for one in table}))
+
+
+def dominates(one: Evidence, other: Evidence) -> bool:
+    """Whether `one` has fewer parts and is no worse in what the data or anything known before say."""
+    if len(one.explanation.names) >= len(other.explanation.names) or odds_of(one) < odds_of(other):
+        return False
+    joins = set(one.explanation.names) < set(other.explanation.names)
+    return one.by_stretch.sum() >= other.by_stretch.sum() or (joins and one.explanation.cost <= other.explanation.cost)
 
 
 def contains(larger: frozenset[str], smaller: frozenset[str]) -> bool:
@@ -198,7 +216,9 @@ def contains(larger: frozenset[str], smaller: frozenset[str]) -> bool:
 
 def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, set[frozenset[str]], set[str]]:
     """Returns kind, minimal sets among those that hold 95 %, and sure names."""
+    table = [one for one in table if not any(dominates(other, one) for other in table)]
     sets = [one.explanation.key for one in table]
+    gains = {key: one.by_stretch.sum() for key, one in zip(sets, table, strict=True)}
     weight = weights_of(
         np.array([one.by_stretch for one in table]), np.array([odds_of(one) for one in table]), temperature
     )
@@ -217,8 +237,13 @@ def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, s
         if sum(w for one, w in zip(sets, weight, strict=True) if name in one or contains(one, frozenset({name})))
         >= SURE
     }
-    kind = "none" if frozenset() in least else "named" if len(least) == 1 and next(iter(least)) <= sure else "ambiguous"
-    return kind, {frozenset()} if kind == "none" else least, sure
+    if frozenset() in least:
+        return "none", {frozenset()}, sure
+    if len(least) > 1 or not next(iter(least)) <= sure:
+        return "ambiguous", least, sure
+    if gains[next(iter(least))] - gains[frozenset()] <= temperature * CHANCE:
+        return "ambiguous", least | {frozenset()}, sure
+    return "named", least, sure
 
 
 CASES = [
@@ -238,6 +263,68 @@ def test_the_verdict_is_that_of_the_reference(seed: int, temperature: float, gai
     assert found.sure == sure
     assert sum(one.weight for one in found.held) >= SURE > sum(one.weight for one in found.held[:-1])
     assert list(found.held) == sorted(found.held, key=lambda one: -one.weight)
+
+
+def test_many_parts_that_say_nothing_do_not_outweigh_a_name() -> None:
+    """Ten explanations of two parts, each as good as the one of one part that they hold."""
+    names = ["coulomb_friction", *(f"gyro_bias {one}" for one in OTHERS)]
+    table = tables(0, {"": 0.0, "gyro_bias": 90.0} | dict.fromkeys(names[1:], 89.0))
+    equal = [dataclasses.replace(one, by_stretch=table[0].by_stretch + 6.0) for one in table[1:]]
+    found = judged([table[0], *equal], 2.0)
+    assert (found.kind, found.best.names, len(found.held)) == ("named", ("gyro_bias",), 1)
+    better = [equal[0], *(dataclasses.replace(one, by_stretch=one.by_stretch + 1e-3) for one in equal[1:])]
+    assert judged([table[0], *better], 2.0).held[0].weight < SURE
+
+
+def test_a_part_that_lowers_no_cost_says_nothing() -> None:
+    flat = np.full(15, -40.0)
+    base = [made("", flat), made("start_delay", flat + 6.0, cost=50.0)]
+    assert judged([*base, made("start_delay cogging", flat + 9.0, cost=49.0)], 2.0).best.names[-1] == "cogging"
+    assert judged([*base, made("start_delay cogging", flat + 9.0, cost=50.5)], 2.0).best.names == ("start_delay",)
+
+
+def test_what_only_stated_values_speak_for_is_no_name() -> None:
+    """The data tell nothing; without the effect two stated values would be far off."""
+    flat = np.full(15, -40.0)
+    nothing, effect = made("", flat, surprise=9.0), made("encoder_scale", flat + 0.01)
+    found = judged([nothing, effect], 2.0)
+    assert (found.kind, found.best.names) == ("ambiguous", ("encoder_scale",))
+    assert [one.names for one in found.rivals] == [()]
+    told = judged([nothing, made("encoder_scale", flat + 1.0)], 2.0)
+    assert (told.kind, told.rivals) == ("named", ())
+    assert judged([made("", flat), effect], 2.0).kind == "none"
+
+
+@pytest.mark.parametrize(("gain", "names"), [(5.9, ()), (6.1, ("wheel_slip",))])
+def test_the_best_so_far_is_a_part_that_surely_predicts_better(gain: float, names: tuple[str, ...]) -> None:
+    """A nat is two values here, as the residual is correlated; that another law might share it does not matter."""
+    flat = np.full(15, -40.0)
+    table = [made("", flat), made("cogging", flat + 0.3), made("wheel_slip", flat + gain / 15)]
+    table.append(made("wheel_slip cogging", flat + 9.0))
+    judge: Any = Settled(100.0)
+    found = Found(judge, table[0], {one.explanation.key: one for one in table})
+    assert verdict.weigh(Found(judge, table[0], dict(list(found.table.items())[:3]))).kind == "none"
+    assert verdict.best_so_far(found).names == names
+
+
+def test_a_law_that_is_made_of_others_is_no_rival_of_them() -> None:
+    flat = np.full(15, -40.0)
+    pair = made("coulomb_friction constant_offset", flat + 6.01)
+    found = judged([made("", flat), made("direction_asymmetry", flat + 6.0), pair], 2.0)
+    assert (found.kind, found.best.names) == ("named", ("direction_asymmetry",))
+    assert len(judged([made("", flat), made("wheel_slip", flat + 6.0), pair], 2.0).rivals) == 1
+
+
+def test_the_same_laws_in_other_words_are_one_explanation() -> None:
+    flat = np.full(15, -40.0)
+    names = ("coulomb_friction", "constant_offset", "direction_asymmetry")
+    words = (f"{names[0]} {names[1]}", f"{names[2]} {names[1]}", f"{names[0]} {names[2]}")
+    alike = [made(one, flat + 6.0 - 0.001 * k) for k, one in enumerate(words)]
+    lone = [made(one, flat + 1.0) for one in names]
+    found = judged([made("", flat), *lone, *alike], 2.0)
+    assert (found.kind, set(found.best.names)) == ("named", {"coulomb_friction", "constant_offset"})
+    assert found.sure >= {"coulomb_friction", "constant_offset"}
+    assert {one.explanation.laws for one in alike} == {found.best.key}
 
 
 def test_the_cases_hold_every_kind_of_verdict() -> None:
@@ -338,7 +425,57 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
         here = judge.stretch == stretch
         assert found.left_out[here] == pytest.approx(measured[here] - slopes[here] @ fitted(~here), abs=1e-5)
     assert found.by_stretch == pytest.approx(judge.density(found.left_out))
-    assert found.prior == pytest.approx(float(np.sum((everything / 0.7) ** 2) / 2), rel=1e-6)
+    assert found.away == pytest.approx(everything / 0.7, rel=1e-6)
+    assert found.away_slopes == pytest.approx(np.eye(3) / 0.7, rel=1e-6)
+    away = np.abs(everything / 0.7)
+    expected = -sum(min(x**2 / 2, -math.log(ODDS["common"])) for x in away)
+    assert found.log_prior(1.0) == pytest.approx(expected, rel=1e-6)
+
+
+def of_one_value(away: float, information: float, cost: float) -> Evidence:
+    """Returns the evidence of one parameter, of unit sd, that 20 values tell."""
+    unknown: Any = None
+    found = Explanation((), unknown, np.zeros(0), cost)
+    return Evidence(found, np.zeros(15), np.zeros(20), np.array([away]), np.eye(1), np.array([[information]]))
+
+
+def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
+    """The fit of the value to data that count by the temperature less, written down for one parameter."""
+    known, poor = of_one_value(2.0, 1e4, 10.0), of_one_value(2.0, 5.0, 10.0)
+    for found, information in ((known, 1e4), (poor, 5.0)):
+        assert found.log_prior(1.0) == pytest.approx(-2.0)
+        for temperature in (4.0, 40.0):
+            # data: information / 2 (x - data)^2, with the fit at 2; prior x^2 / 2
+            data = 2.0 + 2.0 / information
+            x = np.linspace(0.0, 2.0, 200_001)
+            losses = (information / 2 * (x - data) ** 2 - information / 2 * (2.0 - data) ** 2) / temperature + x**2 / 2
+            assert -found.log_prior(temperature) == pytest.approx(losses.min(), abs=1e-4)
+    assert -known.log_prior(40.0) > 1.95
+    assert -poor.log_prior(40.0) < 0.4
+    assert of_one_value(2.0, 5.0, 100.0).log_prior(4.0) == pytest.approx(poor.log_prior(40.0))
+
+
+@pytest.mark.parametrize(("away", "nats"), [([0.0, 0.0], 0.0), ([1.0, -2.0], 2.5), ([50.0], 3.0), ([50.0, 9.0], 6.0)])
+def test_a_value_that_was_stated_wrongly_costs_as_much_as_a_common_effect(away: list[float], nats: float) -> None:
+    assert evidence.surprise(np.array(away)) == pytest.approx(nats, abs=0.01)
+
+
+def test_a_step_without_a_stretch_is_damped_to_where_the_model_holds() -> None:
+    matrix, reach = np.diag([1e-6, 4.0]), np.ones(2)
+    free = np.array([[-9.0, -9.0], [9.0, 9.0]])
+    step, is_long = evidence._step(matrix, np.array([1e-3, 2.0]), reach, free)
+    assert is_long
+    assert 0 < step[0] < 1
+    assert step[1] == pytest.approx(0.5, abs=0.2)
+    assert evidence._step(matrix, np.array([1e-7, 2.0]), reach, free) == (pytest.approx([0.1, 0.5]), False)
+
+
+def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
+    """Two parameters of which the data tell the sum: one stops, and the other takes the whole step."""
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]]) + 1e-9 * np.eye(2)
+    room = np.array([[-9.0, -9.0], [0.05, 9.0]])
+    step, _ = evidence._step(matrix, np.array([0.6, 0.6]), np.ones(2), room)
+    assert step == pytest.approx([0.05, 0.55], abs=1e-6)
 
 
 def lacking(data: Residual, stretch: NDArray[np.int64], one: int) -> Residual:

@@ -73,6 +73,21 @@ def test_dry_friction_is_predictable_until_it_is_explained(tmp_path: Path) -> No
     assert right.nats_left < 0.1
 
 
+@pytest.mark.parametrize(("share", "is_adequate"), [(1.0, True), (1.05, True), (1.4, False)])
+def test_a_law_may_be_wrong_by_a_share_of_what_it_explains(tmp_path: Path, share: float, is_adequate: bool) -> None:
+    """A black box predicts all that a friction of the wrong size leaves: 0.2 % of what it explains, and 16 %."""
+    size = FRICTION["coulomb_friction"]["torque"]
+    truth = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": share * size}})
+    folder = write(tmp_path / "data", truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
+    prepared, _ = calibrate(prepare(dataset.read(folder), None, seed=0, jobs=1)[0])
+    judge, stated = Judge.of(prepared.coarse, 0), robot()
+    best = dataclasses.replace(stated, effects=FRICTION)
+    left = adequacy.predictable(judge, best, stated, 0)
+    assert (max(left.values()) <= numbers.SHARED_REST) is is_adequate
+    alone = adequacy.predictable(judge, stated, stated, 0)
+    assert max(alone.values()) > 0.5
+
+
 def test_of_noise_nothing_is_predicted(tmp_path: Path) -> None:
     nothing = left_by(tmp_path / "noise", {}, None)
     assert nothing.is_adequate

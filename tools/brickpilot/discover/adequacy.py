@@ -80,21 +80,22 @@ class Adequacy:
 def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adequacy:
     """Returns what an explanation leaves of the fit runs."""
     data, model = judge.data, best.explanation.model
-    found = predictable(judge, model, seed)
+    found = predictable(judge, model, nothing.explanation.model, seed)
     way = judge.top - nothing.total
     explained = (best.total - nothing.total) / way if way > 0 else 1.0
     left = max(judge.top - best.total, 0.0) / len(data.measured)
     return Adequacy(found, left, float(np.clip(explained, 0.0, 1.0)))
 
 
-def predictable(judge: Judge, model: Model, seed: int) -> dict[str, float]:
+def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
 
     What is left counts as large as noise and the error of every simulator at least: a black box that predicts a part of
-    less shows no law that is missing.
+    less shows no law that is missing. Nor does one that predicts no more than the error of the laws in `model`, which
+    are right to a share of what they explain beyond the `nominal` model.
     """
     data = judge.data
-    error = data.measured - data.predict([model])[0]
+    error, before = data.measured - data.predict([model, nominal])
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     found = {}
     for signal in data.signals:
@@ -108,7 +109,9 @@ def predictable(judge: Judge, model: Model, seed: int) -> dict[str, float]:
         predicted = out_of_fold(columns, target, folds, seed).value
         total = float(target @ target)
         least = max(total, len(target) * judge.floor(signal) ** 2)
-        found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2))) / least)
+        explained = float(np.sum(np.concatenate(data.parts(before, signal)) ** 2)) - total
+        own_error = numbers.LAW_ERROR * max(explained, 0.0)
+        found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2)) - own_error) / least)
     return found
 
 

@@ -11,7 +11,6 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from brickpilot.discover import evidence
 from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
@@ -72,7 +71,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 
 def _score(found: Found, one: Explanation) -> float:
     known: Evidence = found.table[one.key]
-    return evidence.score(known, found.temperature)
+    return known.log_weight(found.temperature)
 
 
 def _composed(found: Explanation, *, alone: bool) -> Composed:

@@ -194,21 +194,12 @@ def _effects(prepared: Prepared, found: Conclusion) -> tuple[Effect, ...]:
 
 
 def _weights(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the weight of the explanations of the set that hold it, or a law that contains it."""
-    total = sum(one.weight for one in found.verdict.held)
-    names = {name for one in found.verdict.held for name in one.explanation.names}
-    return {
-        name: min(
-            1.0,
-            sum(
-                one.weight
-                for one in found.verdict.held
-                if any(part.name == name or name in part.contains for part in one.explanation.parts)
-            )
-            / max(total, 1e-9),
-        )
-        for name in names
-    }
+    """Returns part -> the share of the explanations of the set that say it, by weight."""
+    held = found.verdict.held
+    total = max(sum(one.weight for one in held), 1e-9)
+    parts = {part.name: part for one in held for part in one.explanation.parts}
+    said = {name: sum(one.weight for one in held if one.explanation.says(part)) for name, part in parts.items()}
+    return {name: min(1.0, weight / total) for name, weight in said.items()}
 
 
 def _removed(found: Conclusion, one: Explanation) -> float:

@@ -32,6 +32,7 @@ _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # of the bootstrap
 _ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and the relative change that is the last
 _LEAST_STRETCHES = 10
+_DAMPED = 4.0  # times more, until a step is short enough
 _FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
 
@@ -42,21 +43,43 @@ class Evidence:
     Attributes:
         by_stretch: (stretches,) log density of each stretch, predicted without itself.
         left_out: (values,) the residual of that prediction, SI.
-        prior: half the squares of how far its parameters are from what was known before, in sd.
+        away: (priors,) how far its values are from what was known of them, in sd.
+        away_slopes: (priors, parameters) their derivative.
+        information: (parameters, parameters) second derivative of the cost of the data.
     """
 
     explanation: Explanation
     by_stretch: Array
     left_out: Array
-    prior: float
+    away: Array
+    away_slopes: Array
+    information: Array
 
     def __post_init__(self) -> None:
-        for values in (self.by_stretch, self.left_out):
+        for values in (self.by_stretch, self.left_out, self.away, self.away_slopes, self.information):
             values.flags.writeable = False
 
     @property
     def total(self) -> float:
         return float(self.by_stretch.sum())
+
+    def log_weight(self, temperature: float) -> float:
+        """Returns the log of the weight, but for a constant: evidence, prior odds, and what its values surprise by.
+
+        A prior holds no law's error, so it is not divided by the temperature. But the error of a law also moves values
+        in the fit. So they are taken where a fit would leave them in which the data count by the temperature less.
+        """
+        return self.total / temperature + self.log_prior(temperature)
+
+    def log_prior(self, temperature: float) -> float:
+        """Returns what of `log_weight` is not the evidence."""
+        each = 2 * self.explanation.cost / max(len(self.left_out), 1)  # of a value, 1 if its scale is the residual's
+        nat = temperature * max(each, 1.0)  # in the unit of the cost
+        pulled = self.away_slopes.T @ self.away  # at the fit, the data pull as much the other way
+        step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
+        lost = float(step @ (self.information @ step / 2 - pulled)) / nat
+        moved = surprise(self.away + self.away_slopes @ step) + max(lost, 0.0)
+        return self.explanation.log_odds - min(moved, surprise(self.away))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,19 +135,19 @@ class Judge:
         for number in range(self.count):
             here = order[ends[number] : ends[number + 1]]
             own = slopes[:count][here]
-            step = np.linalg.lstsq(normal - own.T @ own, own.T @ rows[:count][here], rcond=1e-12)[0]
-            end = np.clip(found.point + step, *bounds.T) if len(step) else found.point
-            if np.any(np.abs(step) > reach):
-                far.append((here, end))
+            step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
+            if is_long:
+                far.append((here, found.point + step))
             else:
-                left_out[here] -= moved[here] @ (end - found.point)
+                left_out[here] -= moved[here] @ step
         if far:
             simulated = self.data.predict([found.plan.at(end) for _, end in far])
             for (here, _), values in zip(far, simulated, strict=True):
                 known = np.isfinite(values[here])
                 left_out[here[known]] = (self.data.measured[here] - values[here])[known]
-        prior = float(np.sum(problem.prior(found.point) ** 2) / 2)
-        return Evidence(found, self.density(left_out), left_out, prior)
+        away, away_slopes = problem.prior(found.point), np.array(problem.prior_slopes(found.point))
+        information = slopes[:count].T @ slopes[:count]
+        return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
     def correlation(self, evidence: Evidence) -> float:
         """Returns after how many values the residual is another one: the mean over signals, by their values."""
@@ -147,31 +170,54 @@ class Judge:
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
 
-def score(one: Evidence, temperature: float) -> float:
-    """Returns the log weight of an explanation, but for a constant."""
-    return one.total / temperature + one.explanation.log_odds
+def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array, bool]:
+    """Returns the Gauss-Newton step (parameters,) to where a stretch is not fitted, and whether it had to be shortened.
+
+    Args:
+        matrix: (parameters, parameters) the normal matrix without the stretch.
+        pull: (parameters,) the gradient that the stretch held up.
+        reach: (parameters,) how far the linear model holds: a longer step is damped to it (Levenberg 1944).
+        room: (2, parameters) how far the range of each parameter goes, down and up.
+    """
+    damping, is_long = 0.0, False
+    while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
+        damping, is_long = max(_DAMPED * damping, 1.0), True
+    stopped = (step < room[0]) | (step > room[1])
+    if stopped.any():  # what stops at an end of its range no longer makes up for the others
+        step = np.where(stopped, np.clip(step, *room), 0.0)
+        others = ~stopped
+        rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
+        step[others] = _solved(matrix[others][:, others], rest)
+        step = np.clip(step, np.maximum(room[0], -reach), np.minimum(room[1], reach))
+    return step, is_long
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-12)[0])
+
+
+def surprise(away: Array) -> float:
+    """Returns the nats that values cost which are so many sd, (parameters,), away from what was known of them.
+
+    What was stated of a value may be plainly wrong, as often as a machine has a common effect: it costs no more.
+    """
+    return float(np.sum(np.minimum(away**2 / 2, -np.log(numbers.COMMON))))
 
 
 def weigh(table: Sequence[Evidence], temperature: float) -> Array:
     """Returns the weight of each explanation, (explanations,), of sum 1."""
     rows = np.array([one.by_stretch for one in table])
-    odds = np.array([one.explanation.log_odds for one in table])
+    odds = np.array([one.log_prior(temperature) for one in table])
     alpha = np.random.default_rng(0).dirichlet(np.ones(rows.shape[1]), _DRAWS) * rows.shape[1]
     total = alpha @ rows.T / temperature + odds
     return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)).mean(axis=0))
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
-    """Returns part -> the weight of the explanations that hold it, or a law that contains it."""
-    names = {name for one in table for name in one.explanation.names}
-    return {
-        name: sum(
-            weight
-            for one, weight in zip(table, weights.tolist(), strict=True)
-            if any(part.name == name or name in part.contains for part in one.explanation.parts)
-        )
-        for name in names
-    }
+    """Returns part -> the weight of the explanations that say it."""
+    parts = {part.name: part for one in table for part in one.explanation.parts}
+    weighed = list(zip(table, weights.tolist(), strict=True))
+    return {name: sum(weight for one, weight in weighed if one.explanation.says(part)) for name, part in parts.items()}
 
 
 def _weighted(residual: Array, size: float | Array) -> Array:

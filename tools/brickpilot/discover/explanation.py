@@ -83,11 +83,28 @@ class Explanation:
         """Its parts that are effects of the library."""
         return tuple(one for one in self.parts if type(one) is Part)
 
+    def says(self, part: Part) -> bool:
+        """Returns whether it holds a part, a law that contains it, or the laws that it is made of."""
+        held = self.key.union(*(one.contains for one in self.parts))
+        return part.name in held or (bool(part.made_of) and held.issuperset(part.made_of))
+
     def contains(self, other: Explanation) -> bool:
-        """Returns whether it says all that `other` says and more: each part is here, or a law that contains it."""
-        if self.key == other.key or len(self.parts) < len(other.parts):
+        """Returns whether it says all that `other` says, and more or in more words."""
+        if self.laws == other.laws or len(self.parts) < len(other.parts):
             return False
-        return all(any(name == one.name or name in one.contains for one in self.parts) for name in other.names)
+        if len(self.parts) > len(other.parts):
+            return all(self.says(part) for part in other.parts)
+        held = self.key.union(*(one.contains for one in self.parts))
+        return held >= other.key
+
+    @property
+    def laws(self) -> frozenset[str]:
+        """The names of its laws; one that is made of others is these where one of them is held beside it.
+
+        Friction in one direction beside a constant offset is dry friction and another offset.
+        """
+        split = [one for one in self.parts if self.key.intersection(one.made_of)]
+        return self.key.difference(one.name for one in split).union(*(one.made_of for one in split))
 
 
 def fit(base: Problem, parts: Sequence[Part], plan: Plan, point: Array, tolerance: float) -> Explanation | None:

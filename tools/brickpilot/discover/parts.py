@@ -17,7 +17,7 @@ from brickpilot import catalogue
 from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover import numbers
-from brickpilot.fit.parameters import Free, Plan
+from brickpilot.fit.parameters import DECADE, Free, Plan
 from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model, rcx
@@ -60,6 +60,12 @@ class Part:
         """The names of the parts whose law this one contains."""
         return catalogue.effect(self.effect).contains
 
+    @property
+    def made_of(self) -> tuple[str, ...]:
+        """The names of the parts that together are its law, with its first parameter alone."""
+        info = catalogue.effect(self.effect)
+        return info.made_of if self.free == (info.parameters[0].name,) else ()
+
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         """Returns `base` with this part at `values`. Its free parameters come last."""
         infos = catalogue.effect(self.effect).parameters
@@ -101,6 +107,10 @@ class RunPart(Part):
 
     @property
     def contains(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def made_of(self) -> tuple[str, ...]:
         return ()
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
@@ -227,6 +237,8 @@ def switch_settings(effect: EffectInfo) -> list[dict[str, float]]:
 
 def natural_size(info: ParameterInfo, model: Model) -> float:
     """Returns a usual size of an effect's parameter on this vehicle, SI; 0 where there is none to speak of."""
+    if info.role == "place" and not info.arm_of:
+        return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not within a decade of that
     if info.name in _UNSCALED or info.role in ("limit", "switch") or info.arm_of:
         return 0.0
     return (info.preset or info.trial) * scale_of(info.unit, model)

@@ -45,7 +45,7 @@ from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, pre
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import Found, Library, Search, runs_of
 from brickpilot.discover.settle import Settled, settle
-from brickpilot.discover.verdict import Verdict, weigh
+from brickpilot.discover.verdict import Verdict, best_so_far, weigh
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
 from brickpilot.vehicle.model import Model
@@ -161,7 +161,7 @@ def _explain(prepared: Prepared, nominal: Explanation, tell: Stages) -> Explaine
     left = adequacy(judge, found.table[verdict.best.key], found.nothing, prepared.seed)
     cut_short = bool(prepared.deadline.left_out)
     if not left.is_adequate or cut_short:
-        best = found.ranked()[0].explanation if verdict.kind == "none" else verdict.best
+        best = best_so_far(found) if verdict.kind == "none" else verdict.best
         verdict = dataclasses.replace(verdict, kind="unknown", best=best)
     return Explained(prepared, found, dataclasses.replace(verdict, adequacy=left))
 

@@ -29,14 +29,22 @@ class Trial:
 
     Attributes:
         values: where a fit of it starts.
-        before: half the squared residual that the model can come down to without the part, priors included.
-        after: the same with the part.
+        left: half the squared residual that the model can come down to with the part, priors included.
+        gain: by how much half the squared residual of the data comes down.
+        prior_gain: by how much half the squares of what was known before come down.
     """
 
     part: Part
     values: Mapping[str, float]
-    before: float
-    after: float
+    left: float
+    gain: float = 0.0
+    prior_gain: float = 0.0
+
+    @classmethod
+    def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
+        """Returns a trial from what is left without and with the part, (values + parameters,) with `count` values."""
+        gains = (before**2 - after**2) / 2
+        return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
 
 def screen(
@@ -56,12 +64,13 @@ def screen(
         deadline: the parts behind it are left out.
     """
     residual, probed = _probed(problem, point, chosen, excitation, deadline)
-    before, trials = float(np.sum(residual**2)) / 2, []
+    trials = []
     for probe, signatures in _of_runs_joined(probed, residual):
         amplitudes = fit_amplitudes(probe, signatures, residual)
-        after = float(np.sum((residual - signatures @ amplitudes) ** 2)) / 2
-        trials.append(Trial(probe.part, values_at(probe, amplitudes), before, after))
-    return sorted(trials, key=lambda one: one.after)
+        after = residual - signatures @ amplitudes
+        values = values_at(probe, amplitudes)
+        trials.append(Trial.of(probe.part, values, residual, after, len(problem.data.measured)))
+    return sorted(trials, key=lambda one: one.left)
 
 
 def _of_runs_joined(probed: list[tuple[Probe, Array]], residual: Array) -> list[tuple[Probe, Array]]:

@@ -100,7 +100,7 @@ class Library:
         The linear screen cannot find two phases at once: it starts from no effect, where wheels stop and slip in turn.
         """
         return [
-            Trial(other, found.model.effects[other.effect], found.cost, found.cost)
+            Trial(other, found.model.effects[other.effect], found.cost)
             for found in fits
             if found.parts[-1].is_periodic
             for other in library_parts(current.model)
@@ -142,7 +142,7 @@ class Found:
         chosen = [
             one for key, one in self.table.items() if (parts is None or len(key) == parts) and not key & set(forbidden)
         ]
-        return sorted(chosen, key=lambda one: -evidence.score(one, temperature))
+        return sorted(chosen, key=lambda one: -one.log_weight(temperature))
 
 
 @dataclass(frozen=True)
@@ -175,6 +175,7 @@ class Search:
                 found.add(self.beside(found, parent), self.jobs)
             if count == 2 and self.source.pairs:
                 found.add(self._pairs([one.explanation for one in found.ranked(base + 1)[:_PAIRED]]), self.jobs)
+            self._prune(found)
             self._repair(found)
             if found.ranked()[0] is before and count > 1:
                 break
@@ -187,18 +188,20 @@ class Search:
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one part more could score better than the best so far, if it left noise alone."""
         best = found.ranked()[0]
-        possible = (found.judge.top - best.total) / found.temperature
+        temperature = found.temperature
+        surprise = best.explanation.log_odds - best.log_prior(temperature)
+        possible = (found.judge.top - best.total) / temperature + surprise
         return bool(possible > -np.log(numbers.COMMON))
 
     def beside(self, found: Found, parent: Evidence, forbidden: Collection[str] = ()) -> list[Explanation]:
         """Returns the best parts fitted beside an explanation: those that may score better than the best so far."""
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
-        behind = evidence.score(best, temperature) - evidence.score(parent, temperature)
+        behind = best.log_weight(temperature) - parent.log_weight(temperature)
 
         def promises(trial: Trial) -> bool:
-            needed = temperature * (behind - trial.part.log_odds)
-            return trial.before - trial.after > _PROMISED * needed
+            gain = trial.gain / temperature + max(trial.prior_gain, 0.0)  # a fit finds values that surprise less
+            return gain > _PROMISED * (behind - trial.part.log_odds)
 
         def start(trial: Trial) -> Explanation | None:
             begin = joined(current, trial.part, trial.values)
@@ -213,10 +216,19 @@ class Search:
         rough.sort(key=_information)
         if rough and rough[0].is_periodic and (other := self._with_better_order(rough[0])) is not None:
             rough.insert(0, other)
-        worth = sum(one.cost < rough[0].cost + _NEAR * temperature for one in rough)
+        if not rough:
+            return []
+        reach = _NEAR * self._tolerance(found.nothing.explanation, rough[0])
+        worth = sum(one.cost < rough[0].cost + reach for one in rough)
         return self._possible(
             refine(self.data, rough[: min(max(worth, _LEAST_FINE), _FINE_FITS)], self.jobs, self.deadline)
         )
+
+    def _tolerance(self, nothing: Explanation, best: Explanation) -> float:
+        """Returns about how many nats count as one, by the costs of rough fits; see `Judge.temperature`."""
+        gain, rest = nothing.cost - best.cost, best.cost - self.data.noise_cost()
+        nats = max(numbers.LAW_ERROR * gain, numbers.SHARED_REST * rest, 0.0)
+        return max(1.0, nats / numbers.CHANCE_NATS)
 
     def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
         return [one for one in fits if one is not None and is_possible(one, self.excitation)]
@@ -263,17 +275,32 @@ class Search:
                 if len(key) < self.source.most + len(self.base.parts) and key != self.base.key:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
+    def _prune(self, found: Found) -> None:
+        """Fits what fits best without each of its parts: alone, one may have been fitted badly or never."""
+        best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
+        if len(best.parts) > len(self.base.parts) + 1:
+            fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
+            found.add(self._possible(refine(self.data, fewer, self.jobs, self.deadline)), self.jobs)
+
     def _repair(self, found: Found) -> None:
-        """Fits again each explanation that came out worse than one that it contains, from there."""
+        """Fits again each explanation that came out worse than one that it contains, from there.
+
+        One that still gains nothing stays as it is: the smaller one speaks for it.
+        """
         failed = []
         for key, one in found.table.items():
-            for smaller in (other for other in found.table if other < key):
-                part_of = found.table[smaller].explanation
-                if one.explanation.cost > part_of.cost + _WORSE:
-                    failed.append(_from_part(part_of, one.explanation))
-                    break
-        again = refine(self.data, failed, self.jobs, self.deadline) if failed else []
-        found.add(self._possible(again), self.jobs)
+            parts_of = [found.table[other].explanation for other in found.table if other < key]
+            best = min(parts_of, key=lambda other: other.cost, default=one.explanation)
+            if one.explanation.cost > best.cost + _WORSE:
+                failed.append((_from_part(best, one.explanation), best.cost))
+
+        def start(pair: tuple[Explanation, float]) -> Explanation | None:
+            begin, reached = pair
+            again = fit(Problem(self.data, begin.plan), begin.parts, begin.plan, begin.point, ROUGH)
+            return again if again is not None and again.cost < reached - _WORSE else None
+
+        again = [one for one in side_by_side(start, failed, self.jobs, self.deadline) if one is not None]
+        found.add(self._possible(refine(self.data, again, self.jobs, self.deadline)) if again else [], self.jobs)
 
     def _with_better_order(self, found: Explanation) -> Explanation | None:
         """Returns `found`, with a periodic effect, fitted from the best order near its own; None if that is best.

@@ -3,11 +3,13 @@
 The explanations that hold 95 % of the weight are kept. Those that contain another of them say nothing more within the
 tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
 sure: `named`. Several: `ambiguous`. The empty one: `none`. What is left over may turn each of these into `unknown`; see
-`adequacy`.
+`adequacy`. An effect that only the stated values speak for is no name either: the effect, or a value that was stated
+wrongly.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,20 +60,18 @@ class Verdict:
     @property
     def confidence(self) -> float:
         """The weight of the explanations that say what the best one says: it, and those that contain it."""
-        return min(
-            1.0,
-            sum(
-                one.weight
-                for one in self.held
-                if one.explanation.key == self.best.key or one.explanation.contains(self.best)
-            ),
-        )
+        return min(1.0, _said(self.best, self.held))
+
+
+def _said(one: Explanation, held: Sequence[Weighed]) -> float:
+    """Returns the weight of an explanation and of those that contain it."""
+    return sum(other.weight for other in held if other.explanation.key == one.key or other.explanation.contains(one))
 
 
 def weigh(found: Found) -> Verdict:
     """Returns the verdict of the evidence alone, before what is left is looked at."""
     temperature = found.temperature
-    ranked = found.ranked()
+    ranked = _needed(found.ranked(), temperature)
     weight = evidence.weigh(ranked, temperature)
     order = np.argsort(-weight, kind="stable")
     last = int(np.searchsorted(np.cumsum(weight[order]), numbers.SURE))
@@ -79,16 +79,50 @@ def weigh(found: Found) -> Verdict:
     held_by = evidence.held_by(ranked, weight)
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
     least = [one.explanation for one in held if not any(one.explanation.contains(other.explanation) for other in held)]
+    least.sort(key=lambda one: -_said(one, held))
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
     nothing = found.nothing.explanation
+    told = found.table[best.key].total - found.nothing.total > temperature * numbers.CHANCE_NATS
     if any(one.key == nothing.key for one in least):
         kind: Kind = "none"
         best, least = nothing, [nothing]
     elif len(least) == 1 and best.key - nothing.key <= sure:
-        kind = "named"
+        kind = "named" if told else "ambiguous"
+        least = least if told else [best, nothing]
     else:
         kind = "ambiguous"
     return Verdict(
         kind, nothing, best, tuple(one for one in least if one is not best), tuple(held), sure, temperature, None,
         tuple(ranked),
     )  # fmt: skip
+
+
+def best_so_far(found: Found) -> Explanation:
+    """Returns what is reported where no explanation is needed by weight, and yet something is missing.
+
+    It is the part that alone predicts best; the nominal model where none surely predicts better.
+    """
+    nothing = found.nothing
+    alone = found.ranked(len(nothing.explanation.parts) + 1)
+    best = max(alone, key=lambda one: one.total, default=nothing)
+    gain = best.total - nothing.total
+    return best.explanation if gain > numbers.CHANCE_NATS * found.judge.correlation(best) else nothing.explanation
+
+
+def _needed(ranked: Sequence[Evidence], temperature: float) -> list[Evidence]:
+    """Returns the explanations but for those with more parts than another one that is no worse in anything.
+
+    The more parts, the more sets of them there are: many that nothing speaks for would together outweigh a name. Parts
+    that join another explanation and do not lower its cost say nothing either, whatever stretches left out say.
+    """
+
+    prior = {id(one): one.log_prior(temperature) for one in ranked}
+
+    def is_better(one: Evidence, other: Evidence) -> bool:
+        first, second = one.explanation, other.explanation
+        predicts_as_well = one.total >= other.total or (first.key < second.key and first.cost <= second.cost)
+        return len(first.parts) < len(second.parts) and prior[id(one)] >= prior[id(other)] and predicts_as_well
+
+    needed = [other for other in ranked if not any(is_better(one, other) for one in ranked)]
+    first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
+    return [one for one in needed if first[one.explanation.laws] is one]

@@ -66,6 +66,10 @@ class Atom(Part):
         return ()
 
     @property
+    def made_of(self) -> tuple[str, ...]:
+        return ()
+
+    @property
     def mechanism(self) -> str:
         return self.terms[0].mechanism
 

@@ -83,10 +83,10 @@ class TermSource:
         simulated = problem.data.scaled_by([with_terms(model, values) for _, values in sized])
         with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant runs away is left out below
             trials = [
-                Trial(one, values, float(rest @ rest) / 2, float(np.sum(projection.remainder(residual) ** 2)) / 2)
+                Trial.of(one, values, rest, projection.remainder(residual), len(residual))
                 for (one, values), residual in zip(sized, simulated, strict=True)
             ]
-        return _diverse(sorted((one for one in trials if np.isfinite(one.after)), key=lambda one: one.after))
+        return _diverse(sorted((one for one in trials if np.isfinite(one.left)), key=lambda one: one.left))
 
     def _add(self, atoms: Sequence[Atom]) -> None:
         """Simulates each term that is new."""
