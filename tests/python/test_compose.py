@@ -17,12 +17,11 @@ from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.deadline import NO_LIMIT
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
 from brickpilot.discover.terms.atoms import Atom, atom, find_atoms, with_terms
-from brickpilot.discover.terms.basis import EFFECT, Term, basis, parameters, settings_of, terms_of
-from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.periods import Segment
+from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
 from brickpilot.discover.terms.source import TermSource
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan

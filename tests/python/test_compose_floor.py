@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.terms.atoms import atom, find_atoms
-from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.periods import Segment
+from brickpilot.discover.terms.basis import equation
 from test_compose import BASIS, by_plant, coefficient, terms
 
 

@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from brickpilot.data.signals import SIGNALS as MEASURABLE
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.terms.atoms import find_atoms
-from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.periods import Segment
+from brickpilot.discover.terms.basis import equation
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import robot

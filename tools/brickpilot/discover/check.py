@@ -23,10 +23,10 @@ from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
-from brickpilot.discover.advice import Advice, advise
 from brickpilot.discover.conclude import smallest_sizes
-from brickpilot.discover.estimate import estimate
+from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
+from brickpilot.discover.experiment import Advice, advise
 from brickpilot.discover.explanation import refine
 from brickpilot.discover.finding import Visible, valid
 from brickpilot.discover.input_timing import with_known_timing

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import locate, numbers
+from brickpilot.discover.closed_loop import Period, own_period
 from brickpilot.discover.compose import Composed
-from brickpilot.discover.disturbance import Period, own_period
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import (
@@ -33,15 +33,14 @@ from brickpilot.discover.finding import (
     VerdictKind,
     Visible,
 )
-from brickpilot.discover.harmonics import resolved_order
 from brickpilot.discover.parts import Part, RunPart, library_parts
+from brickpilot.discover.periods import resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.discover.terms import c_source
-from brickpilot.discover.terms.basis import PLACES
-from brickpilot.discover.terms.equation import equation
+from brickpilot.discover.terms.basis import PLACES, equation
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
-from brickpilot.discover.closed_loop import Loop
-from brickpilot.discover.disturbance import Period
+from brickpilot.discover.closed_loop import Loop, Period
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model

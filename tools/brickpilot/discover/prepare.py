@@ -17,10 +17,9 @@ from brickpilot import catalogue
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
 from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
-from brickpilot.discover import harmonics, numbers
-from brickpilot.discover.closed_loop import Loop, follows_outputs
+from brickpilot.discover import numbers, periods
+from brickpilot.discover.closed_loop import Loop, follows_outputs, noise_model, whitening
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
-from brickpilot.discover.disturbance import noise_model, whitening
 from brickpilot.discover.explanation import FINE, Explanation, fit
 from brickpilot.discover.parts import Excitation
 from brickpilot.discover.seal import Sealed
@@ -30,7 +29,7 @@ from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.descent import Counter, search
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual, of_bins
-from brickpilot.fit.windows import cut_into_windows, run_of
+from brickpilot.fit.start_state import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -317,7 +316,7 @@ def _excitation(stated: Dataset, ready: Dataset, inputs: Mapping[str, Array], *,
         largest[name] = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in values)
     return Excitation(
         largest=largest,
-        orders=harmonics.orders(stated),
+        orders=periods.orders(stated),
         least_order=_least_order(stated),
         windowed=windowed,
     )

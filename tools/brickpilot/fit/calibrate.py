@@ -27,8 +27,7 @@ from brickpilot.fit.descent import (
     search,
     search_sizes,
 )
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
-from brickpilot.fit.horizons import track
+from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
@@ -288,10 +287,10 @@ def _result(
     scales: Mapping[str, Scale],
     notes: list[str],
 ) -> Calibration:
-    compared = track(ready.measured, ready.started, after, AHEAD)
-    fitted = simulated_at(compared, after)
+    compared = track(ready.measured, ready.started, after)
+    (fitted,) = simulated_at(compared, [after])
     try:
-        unfitted = fitted if before is after else simulated_at(compared, before)
+        unfitted = fitted if before is after else simulated_at(compared, [before])[0]
     except SimulationError:
         unfitted = {}
     first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
