@@ -25,6 +25,7 @@ from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, param
 from brickpilot.discover.terms.source import TermSource
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
+from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
@@ -262,7 +263,7 @@ def test_every_term_can_be_written() -> None:
     for one in basis():
         written = equation([Term(one, 0.25)], settings_of([one], {}))
         assert "0.25" in written.text, one.name
-        assert ElementTree.fromstring(written.mathml).tag == "math", one.name
+        assert ElementTree.fromstring(mathml([Term(one, 0.25)], settings_of([one], {}))).tag == "math", one.name
         assert written.legend.endswith("SI units."), one.name
 
 

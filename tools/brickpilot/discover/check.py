@@ -147,8 +147,8 @@ class Check:
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
         plain = {"faults": [one.to_json() for one in self.faults], "headline": self.explained.to_json()}
-        made: dict[str, Any] = valid(asdict(self) | plain)
-        del made["explained"], made["units"]
+        kept = {name: value for name, value in vars(self).items() if name not in ("explained", "units")}
+        made: dict[str, Any] = valid(kept | plain)
         return made
 
 

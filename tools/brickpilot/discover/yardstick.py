@@ -41,17 +41,7 @@ _LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long a
 _GRID_S = 0.02
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """R2 about the mean, and rms of error and signal in SI; see `data.agreement`. None: there is no such number."""
-
-    r2: float | None
-    rms_error: float | None
-    rms_signal: float | None
-
-    @classmethod
-    def of(cls, one: Agreement) -> Numbers:
-        return cls(one.r2, one.rms_error, one.rms_signal)
+_NOTHING = Agreement(0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -70,8 +60,8 @@ class Fit:
     before: float | None
     after: float | None
     attainable: float | None
-    numbers_before: Numbers = field(default_factory=lambda: Numbers(None, None, None))
-    numbers_after: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+    numbers_before: Agreement = _NOTHING
+    numbers_after: Agreement = _NOTHING
 
     def to_json(self) -> dict[str, Any]:
         first, last = self.numbers_before, self.numbers_after
@@ -194,7 +184,7 @@ def _fit(before: Headline, after: Headline, signal: str, role: str, horizon: str
         return Fit(None, None, None)
     if first.fit_percent is not None:
         known.append(100 - (100 - first.fit_percent) * math.sqrt(1 - share))
-    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), Numbers.of(first), Numbers.of(last))
+    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), first, last)
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:

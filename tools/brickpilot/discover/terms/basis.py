@@ -7,7 +7,6 @@ The composed effect of the plant's table has one coefficient c for each term, wh
 from __future__ import annotations
 
 import ast
-import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -145,7 +144,7 @@ def symbols_in(expression: str) -> frozenset[str]:
     return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - called
 
 
-_MINUS = "\u2212"
+MINUS = "\u2212"
 
 _TARGETS = {
     "V": "voltage at each motor",
@@ -194,27 +193,27 @@ _LEGEND = {
 
 @dataclass(frozen=True)
 class Equation:
-    """An equation. `mathml`: for HTML, escaped. `legend`: one sentence that explains the symbols."""
+    """An equation. `legend`: one sentence that explains the symbols."""
 
     text: str
-    mathml: str
     legend: str
 
 
 def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
     """Returns what the terms add where they act, with four digits of each number."""
-    texts, maths = [], []
-    for target in dict.fromkeys(term.basis.target for term in terms):
-        here = [_signed(term) for term in terms if term.basis.target == target]
-        texts.append(f"Δ{_symbol(target)} = {_joined(here, settings, _Text())}")
-        row = f"<mi>Δ</mi>{_Math().symbol(target)}<mo>=</mo>{_joined(here, settings, _Math())}"
-        maths.append(f'<math display="block">{row}</math>')
-    return Equation("; ".join(texts), "".join(maths), _legend(terms, settings))
+    texts = [f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer())]
+    return Equation("; ".join(texts), _legend(terms, settings))
+
+
+def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
+    """Returns where the terms act, in the plant's symbol, and what they add there as `out` writes it."""
+    targets = dict.fromkeys(term.basis.target for term in terms)
+    return [(to, _joined([_signed(one) for one in terms if one.basis.target == to], settings, out)) for to in targets]
 
 
 def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
     symbols = frozenset().union(*(term.basis.symbols for term in terms))
-    parts = [f"Δ{_symbol(t)} is added to the {_TARGETS[t]}" for t in dict.fromkeys(term.basis.target for term in terms)]
+    parts = [f"Δ{symbol(t)} is added to the {_TARGETS[t]}" for t in dict.fromkeys(term.basis.target for term in terms)]
     parts += [text for name, text in _LEGEND.items() if name in symbols]
     if "patch" in symbols:
         edge = f"{settings['patch_half_width']:.4g} m either side of x = {settings['patch_x']:.4g} m"
@@ -227,7 +226,8 @@ def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
     return "; ".join(parts) + "; SI units."
 
 
-def _symbol(name: str) -> str:
+def symbol(name: str) -> str:
+    """Returns how a symbol of the plant's table is written."""
     return _SYMBOLS.get(name, name)
 
 
@@ -252,14 +252,14 @@ def _factors(node: ast.expr) -> list[ast.expr]:
     return [] if isinstance(node, ast.Constant) and node.value == 1 else [node]
 
 
-class _Text:
-    """Writes plain text."""
+class Writer:
+    """Writes the parts of an equation, here as plain text."""
 
     def number(self, value: float) -> str:
         return f"{value:.4g}"
 
     def symbol(self, name: str) -> str:
-        return _symbol(name)
+        return symbol(name)
 
     def power(self, base: str, exponent: int) -> str:
         return base + {2: "²", 3: "³", 4: "⁴"}[exponent]
@@ -283,53 +283,13 @@ class _Text:
         return f" {sign} "
 
     def minus(self) -> str:
-        return _MINUS
+        return MINUS
 
 
-class _Math(_Text):
-    """Writes presentation MathML, escaped."""
-
-    def number(self, value: float) -> str:
-        return f"<mn>{value:.4g}</mn>"
-
-    def symbol(self, name: str) -> str:
-        shown = html.escape(_symbol(name))
-        letter, _, index = shown.partition("_")
-        return f"<msub><mi>{letter}</mi><mi>{index}</mi></msub>" if index else f"<mi>{shown}</mi>"
-
-    def power(self, base: str, exponent: int) -> str:
-        return f"<msup>{base}<mn>{exponent}</mn></msup>"
-
-    def product(self, factors: list[str]) -> str:
-        return "".join(
-            one if k == 0 else f"<mo>{'·' if one.startswith('<mn>') else '&#8290;'}</mo>{one}"
-            for k, one in enumerate(factors)
-        )
-
-    def bracket(self, inner: str) -> str:
-        return f"<mrow><mo>(</mo>{inner}<mo>)</mo></mrow>"
-
-    def call(self, name: str, inner: str) -> str:
-        if name == "fabs":
-            return f"<mrow><mo>|</mo>{inner}<mo>|</mo></mrow>"
-        if name == "sqrt":
-            return f"<msqrt>{inner}</msqrt>"
-        return f"<mi>{'sgn' if name == 'sign' else name}</mi>{self.bracket(inner)}"
-
-    def over(self, above: str, below: str) -> str:
-        return f"<mfrac><mrow>{above}</mrow><mrow>{below}</mrow></mfrac>"
-
-    def operator(self, sign: str) -> str:
-        return f"<mo>{sign}</mo>"
-
-    def minus(self) -> str:
-        return f"<mo>{_MINUS}</mo>"
-
-
-def _joined(signed: Sequence[tuple[bool, float, list[ast.expr]]], settings: Mapping[str, float], out: _Text) -> str:
+def _joined(signed: Sequence[tuple[bool, float, list[ast.expr]]], settings: Mapping[str, float], out: Writer) -> str:
     written = ""
     for number, (negative, size, rest) in enumerate(signed):
-        written += (out.minus() if negative else "") if number == 0 else out.operator(_MINUS if negative else "+")
+        written += (out.minus() if negative else "") if number == 0 else out.operator(MINUS if negative else "+")
         written += out.product([out.number(size), *_powers(rest, settings, out)])
     return written
 
@@ -338,7 +298,7 @@ def _is_sum(node: ast.expr) -> bool:
     return isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub))
 
 
-def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: _Text) -> list[str]:
+def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: Writer) -> list[str]:
     """Returns the factors as text. Equal factors become a power where the first of them stands; ones are left out."""
     written = [
         out.bracket(_write(one, settings, out)) if _is_sum(one) else _write(one, settings, out) for one in factors
@@ -350,7 +310,7 @@ def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: _Te
     ]
 
 
-def _write(node: ast.expr, settings: Mapping[str, float], out: _Text) -> str:
+def _write(node: ast.expr, settings: Mapping[str, float], out: Writer) -> str:
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         return out.number(node.value)
     if isinstance(node, ast.Name):
@@ -365,6 +325,6 @@ def _write(node: ast.expr, settings: Mapping[str, float], out: _Text) -> str:
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
         return out.product(_powers(_factors(node), settings, out))
     if isinstance(node, ast.BinOp):
-        sign = "+" if isinstance(node.op, ast.Add) else _MINUS
+        sign = "+" if isinstance(node.op, ast.Add) else MINUS
         return _write(node.left, settings, out) + out.operator(sign) + _write(node.right, settings, out)
     raise ValueError(f"no way to write {ast.dump(node)}")
