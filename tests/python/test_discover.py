@@ -361,7 +361,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_separates_most():
         "actuator_deadband": dataclasses.replace(robot(), effects={"actuator_deadband": {"voltage": 0.5}}),
     }
     noise = {"wheel_speed_left": 0.05, "yaw_rate": 0.014}
-    found = next_experiment(near, list(noise), noise, 9.0)
+    found = next_experiment(near, noise, 9.0)
     assert found.manoeuvre in manoeuvres("diff_drive", 9.0)
     assert found.separation > 1
     assert found.signal in noise
@@ -375,7 +375,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_separates_most():
 def test_another_signal_is_asked_for_where_no_manoeuvre_helps():
     heavy = dataclasses.replace(robot(), effects={"gyro_scale": {"error": 0.05}})
     alike = {"gyro_scale": heavy, "nothing": robot()}
-    found = next_experiment(alike, ["accel_surge"], {"accel_surge": 0.025}, 9.0)
+    found = next_experiment(alike, {"accel_surge": 0.025}, 9.0)
     assert found.manoeuvre is None
     assert found.signal in {"yaw_rate", "yaw_angle"}
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, read
-from brickpilot.discover.input_timing import with_known_sampling
 from brickpilot.discover.prepare import calibrate, prepare
+from brickpilot.discover.row_meaning import with_known_sampling
 from brickpilot.errors import InputError
 from brickpilot.fit.comparable import blocks
 from brickpilot.vehicle import plant

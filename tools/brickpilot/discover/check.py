@@ -29,8 +29,8 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import Advice, advise
 from brickpilot.discover.explanation import refine
 from brickpilot.discover.finding import Visible, valid
-from brickpilot.discover.input_timing import with_known_timing
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
+from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.fit.comparable import Comparable, comparable, enough_to_fit
 from brickpilot.fit.headline import Headline, headline
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import locate, numbers
-from brickpilot.discover.closed_loop import Period, own_period
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.feedback import Period, own_period
 from brickpilot.discover.finding import (
     NOMINAL_VALUES,
     Effect,

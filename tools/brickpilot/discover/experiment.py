@@ -50,55 +50,50 @@ def plan_experiment(prepared: Prepared, verdict: Verdict) -> Experiment | None:
         for one in (verdict.best, *verdict.rivals)
     }
     noise_sd = prepared.fine.sample_noise
-    return next_experiment(rivals, list(noise_sd), noise_sd, prepared.excitation.largest["voltage"])
+    return next_experiment(rivals, noise_sd, prepared.excitation.largest["voltage"])
 
 
-def next_experiment(
-    rivals: Mapping[str, Model], measured: Sequence[str], noise_sd: Mapping[str, float], volts: float
-) -> Experiment:
+def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], volts: float) -> Experiment:
     """Returns the manoeuvre that separates the fitted `rivals` best in the measured signals.
 
     Args:
         rivals: name -> fitted model, two or more.
-        noise_sd: signal -> noise sd of a sample, SI.
+        noise_sd: measured signal -> noise sd of a sample, SI.
         volts: the largest command of the measured runs.
     """
     vehicle = next(iter(rivals.values())).vehicle
-    best: tuple[float, str, Manoeuvre] | None = None
-    unmeasured: tuple[float, str | None] = (0.0, None)
+    measured: list[tuple[float, str, Manoeuvre]] = []
+    unmeasured = [(0.0, "")]
     for manoeuvre in manoeuvres(vehicle, volts):
         outputs = _drive(rivals, manoeuvre)
-        where, apart = _separation(outputs, {name: noise_sd[name] for name in measured})
-        if best is None or apart > best[0]:
-            best = (apart, where, manoeuvre)
+        signal, separation = _separation(outputs, noise_sd)
+        measured.append((separation, signal, manoeuvre))
         others = {
             name: max(float(np.sqrt(np.mean([one[name] ** 2 for one in outputs]))), 1e-9)
             for name in outputs[0]
-            if name not in measured and name in _CAN_MEASURE
+            if name not in noise_sd and name in _CAN_MEASURE
         }
         if others:
-            name, share = _separation(outputs, others)
-            if share > unmeasured[0]:
-                unmeasured = (share, name)
+            unmeasured.append(_separation(outputs, others)[::-1])
+    separation, signal, manoeuvre = max(measured, key=lambda one: one[0])
+    share, other = max(unmeasured, key=lambda one: one[0])
     names = tuple(rivals)
-    separation = best[0] if best else 0.0
-    if best is not None and separation >= _SEPARATES_NOISE_SD:
-        _, signal, manoeuvre = best
+    if separation >= _SEPARATES_NOISE_SD:
         advice = (
             f'Drive "{manoeuvre.name}", add the run to the data set and run discover again. '
             f"The explanations differ most in {signal}."
         )
         return Experiment(advice, names, separation, signal, manoeuvre)
-    if unmeasured[1] is not None and unmeasured[0] > _SEPARATES_SIGNAL_SHARE:
-        advice = f"No manoeuvre separates the explanations in the measured signals. Measure {unmeasured[1]} as well."
-        return Experiment(advice, names, separation, unmeasured[1], None)
+    if share > _SEPARATES_SIGNAL_SHARE:
+        advice = f"No manoeuvre separates the explanations in the measured signals. Measure {other} as well."
+        return Experiment(advice, names, separation, other, None)
     if NOMINAL_VALUES in rivals:
         advice = "The explanations drive alike. Measure the nominal values again that the fit had to move."
-        return Experiment(advice, names, separation, None, None)
-    advice = (
-        "No manoeuvre and no further signal of the vehicle separates the explanations: they have the same effect. "
-        "Examine the part itself, for example time the sensor on its own."
-    )
+    else:
+        advice = (
+            "No manoeuvre and no further signal of the vehicle separates the explanations: they have the same effect. "
+            "Examine the part itself, for example time the sensor on its own."
+        )
     return Experiment(advice, names, separation, None, None)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
-from brickpilot.discover.closed_loop import Loop, Period
+from brickpilot.discover.feedback import Loop, Period
 from brickpilot.discover.terms import basis
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Spread

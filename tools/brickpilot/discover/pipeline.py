@@ -38,8 +38,8 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Budget, Finding, VerdictKind
-from brickpilot.discover.input_timing import with_known_sampling, with_known_timing
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
+from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import Found, Library, Search, runs_of
 from brickpilot.discover.settle import Settled, best_predictor, settle
