@@ -30,6 +30,7 @@ from brickpilot.discover.finding import (
     Visible,
     Whiteness,
 )
+from brickpilot.discover.terms import basis
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
 from synthetic import robot, write
@@ -59,9 +60,9 @@ ASKED = Experiment("Drive a slow ramp.", ("coulomb_friction", "actuator_deadband
 TERM = Term(
     "wheel torque",
     f"ΔT = {MINUS}0.006 sgn(w)",
-    "<math><mi>ΔT</mi></math>",
     "composed_bench.c",
-    "if (w < 0 && torque > 0)\n    return;\n",
+    basis.terms_of({"wheel_dry_constant": 0.006}),
+    {},
     0.923,
 )
 DIFFERS = RunValues(

@@ -9,8 +9,7 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.discover.closed_loop import follows_outputs
-from brickpilot.discover.disturbance import noise_model, own_period, whitening
+from brickpilot.discover.feedback import follows_outputs, noise_model, own_period, whitening
 from brickpilot.importers.wpilib import import_wpilib
 from scipy.signal import lfilter
 

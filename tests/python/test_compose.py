@@ -17,15 +17,15 @@ from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.deadline import NO_LIMIT
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
 from brickpilot.discover.terms.atoms import Atom, atom, find_atoms, with_terms
-from brickpilot.discover.terms.basis import EFFECT, Term, basis, parameters, settings_of, terms_of
-from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.periods import Segment
+from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
 from brickpilot.discover.terms.source import TermSource
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
+from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
@@ -263,7 +263,7 @@ def test_every_term_can_be_written() -> None:
     for one in basis():
         written = equation([Term(one, 0.25)], settings_of([one], {}))
         assert "0.25" in written.text, one.name
-        assert ElementTree.fromstring(written.mathml).tag == "math", one.name
+        assert ElementTree.fromstring(mathml([Term(one, 0.25)], settings_of([one], {}))).tag == "math", one.name
         assert written.legend.endswith("SI units."), one.name
 
 

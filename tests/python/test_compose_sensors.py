@@ -8,9 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from brickpilot.data.signals import SIGNALS as MEASURABLE
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.terms.atoms import find_atoms
-from brickpilot.discover.terms.equation import equation
-from brickpilot.discover.terms.periods import Segment
+from brickpilot.discover.terms.basis import equation
+from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import robot
@@ -53,7 +54,7 @@ def test_a_rotation_sensor_s_error_reads_as_on_paper() -> None:
     chosen = terms(encoder_gain_one=0.05, encoder_gain_diff_cos_angle=-0.04)
     written = equation(chosen, {"order": 2.0})
     assert written.text == "Δw_read = 0.05 w \u2212 0.04 s cos(2 θ) w"
-    assert ElementTree.fromstring(written.mathml).tag == "math"
+    assert ElementTree.fromstring(mathml(chosen, {"order": 2.0})).tag == "math"
     assert "added to the speed of each wheel that is read" in written.legend
     assert "θ its angle" in written.legend
 

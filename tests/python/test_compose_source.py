@@ -10,8 +10,8 @@ from pathlib import Path
 
 import brickpilot
 import pytest
-from brickpilot.discover.terms import c_source
 from brickpilot.discover.terms.basis import Term, basis, settings_of
+from brickpilot.report import composed_law
 from test_compose import terms
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -107,7 +107,7 @@ COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
 
 def source(name: str) -> str:
     vehicle, coefficients, settings = COMPOSED[name]
-    return c_source.render(terms(**coefficients), settings, name=name, vehicle=vehicle)
+    return composed_law.render(terms(**coefficients), settings, name=name, vehicle=vehicle)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def source(name: str) -> str:
 )
 def test_what_makes_no_effect_is_refused(chosen: dict[str, float], name: str, vehicle: str) -> None:
     with pytest.raises(ValueError, match=r"no effect can be made|does not act on a motor|no value for patch"):
-        c_source.render(terms(**chosen), {}, name=name, vehicle=vehicle)
+        composed_law.render(terms(**chosen), {}, name=name, vehicle=vehicle)
 
 
 def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_every_term_alone_is_c_without_warnings(tmp_path: Path) -> None:
     alike = [[one] for one in basis() if not one.sided] + [[one for one in basis() if one.sided]]
     for number, chosen in enumerate(alike):
         values = [Term(one, 0.5) for one in chosen]
-        text = c_source.render(values, settings_of(chosen, {}), name="alone", vehicle="diff_drive")
+        text = composed_law.render(values, settings_of(chosen, {}), name="alone", vehicle="diff_drive")
         (tmp_path / f"alone_{number}.c").write_text(text, encoding="utf-8")
     compiled = subprocess.run(
         ["cc", *flags, *include, *map(str, sorted(tmp_path.glob("*.c")))], capture_output=True, text=True

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
-from brickpilot.discover import harmonics, numbers, pipeline
+from brickpilot.discover import numbers, periods, pipeline
 from brickpilot.discover.experiment import manoeuvres, next_experiment
 from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
 from brickpilot.discover.parts import library_parts, sizes_of
@@ -17,8 +17,7 @@ from brickpilot.discover.prepare import with_default_sds
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, of_bins
-from brickpilot.fit.start_state import with_averaged_starts, with_rates
-from brickpilot.fit.windows import cut_into_windows
+from brickpilot.fit.start_state import cut_into_windows, with_averaged_starts, with_rates
 from synthetic import motor, robot, write
 from verdict_schema import check
 
@@ -87,7 +86,7 @@ def test_the_residual_compares_the_mean_of_each_bin(tmp_path):
     block = next(one for one in full.blocks if one.run == run.name and one.signal == "yaw_rate")
     assert block.measured[5] == pytest.approx(run.outputs["yaw_rate"][15:18].mean())
     simulated = Replay(full.replay.dataset).simulate([plan.model])[0][run.name]["yaw_rate"]
-    assert block.pick(simulated)[5] == pytest.approx(simulated[15:18].mean())
+    assert (block.picked @ simulated)[5] == pytest.approx(simulated[15:18].mean())
 
 
 def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
@@ -157,8 +156,8 @@ def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
     ripple = {"cogging": {"torque": 0.01, "order": 7.0, "phase": 0.3, "phase_difference": 0.5}}
     long = {name: (left / 2, right / 2) for name, (left, right) in MANOEUVRES.items()}
     data = dataset.read(hidden(tmp_path / "set", ripple, manoeuvres=long))
-    assert any(abs(order - 7.0) < 0.1 for order in harmonics.orders(data))
-    assert harmonics.orders(dataset.read(hidden(tmp_path / "clean", {}))) == ()
+    assert any(abs(order - 7.0) < 0.1 for order in periods.orders(data))
+    assert periods.orders(dataset.read(hidden(tmp_path / "clean", {}))) == ()
 
 
 def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
@@ -362,7 +361,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_separates_most():
         "actuator_deadband": dataclasses.replace(robot(), effects={"actuator_deadband": {"voltage": 0.5}}),
     }
     noise = {"wheel_speed_left": 0.05, "yaw_rate": 0.014}
-    found = next_experiment(near, list(noise), noise, 9.0)
+    found = next_experiment(near, noise, 9.0)
     assert found.manoeuvre in manoeuvres("diff_drive", 9.0)
     assert found.separation > 1
     assert found.signal in noise
@@ -376,7 +375,7 @@ def test_the_next_experiment_is_the_manoeuvre_that_separates_most():
 def test_another_signal_is_asked_for_where_no_manoeuvre_helps():
     heavy = dataclasses.replace(robot(), effects={"gyro_scale": {"error": 0.05}})
     alike = {"gyro_scale": heavy, "nothing": robot()}
-    found = next_experiment(alike, ["accel_surge"], {"accel_surge": 0.025}, 9.0)
+    found = next_experiment(alike, {"accel_surge": 0.025}, 9.0)
     assert found.manoeuvre is None
     assert found.signal in {"yaw_rate", "yaw_angle"}
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from brickpilot.discover.yardstick import Numbers, Predictable, Yardstick
+from brickpilot.data.agreement import Agreement
+from brickpilot.discover.yardstick import Predictable, Yardstick
 from brickpilot.report import discover_fit
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import verdict
@@ -100,7 +101,7 @@ def test_the_terminal_shows_a_line_for_each_signal(found):
 def test_the_error_stands_beside_the_fit_in_its_unit(found):
     one = found["named"]
     fit = one.yardstick.signals["yaw_rate"]["free_run"]
-    before, after = Numbers(0.9, 0.2, 1.0), Numbers(0.999, 0.02, 1.0)
+    before, after = (Agreement(100, 100 * rms**2, 100.0, 0.0, 100.0) for rms in (0.2, 0.02))
     sized = dataclasses.replace(fit.held_out, numbers_before=before, numbers_after=after)
     signals = {"yaw_rate": {"free_run": dataclasses.replace(fit, held_out=sized)}}
     made = dataclasses.replace(one, yardstick=dataclasses.replace(one.yardstick, signals=signals))

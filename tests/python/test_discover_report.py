@@ -11,6 +11,7 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
 from brickpilot.fit.replay import Replay
+from brickpilot.report import composed_law
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import explanation_lines, verdict, words
 from brickpilot.report.quantities import quantity
@@ -272,8 +273,8 @@ def test_an_experiment_without_a_manoeuvre_shows_its_advice_alone(found):
 
 def test_the_term_comes_with_its_equation_and_source(found):
     html = page(found["unknown"], COMMAND)
-    assert TERM.html in html
-    assert TERM.source in Page(html).text
+    assert composed_law.mathml(TERM.law, TERM.settings) in html
+    assert composed_law.of_finding(found["unknown"])["composed_bench.c"] in Page(html).text
 
 
 def test_text_of_the_data_cannot_become_markup(found):

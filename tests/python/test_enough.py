@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from brickpilot.data import plain_rows
 from brickpilot.discover import check
-from brickpilot.discover.estimate import Span
+from brickpilot.discover.deadline import Span
 from brickpilot.fit import comparable
 from brickpilot.fit.comparable import enough_to_fit
 from synthetic import motor, write

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.discover.harmonics import orders, resolved_order
+from brickpilot.discover.periods import orders, resolved_order
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
@@ -52,6 +52,16 @@ def test_a_ripple_is_found_beside_what_is_held_out() -> None:
 
     found = orders(dataclasses.replace(data, runs=tuple(with_hole(run) for run in data.runs)))
     assert min(abs(one - 6.0) for one in found) < 0.2
+
+
+def test_slow_samples_are_no_holes() -> None:
+    """Rows 0.15 s apart, and a run of which all but one sample is held out."""
+    slow = ramps(0.15, 0.0, 6.0)
+    lone = {name: np.where(np.arange(len(one)) == 7, one, np.nan) for name, one in slow.runs[0].outputs.items()}
+    first = dataclasses.replace(slow.runs[0], outputs=lone)
+    others = slow.runs[1:]
+    assert orders(dataclasses.replace(slow, runs=others)) != ()  # read off rows that are all there
+    assert orders(dataclasses.replace(slow, runs=(first, *others))) == orders(dataclasses.replace(slow, runs=others))
 
 
 def test_smooth_wheels_have_no_order() -> None:

@@ -12,7 +12,7 @@ from brickpilot.data.dataset import Dataset, Run, motor_inputs, read
 from brickpilot.data.holdout import Roles, assign, manoeuvre
 from brickpilot.discover import seal
 from brickpilot.discover.prepare import prepare
-from brickpilot.fit.blocks import Bins, blocks
+from brickpilot.fit.comparable import Bins, blocks
 from brickpilot.vehicle import model as model_file
 from test_measured import DATA
 

@@ -10,7 +10,7 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.discover.input_timing import with_known_timing
+from brickpilot.discover.row_meaning import with_known_timing
 from hidden import measure
 from hidden.manoeuvre import ramps
 from hidden.recipe import BENCH, Recipe

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, read
-from brickpilot.discover.input_timing import with_known_sampling
 from brickpilot.discover.prepare import calibrate, prepare
+from brickpilot.discover.row_meaning import with_known_sampling
 from brickpilot.errors import InputError
-from brickpilot.fit.blocks import blocks
+from brickpilot.fit.comparable import blocks
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
@@ -98,7 +98,7 @@ def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
                 run = outputs[block.run]
                 volts = np.column_stack([run.inputs["voltage_left"], run.inputs["voltage_right"]])
                 simulated = plant.simulate([(TRUTH, OpenLoopRun(time=run.time, inputs=volts))])[0].outputs
-                errors.append(block.measured - block.pick(simulated["accel_surge"]))
+                errors.append(block.measured - block.picked @ simulated["accel_surge"])
         left[said] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     other = "mean" if kind == "instant" else "instant"
     assert left[kind] < 1.6 * NOISE["accel_surge"]

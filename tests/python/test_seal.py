@@ -16,7 +16,7 @@ from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.discover.prepare import Prepared, calibrate, prepare, prepare_windows
 from brickpilot.discover.seal import Sealed, SealError, prove
-from brickpilot.fit.windows import run_of
+from brickpilot.fit.start_state import run_of
 from brickpilot.vehicle import model as model_file
 from scipy.sparse import issparse
 from synthetic import motor, robot, write

@@ -10,8 +10,8 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Proof
-from brickpilot.discover.yardstick import Yardstick, measure, repeats
-from brickpilot.fit.horizons import simulate, track
+from brickpilot.discover.yardstick import HORIZONS, Yardstick, measure, repeats
+from brickpilot.fit.headline import simulated_at, track
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from synthetic import motor, robot, write
@@ -168,8 +168,8 @@ def test_a_window_keeps_the_commands_that_are_on_their_way(tmp_path):
 def test_a_window_starts_from_what_was_measured(tmp_path):
     noiseless = dict.fromkeys(NOISE, 0.0) | {"yaw_angle": 0.0}
     plain = ready_of(tmp_path / "set", FRICTION, noiseless).proof.opened.plain
-    compared = track(plain.measured, plain.started, NOMINAL)
-    simulated = simulate(compared, [NOMINAL], jobs=1)
+    compared = track(plain.measured, plain.started, NOMINAL, HORIZONS)
+    (simulated,) = simulated_at(compared, [NOMINAL], threads=1)
     for course in compared.courses[1:]:
         for signal in ("wheel_speed_left", "yaw_angle"):
             errors = {"free_run": 0.0, course.horizon: 0.0}
@@ -177,7 +177,7 @@ def test_a_window_starts_from_what_was_measured(tmp_path):
                 after_start = [mark.sample + 1 for mark in course.marks[run.name]]
                 assert after_start
                 for horizon in errors:
-                    outputs = simulated[horizon][0][run.name][signal]
+                    outputs = simulated[horizon][run.name][signal]
                     errors[horizon] += float(np.abs(run.outputs[signal] - outputs)[after_start].sum())
             assert errors[course.horizon] < 0.2 * errors["free_run"]
 

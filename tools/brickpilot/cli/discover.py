@@ -53,6 +53,7 @@ def discover(
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.finding import verdict_json
     from brickpilot.report import (
+        composed_law,
         discover_fit,
         discover_page,
         discover_text,
@@ -82,9 +83,7 @@ def discover(
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
         (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
         model.save(found.augmented, beside / "model.toml")
-        if found.term is not None:
-            (beside / found.term.file_name).write_text(found.term.source, encoding="utf-8")
-        for name, text in experiment_files.of_finding(found).items():
+        for name, text in (composed_law.of_finding(found) | experiment_files.of_finding(found)).items():
             (beside / name).write_text(text, encoding="utf-8")
         undone = compensation.from_model(found.augmented)
         if undone is not None:

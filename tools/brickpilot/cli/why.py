@@ -89,7 +89,7 @@ def _read(
 def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence[str]) -> tuple[Answer, Constants]:
     """Writes the pages and files into `beside`, and returns what they say."""
     from brickpilot.discover.finding import verdict_json
-    from brickpilot.report import discover_page, experiment_files, why_page, why_text
+    from brickpilot.report import composed_law, discover_page, experiment_files, why_page, why_text
     from brickpilot.vehicle import compensation, model
 
     undone = compensation.from_model(found.augmented)
@@ -99,7 +99,7 @@ def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence
         "report.html": discover_page.page(found, command),
         **experiment_files.of_finding(found),
         **why_page.files_of(found.dataset.name, constants),
-        **({found.term.file_name: found.term.source} if found.term is not None else {}),
+        **composed_law.of_finding(found),
     }
     for name, text in texts.items():
         (beside / name).write_text(text, encoding="utf-8")

@@ -18,7 +18,7 @@ from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.robust import robust_size
-from brickpilot.fit.windows import run_of
+from brickpilot.fit.start_state import run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

@@ -23,14 +23,14 @@ from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
-from brickpilot.discover.advice import Advice, advise
 from brickpilot.discover.conclude import smallest_sizes
-from brickpilot.discover.estimate import estimate
+from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
+from brickpilot.discover.experiment import Advice, advise
 from brickpilot.discover.explanation import refine
 from brickpilot.discover.finding import Visible, valid
-from brickpilot.discover.input_timing import with_known_timing
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
+from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.fit.comparable import Comparable, comparable, enough_to_fit
 from brickpilot.fit.headline import Headline, headline
 from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
@@ -147,8 +147,8 @@ class Check:
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
         plain = {"faults": [one.to_json() for one in self.faults], "headline": self.explained.to_json()}
-        made: dict[str, Any] = valid(asdict(self) | plain)
-        del made["explained"], made["units"]
+        kept = {name: value for name, value in vars(self).items() if name not in ("explained", "units")}
+        made: dict[str, Any] = valid(kept | plain)
         return made
 
 

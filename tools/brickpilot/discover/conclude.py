@@ -11,9 +11,9 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import locate, numbers
 from brickpilot.discover.compose import Composed
-from brickpilot.discover.disturbance import Period, own_period
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.feedback import Period, own_period
 from brickpilot.discover.finding import (
     NOMINAL_VALUES,
     Effect,
@@ -33,15 +33,13 @@ from brickpilot.discover.finding import (
     VerdictKind,
     Visible,
 )
-from brickpilot.discover.harmonics import resolved_order
 from brickpilot.discover.parts import Part, RunPart, library_parts
+from brickpilot.discover.periods import resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
-from brickpilot.discover.terms import c_source
-from brickpilot.discover.terms.basis import PLACES
-from brickpilot.discover.terms.equation import equation
+from brickpilot.discover.terms.basis import PLACES, equation
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
@@ -366,17 +364,15 @@ def _term(prepared: Prepared, found: Conclusion) -> Term | None:
     composed = found.composed
     if composed is None:
         return None
-    name = _term_name(prepared.dataset)
-    source = c_source.render(composed.terms, composed.settings, name=name, vehicle=prepared.dataset.vehicle)
     written = equation(composed.terms, composed.settings)
     places = dict.fromkeys(term.basis.place for term in composed.terms)
     evidence = found.proof.evidence
     return Term(
         ", ".join(PLACES[place] for place in places),
         f"{written.text}. {written.legend}",
-        f"{written.mathml}<p>{written.legend}</p>",
-        f"{name}.c",
-        source,
+        f"{_term_name(prepared.dataset)}.c",
+        composed.terms,
+        composed.settings,
         evidence.removed_held_out if evidence is not None else None,
     )
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
-from brickpilot.discover.closed_loop import Loop
-from brickpilot.discover.disturbance import Period
+from brickpilot.discover.feedback import Loop, Period
+from brickpilot.discover.terms import basis
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model
@@ -340,16 +340,17 @@ class Term:
 
     Attributes:
         place: where it acts.
-        equation, html: the equation as plain text and as MathML.
-        file_name, source: its C file.
+        equation: as plain text, with the meaning of its symbols.
+        file_name: the name of its C file.
+        law, settings: its parts with their coefficients, and the parameters that shape them, SI.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
     place: str
     equation: str
-    html: str
     file_name: str
-    source: str
+    law: tuple[basis.Term, ...]
+    settings: Mapping[str, float]
     removed_held_out: float | None
 
 
@@ -447,63 +448,56 @@ class Finding:
 
 def verdict_json(found: Finding) -> dict[str, Any]:
     """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
-    figures: dict[str, Any] = valid(_figures(found))
-    return figures
-
-
-def _figures(found: Finding) -> dict[str, Any]:
-    return {
+    evidence, term, predictor = found.evidence, found.term, found.predictor
+    figures = {
         "verdict": found.verdict,
         "mechanism": found.mechanism,
         "law_differs": found.law_differs,
-        "evidence": None if found.evidence is None else found.evidence.kind,
-        "proof": None if found.evidence is None else dataclasses.asdict(found.evidence),
+        "evidence": None if evidence is None else evidence.kind,
+        "proof": evidence,
         "fit_percent": found.yardstick.fit_json(),
         "predictable": found.yardstick.predictable_json(),
-        "explanations": [dataclasses.asdict(one) for one in found.explanations],
-        "predictable_left": None if found.predictable_left is None else dict(found.predictable_left),
-        "closed_loop": None if found.closed_loop is None else dataclasses.asdict(found.closed_loop),
-        "disturbances": {name: dataclasses.asdict(one) for name, one in found.disturbances.items()},
-        "predictor": None
-        if found.predictor is None
-        else {"parts": list(found.predictor.parts), "fit_percent": found.predictor.fit_percent},
-        "effects": [_effect_json(effect) for effect in found.effects],
-        "where": [dataclasses.asdict(place) for place in found.where],
-        "gap": {
-            **{role: dataclasses.asdict(gap) for role, gap in found.gap.items()},
-            "unit": "residual rms / noise sd",
-            "by_signal": {name: dataclasses.asdict(gap) for name, gap in found.by_signal.items()},
-        },
-        "nominal": {name: dataclasses.asdict(change) for name, change in found.nominal.items()},
+        "explanations": found.explanations,
+        "predictable_left": found.predictable_left,
+        "closed_loop": found.closed_loop,
+        "disturbances": found.disturbances,
+        "predictor": predictor and {"parts": predictor.parts, "fit_percent": predictor.fit_percent},
+        "effects": [_without(effect, "equation") for effect in found.effects],
+        "where": found.where,
+        "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
+        "nominal": found.nominal,
         "spread": None if found.spread is None else found.spread.to_json(),
-        "nominal_findings": [dataclasses.asdict(one) for one in found.nominal_findings],
+        "nominal_findings": found.nominal_findings,
         "run_values": [one.to_json() for one in found.run_values],
         "data_faults": [fault.to_json() for fault in found.faults],
         "next_experiment": _plain(found.next_experiment),
-        "term": None
-        if found.term is None
-        else {
-            "acts_on": found.term.place,
-            "equation": found.term.equation,
-            "source": found.term.file_name,
-            "removed_held_out": found.term.removed_held_out,
+        "term": term
+        and {
+            "acts_on": term.place,
+            "equation": term.equation,
+            "source": term.file_name,
+            "removed_held_out": term.removed_held_out,
         },
-        "power": {name: dataclasses.asdict(one) for name, one in found.power.items()},
-        "ranking": [dataclasses.asdict(rank) for rank in found.ranking],
-        "roles": dict(found.roles),
+        "power": found.power,
+        "ranking": found.ranking,
+        "roles": found.roles,
         "frame": {"values": "FRD", "dataset": found.dataset.frame},
         "input_timing": found.dataset.input_timing,
-        "held_out_stretches": {name: list(span) for name, span in found.held_out_stretches.items()},
-        "notes": list(found.notes),
+        "held_out_stretches": found.held_out_stretches,
+        "notes": found.notes,
         "elapsed_s": found.elapsed_s,
-        "budget": None if found.budget is None else dataclasses.asdict(found.budget),
+        "budget": found.budget,
         "seed": found.seed,
         "version": __version__,
     }
+    made: dict[str, Any] = valid(figures)
+    return made
 
 
 def valid(value: Any) -> Any:
-    """Returns `value` as JSON can hold it: sequences as lists, and None for NaN and Infinity."""
+    """Returns `value` as JSON can hold it: records as objects, sequences as lists, and None for NaN and Infinity."""
+    if dataclasses.is_dataclass(value):
+        value = vars(value)
     if isinstance(value, Mapping):
         return {key: valid(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
@@ -513,16 +507,14 @@ def valid(value: Any) -> Any:
     return value
 
 
-def _effect_json(effect: Effect) -> dict[str, Any]:
-    entry: dict[str, Any] = dataclasses.asdict(effect)
-    entry.pop("equation")
-    return entry
+def _without(record: object, name: str) -> dict[str, Any]:
+    """Returns the fields of a record but for one."""
+    return {key: value for key, value in vars(record).items() if key != name}
 
 
 def _plain(experiment: Experiment | None) -> dict[str, Any] | None:
     """Returns the experiment with the manoeuvre's name and break points at its top level, ready for a script."""
     if experiment is None:
         return None
-    entry = dataclasses.asdict(experiment)
-    manoeuvre = entry.pop("manoeuvre")
-    return entry | (manoeuvre or {"name": None})
+    manoeuvre = {"name": None} if experiment.manoeuvre is None else vars(experiment.manoeuvre)
+    return _without(experiment, "manoeuvre") | manoeuvre

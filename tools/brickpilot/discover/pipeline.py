@@ -10,7 +10,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
     adequacy         -> Adequacy      `unknown`, where what is left is still predictable or too much (adequacy.py)
     compose          -> Composed      for `unknown`: a law of few terms without a name               (compose.py)
-    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (predictor.py)
+    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
     prove            -> Proof         the seal is opened, once: what held-out runs say               (seal.py)
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
@@ -33,18 +33,16 @@ from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import adequacy
 from brickpilot.discover.compose import Composed, compose, refitted
 from brickpilot.discover.conclude import Conclusion, conclude
-from brickpilot.discover.deadline import SEARCHED, Deadline
-from brickpilot.discover.estimate import Span, Stages, estimate
+from brickpilot.discover.deadline import SEARCHED, Deadline, Span, Stages, estimate
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Budget, Finding, VerdictKind
-from brickpilot.discover.input_timing import with_known_sampling, with_known_timing
-from brickpilot.discover.predictor import best_predictor
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
+from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import Found, Library, Search, runs_of
-from brickpilot.discover.settle import Settled, settle
+from brickpilot.discover.settle import Settled, best_predictor, settle
 from brickpilot.discover.verdict import Verdict, best_so_far, weigh
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress

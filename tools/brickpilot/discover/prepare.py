@@ -17,11 +17,10 @@ from brickpilot import catalogue
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
 from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
-from brickpilot.discover import harmonics, numbers
-from brickpilot.discover.closed_loop import Loop, follows_outputs
+from brickpilot.discover import numbers, periods
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
-from brickpilot.discover.disturbance import noise_model, whitening
 from brickpilot.discover.explanation import FINE, Explanation, fit
+from brickpilot.discover.feedback import Loop, follows_outputs, noise_model, whitening
 from brickpilot.discover.parts import Excitation
 from brickpilot.discover.seal import Sealed
 from brickpilot.errors import InputError
@@ -30,7 +29,7 @@ from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.descent import Counter, search
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual, of_bins
-from brickpilot.fit.windows import cut_into_windows, run_of
+from brickpilot.fit.start_state import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -132,7 +131,10 @@ def prepare(
     windows = _windows(whole, roles, inputs, _MOTOR_WINDOW_S if is_motor else _WINDOW_S)
     windowed = is_motor and windows is not None
     excitation = _excitation(_blind(stated, roles), ready, inputs, windowed=windowed)
-    sealed = Sealed(measured, whole, _plain(measured, whole, roles, given=model is not None))
+    plain = whole  # as `compare` and `calibrate` take it
+    if model is not None:
+        plain = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
+    sealed = Sealed(measured, whole, Comparable(measured, plain, roles))
     compared = windows if windowed and windows is not None else ready
     coarse, fine = _residuals(ready, compared, plan, jobs)
     prepared = Prepared(
@@ -214,18 +216,15 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation) -> tuple[Prepared, 
     if not prepared.is_biased:
         return prepared, nominal
     for _ in range(_NOISE_ROUNDS):
+        left = prepared.coarse.measured - prepared.coarse.predict([nominal.model])[0]
         models = {
-            signal: noise_model(prepared.coarse.parts(_left(prepared.coarse, nominal), signal), _HIGHEST_ORDER)
+            signal: noise_model(prepared.coarse.parts(left, signal), _HIGHEST_ORDER)
             for signal in prepared.coarse.signals
         }
         coarse, fine = (_innovations(one, models) for one in (prepared.coarse, prepared.fine))
         found = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE)
         nominal = found or nominal
     return dataclasses.replace(prepared, coarse=coarse, fine=fine), nominal
-
-
-def _left(data: Residual, found: Explanation) -> Array:
-    return np.asarray(data.measured - data.predict([found.model])[0])
 
 
 def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
@@ -254,20 +253,23 @@ def with_default_sds(dataset: Dataset) -> Dataset:
 def _blind(dataset: Dataset, roles: holdout.Roles) -> Dataset:
     """Returns the data set without any measured value that is held out."""
 
-    def blind(run: Run) -> Run:
-        if roles.by_run[run.name] == "held_out":
-            return dataclasses.replace(run, outputs={}, raw_outputs={})
-        return dataclasses.replace(roles.samples(run, "fit"), raw_outputs={})
+    runs = (
+        _inputs_of(run)
+        if roles.by_run[run.name] == "held_out"
+        else dataclasses.replace(roles.samples(run, "fit"), raw_outputs={})
+        for run in dataset.runs
+    )
+    return dataclasses.replace(dataset, runs=tuple(runs))
 
-    return dataclasses.replace(dataset, runs=tuple(blind(run) for run in dataset.runs))
+
+def _inputs_of(run: Run) -> Run:
+    """Returns a run without anything measured."""
+    return dataclasses.replace(run, outputs={}, raw_outputs={})
 
 
 def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
     """Returns the fit runs cut into windows, without those that reach into a held-out stretch."""
-    outputs_of = {name for name, role in roles.by_run.items() if role == "fit"}
-    runs = tuple(
-        run if run.name in outputs_of else dataclasses.replace(run, outputs={}, raw_outputs={}) for run in whole.runs
-    )
+    runs = tuple(run if roles.by_run.get(run.name) == "fit" else _inputs_of(run) for run in whole.runs)
     cut = cut_into_windows(dataclasses.replace(whole, runs=runs), inputs, length_s)
     if cut is None:
         return None
@@ -276,15 +278,7 @@ def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], 
         stretch = roles.stretches.get(run_of(run.name))
         return stretch is not None and bool(run.time[-1] >= stretch[0] and run.time[0] <= stretch[1])
 
-    blind = tuple(dataclasses.replace(run, outputs={}, raw_outputs={}) if is_held_out(run) else run for run in cut.runs)
-    return dataclasses.replace(cut, runs=blind)
-
-
-def _plain(measured: Dataset, whole: Dataset, roles: holdout.Roles, *, given: bool) -> Comparable:
-    """Returns the runs for the headline numbers; those of `whole` unless it starts from a given model."""
-    if given:
-        whole = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
-    return Comparable(measured, whole, roles)
+    return dataclasses.replace(cut, runs=tuple(_inputs_of(run) if is_held_out(run) else run for run in cut.runs))
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
@@ -315,12 +309,7 @@ def _excitation(stated: Dataset, ready: Dataset, inputs: Mapping[str, Array], *,
     for name in dict.fromkeys(name for run in fitted for name in run.outputs):
         values = [run.outputs[name] for run in fitted if name in run.outputs]
         largest[name] = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in values)
-    return Excitation(
-        largest=largest,
-        orders=harmonics.orders(stated),
-        least_order=_least_order(stated),
-        windowed=windowed,
-    )
+    return Excitation(largest, periods.orders(stated), _least_order(stated), windowed)
 
 
 def _least_order(dataset: Dataset) -> float:

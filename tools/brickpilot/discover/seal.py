@@ -21,7 +21,7 @@ from brickpilot.fit.comparable import Comparable
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.fit.windows import cut_into_windows, run_of
+from brickpilot.fit.start_state import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:

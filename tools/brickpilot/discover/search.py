@@ -34,7 +34,7 @@ from brickpilot.discover.screen import Trial, screen
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual
 from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.fit.windows import run_of
+from brickpilot.fit.start_state import run_of
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]

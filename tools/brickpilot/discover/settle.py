@@ -2,7 +2,10 @@
 
 The search compares short windows and changes, because a wrong force moves a velocity for seconds and a position for
 ever. What is written must also follow a whole run. So the values of the same explanation are fitted again to free runs,
-and kept where the fit runs get better by it. Nothing joins here.
+and kept where the fit runs get better by it. Nothing joins there.
+
+Where it is asked for, the best predictor is settled too: the explanation with every part that makes whole runs left out
+better, claimed or not. It is for those who want to predict and do not ask why.
 """
 
 from __future__ import annotations
@@ -17,8 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.discover import numbers
+from brickpilot.discover.deadline import COMPOSED
+from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without_undetermined
 from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.search import Found, Library, Search, Tell, runs_of
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
@@ -29,7 +35,9 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _ROUNDS = 2  # of weighing the signals by their residuals and fitting again
+_MOST_JOINED = 5  # parts of a predictor beside the explanation that it starts from
 _WHOLE = "The values are those of a fit to whole runs."
+_PREDICTOR = "A predictor: its parts are what predicts best, and none of them is claimed."
 
 
 @dataclass(frozen=True)
@@ -154,3 +162,38 @@ def read_back(model: Model) -> Model:
         path = Path(folder) / "model.toml"
         model_file.save(model, path)
         return model_file.load(path)
+
+
+def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
+    """Returns the best predictor that grows from an explanation, chosen on stretches of the fit runs left out.
+
+    Nothing in it is a finding: parts that no evidence tells apart stand in it side by side, and no prior odds hold them
+    back.
+    """
+    data, current = prepared.coarse, start
+    whole = whole_runs(prepared)
+    deadline = prepared.until(COMPOSED)
+    try:
+        if whole is not None:
+            data, current = follow(whole, start, prepared.jobs)
+        for _ in range(_MOST_JOINED):
+            if deadline.passed:
+                break
+            tell("searching for the best predictor")
+            judge = Judge.of(data, prepared.seed)
+            now = judge.of_explanation(current)
+            found = Found(judge, now, {current.key: now})
+            library = Library(prepared.excitation, runs_of(data))
+            search = Search(data, current, library, prepared.excitation, prepared.jobs, deadline, tell)
+            found.add(search.beside(found, now), prepared.jobs)
+            best = max(found.table.values(), key=lambda one: one.total)
+            if best.total - now.total < numbers.CHANCE_NATS * judge.correlation(best):
+                break
+            current = best.explanation
+            if whole is not None:
+                data, current = follow(whole, current, prepared.jobs)
+    except SimulationError:
+        current, data = start, prepared.coarse
+    made = written(prepared, data, current, (_PREDICTOR,))
+    model = dataclasses.replace(made.model, name=f"{made.model.name}, predictor")
+    return dataclasses.replace(made, model=model)

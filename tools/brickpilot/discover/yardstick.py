@@ -26,31 +26,22 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.errors import SimulationError
-from brickpilot.fit.headline import Headline, headline, headline_of
-from brickpilot.fit.horizons import HORIZONS, Track, simulate, track
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, Track, headline, headline_of, simulated_at, track
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import of_bins
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-_FREE_RUN = "free_run"
+HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
+"""Name -> s, how far a prediction reaches, beside the free run."""
+
 _SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
 _LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
 _GRID_S = 0.02
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """R2 about the mean, and rms of error and signal in SI; see `data.agreement`. None: there is no such number."""
-
-    r2: float | None
-    rms_error: float | None
-    rms_signal: float | None
-
-    @classmethod
-    def of(cls, one: Agreement) -> Numbers:
-        return cls(one.r2, one.rms_error, one.rms_signal)
+_NOTHING = Agreement(0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -69,8 +60,8 @@ class Fit:
     before: float | None
     after: float | None
     attainable: float | None
-    numbers_before: Numbers = field(default_factory=lambda: Numbers(None, None, None))
-    numbers_after: Numbers = field(default_factory=lambda: Numbers(None, None, None))
+    numbers_before: Agreement = _NOTHING
+    numbers_after: Agreement = _NOTHING
 
     def to_json(self) -> dict[str, Any]:
         first, last = self.numbers_before, self.numbers_after
@@ -158,16 +149,14 @@ class Yardstick:
 def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
     """Returns the record of two models: the calibrated nominal one, and the one that is written."""
     plain = proof.opened.plain
-    compared = track(plain.measured, plain.started, nominal)
-    simulated = simulate(compared, [nominal, augmented], jobs=prepared.jobs)
-    before, after = (
-        headline_of(compared, {name: one[index] for name, one in simulated.items()}, prepared.roles) for index in (0, 1)
-    )
+    compared = track(plain.measured, plain.started, nominal, HORIZONS)
+    simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
+    before, after = (headline_of(compared, one, prepared.roles) for one in simulated)
     shares = _unseen_shares(prepared, proof, nominal)
-    repeated = _repeatability(compared, simulated[_FREE_RUN][0]) if _FREE_RUN in simulated else {}
+    repeated = _repeatability(compared, simulated[0][FREE_RUN]) if FREE_RUN in simulated[0] else {}
     signals: dict[str, dict[str, SignalFit]] = {}
-    for horizon in (name for name in HORIZONS if name in simulated):
-        free = horizon == _FREE_RUN
+    for horizon in simulated[0]:
+        free = horizon == FREE_RUN
         for signal in compared.signals:
             fits = [
                 _fit(before, after, signal, role, horizon, shares.get((signal, role), 0.0) if free else 0.0)
@@ -175,7 +164,7 @@ def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) 
             ]
             kept = repeated.get(signal) if free else None
             signals.setdefault(signal, {})[horizon] = SignalFit(fits[0], fits[1], kept)
-    return Yardstick(signals, {_FREE_RUN: _predictable(signals)} if signals else {}, compared.notes)
+    return Yardstick(signals, {FREE_RUN: _predictable(signals)} if signals else {}, compared.notes)
 
 
 def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
@@ -195,14 +184,14 @@ def _fit(before: Headline, after: Headline, signal: str, role: str, horizon: str
         return Fit(None, None, None)
     if first.fit_percent is not None:
         known.append(100 - (100 - first.fit_percent) * math.sqrt(1 - share))
-    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), Numbers.of(first), Numbers.of(last))
+    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), first, last)
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
     """Returns the shares over all signals, each in units of its own variance, from their fits."""
     found: list[float | None] = []
     for role in ("fit", "held_out"):
-        fits = [getattr(one[_FREE_RUN], role) for one in signals.values() if _FREE_RUN in one]
+        fits = [getattr(one[FREE_RUN], role) for one in signals.values() if FREE_RUN in one]
         known = [fit for fit in fits if None not in (fit.before, fit.after, fit.attainable)]
         if not known:
             found += [None, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,12 +28,11 @@ from brickpilot.fit.descent import (
     search,
     search_sizes,
 )
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
-from brickpilot.fit.horizons import track
+from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
-from brickpilot.fit.uncertainty import Combination, Estimate, Spread, assess
+from brickpilot.fit.uncertainty import Combination, Estimate, Spread, Uncertainty, assess
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def calibrate(
     notes += compared_signals(ready.measured, chosen.model).notes
     if not chosen.free:
         notes.append(NOTHING_FREE)
-        return _result(ready, chosen.model, chosen.model, {}, {}, notes)
+        return _result(ready, chosen, chosen.model, notes)
     if not ready.roles.fit():
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
     data = _residual(ready, chosen, threads)
@@ -221,16 +221,7 @@ def calibrate(
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
-    result = _result(ready, chosen.model, model, known.estimates, data.scales, notes)
-    return dataclasses.replace(
-        result,
-        cannot_tell_apart=known.groups,
-        combinations=known.combinations,
-        starts=starts,
-        stated={one.name: one.known for one in chosen.free if one.known is not None},
-        correlation=tuple(tuple(row) for row in known.correlation.tolist()),
-        spread=known.spread,
-    )
+    return _result(ready, chosen, model, notes, known, data.scales, starts)
 
 
 def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
@@ -282,16 +273,19 @@ def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str
 
 def _result(
     ready: Comparable,
-    before: Model,
+    chosen: Plan,
     after: Model,
-    estimates: Mapping[str, Estimate],
-    scales: Mapping[str, Scale],
     notes: list[str],
+    known: Uncertainty | None = None,
+    scales: Mapping[str, Scale] = MappingProxyType({}),
+    starts: tuple[Start, ...] = (),
 ) -> Calibration:
-    compared = track(ready.measured, ready.started, after, AHEAD)
-    fitted = simulated_at(compared, after)
+    """Returns the result; `known` is what the fit tells, None: nothing was fitted."""
+    before = chosen.model
+    compared = track(ready.measured, ready.started, after)
+    (fitted,) = simulated_at(compared, [after])
     try:
-        unfitted = fitted if before is after else simulated_at(compared, before)
+        unfitted = fitted if before is after else simulated_at(compared, [before])[0]
     except SimulationError:
         unfitted = {}
     first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
@@ -307,11 +301,11 @@ def _result(
     return Calibration(
         dataset=ready.measured.name,
         model=after,
-        parameters=estimates,
-        cannot_tell_apart=(),
-        combinations=(),
+        parameters={} if known is None else known.estimates,
+        cannot_tell_apart=() if known is None else known.groups,
+        combinations=() if known is None else known.combinations,
         gaps=tuple(gaps),
-        starts=(),
+        starts=starts,
         scales=scales,
         roles=dict(roles),
         notes=tuple(notes),
@@ -320,9 +314,9 @@ def _result(
         units=own_units(ready.measured, compared.signals),
         frame=frame_text(ready.measured),
         traces=tuple(traces),
-        stated={},
-        correlation=(),
-        spread=None,
+        stated={one.name: one.known for one in chosen.free if one.known is not None},
+        correlation=() if known is None else tuple(tuple(row) for row in known.correlation.tolist()),
+        spread=None if known is None else known.spread,
     )
 
 

@@ -1,24 +1,30 @@
-"""A data set as every comparison takes it: the same samples, the same roles, and the same start of each run."""
+"""What is compared with a model: the same samples, roles and starts of runs in every comparison.
+
+A block is one signal of one run, sample by sample or averaged over bins of time.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import defaultdict
-from collections.abc import Container, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from brickpilot import catalogue
+from brickpilot.constants import STEP_S
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import parameters
-from brickpilot.fit.replay import Replay
-from brickpilot.fit.start_state import with_averaged_starts, with_rates
+from brickpilot.fit.replay import Replay, mean_over_steps
+from brickpilot.fit.start_state import MOTOR_RATE_OF, measured_rates, with_averaged_starts, with_rates
 from brickpilot.vehicle.model import Model, output_names
 
 Array = NDArray[np.float64]
@@ -174,3 +180,236 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
         else:
             left_out += run.gap_s + float(run.time[-1] - run.time[0])
     return tuple(kept)
+
+
+_JUMP = 0.05  # of the largest command: a smaller change from sample to sample is a ramp
+_LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, as a held-out stretch leaves, is left out
+
+
+@dataclass(frozen=True)
+class Block:
+    """One signal of one fit run.
+
+    Attributes:
+        place: its part of the stacked residual.
+        measured: their values, SI.
+        middle: s on the run's clock, the time of each value.
+        picked: (values, simulated samples): the matrix that takes the simulated signal to these values.
+        count: samples in a value, on average.
+    """
+
+    run: str
+    signal: str
+    place: slice
+    measured: Array
+    middle: Array
+    picked: csr_array
+    count: float = 1.0
+
+
+def stack(blocks: Sequence[Block], starts: Mapping[tuple[str, str], int], length: int) -> csr_array:
+    """Returns the matrix that takes one row of `Replay.stacked` to the values of all blocks.
+
+    Args:
+        starts, length: as `Replay.layout` gives them.
+    """
+    data, columns, ends = [], [], [np.zeros(1, dtype=np.int64)]
+    for block in blocks:
+        data.append(block.picked.data)
+        columns.append(block.picked.indices + starts[block.run, block.signal])
+        ends.append(block.picked.indptr[1:] + ends[-1][-1])
+    pointers = np.concatenate(ends)
+    return csr_array((np.concatenate(data), np.concatenate(columns), pointers), shape=(len(pointers) - 1, length))
+
+
+@dataclass(frozen=True)
+class Bins:
+    """How blocks average: over bins of `width` s from each run's start.
+
+    Attributes:
+        grids: run -> time of the simulated samples, s, where they are not the measured ones.
+        means: run -> s; a measured acceleration is the mean over this time before its sample.
+        changes: signals that are compared by their change from bin to bin.
+        as_measured: a motor's position or angle is compared as such, and not its derivative.
+    """
+
+    width: float
+    grids: Mapping[str, Array] = field(default_factory=dict)
+    means: Mapping[str, float] = field(default_factory=dict)
+    changes: frozenset[str] = SUMMED
+    as_measured: bool = False
+
+
+def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
+    """Returns the blocks of the fit runs, and a note on each signal that is left out.
+
+    Args:
+        fitted: names of the fit runs.
+        bins: averages are compared, and of some signals their change from bin to bin; None: samples.
+
+    Raises:
+        InputError: the fit runs hold nothing that the model gives.
+    """
+    names = compared_signals(dataset, model).names
+    found: list[Block] = []
+    notes, start = [], 0
+    for run in dataset.runs:
+        if run.name not in fitted:
+            continue
+        rates = measured_rates(run)
+        for signal, measured in _fitted_signals(run, names, rates, bins).items():
+            known = np.isfinite(measured)
+            if np.count_nonzero(known) < 2:
+                continue
+            if _frozen(measured[known], rates.get(MOTOR_RATE_OF.get(signal, ""))):
+                notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
+                continue
+            described = dataset.signals.get(signal)
+            instant = described is not None and described.sampling == "instant"
+            block = _block(run, signal, measured, known, start, bins, instant=instant)
+            if len(block.measured) < 2:
+                continue
+            found.append(block)
+            start = block.place.stop
+    if not found:
+        raise InputError("nothing to compare in the fit runs", file=dataset.path, field="signals")
+    return found, notes
+
+
+def _block(
+    run: Run,
+    signal: str,
+    measured: Array,
+    known: NDArray[np.bool_],
+    start: int,
+    bins: Bins | None,
+    *,
+    instant: bool,
+) -> Block:
+    rows = np.flatnonzero(known)
+    time = run.time[rows]
+    samples = _instants(time, run.time, _jumps(run)) if instant else _selection(rows, len(run.time))
+    if bins is None:
+        return Block(run.name, signal, slice(start, start + len(rows)), measured[rows], time, samples)
+    number = np.floor((time - run.time[0]) / bins.width + 1e-9).astype(np.intp)
+    filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
+    mean = csr_array((1 / counts[place], (place, np.arange(len(rows)))))
+    middle = np.asarray(mean @ time)
+    if signal in bins.changes:
+        apart = np.diff(filled)
+        later = np.flatnonzero(apart <= _LONGEST_HOLE * np.median(apart)) if len(apart) else np.empty(0, dtype=np.intp)
+        rows_of, shape = np.arange(len(later)), (len(later), len(filled))
+        change = csr_array((np.ones_like(later), (rows_of, later + 1)), shape=shape)
+        change = change - csr_array((np.ones_like(later), (rows_of, later)), shape=shape)
+        mean, middle = csr_array(change @ mean), middle[later + 1]
+    values = np.asarray(mean @ measured[rows])
+    grid = bins.grids.get(run.name)
+    if grid is None:
+        reach = samples
+    elif instant:
+        reach = _instants(time, grid)
+    elif signal.startswith("accel"):
+        reach = _overlap(time, bins.means[run.name], grid)
+    else:
+        reach = _interpolation(time, grid)
+    rows_here = slice(start, start + len(values))
+    return Block(run.name, signal, rows_here, values, middle, csr_array(mean @ reach), float(counts.mean()))
+
+
+def _selection(rows: NDArray[np.intp], length: int) -> csr_array:
+    """Returns (rows, length): the samples themselves."""
+    return csr_array((np.ones(len(rows)), rows, np.arange(len(rows) + 1)), shape=(len(rows), length))
+
+
+def _interpolation(time: Array, grid: Array) -> csr_array:
+    """Returns (times, grid): linear interpolation between the grid's points, constant beyond them."""
+    left = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
+    share = np.clip((time - grid[left]) / (grid[left + 1] - grid[left]), 0.0, 1.0)
+    return _between(left, 1 - share, share, len(grid))
+
+
+def _between(left: NDArray[np.intp], of_left: Array, of_right: Array, length: int) -> csr_array:
+    """Returns (times, length): so much of the point `left` of a grid, and so much of the point after it."""
+    rows, columns = np.arange(len(left)), np.concatenate([left, left + 1])
+    return csr_array((np.concatenate([of_left, of_right]), (np.tile(rows, 2), columns)), shape=(len(left), length))
+
+
+def _jumps(run: Run) -> NDArray[np.bool_]:
+    """Returns (n,): at which samples a command jumps, and the acceleration with it."""
+    found = np.zeros(len(run.time), dtype=np.bool_)
+    for values in run.inputs.values():
+        driven = np.nan_to_num(values)
+        found[1:] |= np.abs(np.diff(driven)) > _JUMP * np.max(np.abs(driven), initial=0.0)
+    return found
+
+
+def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
+    """Returns (times, simulated): accelerations at `time`, from the plant's, which are means over its last step.
+
+    A mean stands for the middle of the step. Between two middles the acceleration is taken as linear, which is exact to
+    the second order of the step. A sample at which a command jumps was taken before the jump: the mean stands for it.
+
+    Args:
+        jumps: (simulated,) where a command jumps; None: nowhere.
+    """
+    apart = np.diff(simulated)
+    steps = apart / np.ceil(apart / STEP_S - 1e-6)  # the plant's: equal ones, none longer than STEP_S
+    middles = simulated - np.append(0.0, steps) / 2
+    if jumps is None:
+        return _interpolation(time, middles)
+    before = np.flatnonzero(jumps[np.searchsorted(simulated, time)])
+    at = np.array(time)
+    at[before] = middles[np.searchsorted(simulated, time[before])]
+    return _interpolation(at, middles)
+
+
+def _overlap(time: Array, span: float, grid: Array) -> csr_array:
+    """Returns (times, grid): means over the last `span` s, from means over the longer steps of the grid."""
+    last = np.clip(np.searchsorted(grid, time - 1e-9), 1, len(grid) - 1)
+    share = np.clip((time - grid[last - 1]) / span, 0.0, 1.0)
+    return _between(last - 1, 1 - share, share, len(grid))
+
+
+def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins | None) -> dict[str, Array]:
+    """Returns the measured signals that are compared; of a motor's position, its velocity, unless `as_measured`.
+
+    A position sums up the velocity's error over the run: the same data, with an error that only grows.
+    """
+    fitted = {name: run.outputs[name] for name in names if name in run.outputs}
+    if bins is not None and bins.as_measured:
+        return fitted
+    for summed, rate in MOTOR_RATE_OF.items():
+        if summed in fitted and rate not in fitted:
+            del fitted[summed]
+            fitted[rate] = rates[rate]
+    return fitted
+
+
+def _frozen(known: Array, rate: Array | None) -> bool:
+    """Whether a signal never changes while its measured rate is not zero."""
+    return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))
+
+
+_STEPS_PER_BIN = 3
+
+
+def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
+    """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
+
+    It is simulated three times as fast as the measured samples, and near enough for a search.
+    """
+    full = Replay(dataset)
+    step = width_s / _STEPS_PER_BIN
+    runs, grids, means, inputs = [], {}, {}, {}
+    for run in dataset.runs:
+        own = float(np.median(np.diff(run.time)))
+        if own > step / 1.5:
+            runs.append(run)
+            inputs[run.name] = full.inputs[run.name]
+            continue
+        grid = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
+        grids[run.name], means[run.name] = grid, min(own, STEP_S)
+        inputs[run.name] = mean_over_steps(run.time, full.inputs[run.name], grid)
+        runs.append(dataclasses.replace(run, time=grid))
+    coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)
+    return coarse, Bins(width_s, grids, means)

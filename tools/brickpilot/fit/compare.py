@@ -17,8 +17,7 @@ from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
 from brickpilot.fit.comparable import Comparable, comparable, compared_signals, enough_to_fit, is_compared
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at
-from brickpilot.fit.horizons import Course, track
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Course, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import plan
 from brickpilot.fit.replay import Array, Outputs
 from brickpilot.fit.start_state import MOTOR_RATE_OF
@@ -214,7 +213,7 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
     """Simulates the runs at each horizon, and returns the comparison with its notes on horizons."""
     lengths = {**AHEAD, **({horizon_name(window_s): window_s} if window_s else {})}
     compared = track(ready.measured, ready.started, model, lengths)
-    simulated = simulated_at(compared, model, threads=threads)
+    simulated = simulated_at(compared, [model], threads=threads)[0]
     windows = [one for one in compared.courses if window_s and one.horizon == horizon_name(window_s)]
     runs = []
     for number, run in enumerate(ready.measured.runs):

@@ -1,6 +1,6 @@
 """Replays measured runs: simulates a model from each run's own inputs alone.
 
-These are free runs: no measured output is fed back. A run starts from the state of its first sample (`initial_state`).
+These are free runs: no measured output is fed back. A run starts from the state of its first sample (`start_state`).
 Age, charge and heat carry over from run to run in the file's order, with the stated pauses between them.
 """
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.fit import initial_state
-from brickpilot.fit.windows import run_of
+from brickpilot.fit import start_state
+from brickpilot.fit.start_state import run_of
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
@@ -131,7 +131,7 @@ class Replay:
             if not chosen:
                 continue
             pairs = [(run, age, index) for run, age in batch for index in chosen]
-            measured = initial_state.initial_states([(run, models[index]) for run, _, index in pairs])
+            measured = start_state.initial_states([(run, models[index]) for run, _, index in pairs])
             jobs, ready = [], dict[tuple[int, int], State]()
             for (run, age, index), state in zip(pairs, measured, strict=True):
                 left = carried[index]
@@ -160,9 +160,9 @@ class Replay:
                 age = ages[run.name] + float(run.time[mark.sample] - run.time[0])
                 for index, model in enumerate(models):
                     places.append((index, run.name, mark.sample))
-                    readings.append(initial_state.reading(mark.measured, model, age=age))
+                    readings.append(start_state.reading(mark.measured, model, age=age))
         found: list[dict[str, list[tuple[int, State]]]] = [{} for _ in models]
-        for (index, name, sample), state in zip(places, initial_state.restarts(readings), strict=True):
+        for (index, name, sample), state in zip(places, start_state.restarts(readings), strict=True):
             found[index].setdefault(name, []).append((sample, state))
         return found
 

@@ -28,7 +28,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.noise import Noise, noise_of
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
-from brickpilot.fit.blocks import Bins, Block, blocks, on_coarse_grid, stack
+from brickpilot.fit.comparable import Bins, Block, blocks, on_coarse_grid, stack
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.robust import (
@@ -39,8 +39,7 @@ from brickpilot.fit.robust import (
     pseudo_huber_loss,
     robust_size,
 )
-from brickpilot.fit.start_state import MOTOR_RATE_OF
-from brickpilot.fit.windows import run_of
+from brickpilot.fit.start_state import MOTOR_RATE_OF, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

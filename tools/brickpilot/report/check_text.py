@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from brickpilot.data.own_units import FRAME_WORDS
 from brickpilot.discover.check import Check
-from brickpilot.discover.estimate import Span
+from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Visible
 from brickpilot.fit.uncertainty import Estimate
 from brickpilot.report import headline_text

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from brickpilot.data.own_units import own_unit
 from brickpilot.discover.finding import Finding, Gap
-from brickpilot.report import discover_fit, discover_plots, discover_tables
+from brickpilot.report import composed_law, discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import OVER_NOISE, explanation, left_predictable, listed, say, verdict, words
 from brickpilot.report.own_words import frames, shown_finding, shown_rank, shown_size, told
@@ -46,7 +46,8 @@ def page(finding: Finding, command: str) -> str:
         experiment=told(finding.dataset, _experiment(finding)),
         remaining=_remaining(finding),
         whiteness=_whiteness(finding),
-        term_html=None if finding.term is None else Markup(finding.term.html),
+        term_html=None if finding.term is None else Markup(composed_law.as_html(finding.term)),
+        term_source=composed_law.of_finding(finding),
         model_text=model_file.render(finding.augmented),
         command=command,
         **discover_fit.shown(finding),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.check import Check
-from brickpilot.discover.estimate import Span
+from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import Calibration
 from brickpilot.fit.compare import Comparison

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover import numbers
+from brickpilot.discover import numbers, periods
 from brickpilot.discover.parts import Part
-from brickpilot.discover.terms import periods
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
-from brickpilot.discover.terms.periods import Segment
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model
 

@@ -1,4 +1,4 @@
-"""The basis of composed terms, read from the plant's table of effects.
+"""The basis of composed terms, read from the plant's table of effects, and terms written as equations.
 
 The composed effect of the plant's table has one coefficient c for each term, whose meaning reads
 ``X += -c * [fabs(u)] * u``. The expression in brackets is C, and Python as well: it is parsed, not listed here again.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -142,3 +142,189 @@ def symbols_in(expression: str) -> frozenset[str]:
     tree = ast.parse(expression.replace("[", "(").replace("]", ")").strip(), mode="eval")
     called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - called
+
+
+MINUS = "\u2212"
+
+_TARGETS = {
+    "V": "voltage at each motor",
+    "T": "torque of each wheel",
+    "X": "force ahead",
+    "N": "moment clockwise",
+    "slope": "sine of the angle by which the floor falls along x",
+    "wheel_speed": "speed of each wheel that is read",
+    "yaw_rate": "yaw rate that is read",
+    "accel_surge": "surge acceleration that is read",
+    "accel_sway": "sway acceleration that is read",
+}
+_SYMBOLS = {
+    "psi": "ψ",
+    "theta": "θ",
+    "PI": "π",
+    "other": "V_o",
+    "patch": "P(x)",
+    "sprung": "q",
+    "side": "s",
+    "K_t": "K_t",
+    "i_left": "i_l",
+    "i_right": "i_r",
+    "slope": "S_x",
+    "wheel_speed": "w_read",
+    "yaw_rate": "r_read",
+    "accel_surge": "a_read",
+    "accel_sway": "b_read",
+}
+_LEGEND = {
+    "V": "V the motor's voltage",
+    "other": "V_o the other motor's voltage",
+    "i": "i the motor's current",
+    "w": "w the wheel's speed",
+    "theta": "θ its angle",
+    "u": "u the surge",
+    "r": "r the yaw rate",
+    "psi": "ψ the heading",
+    "x": "x, y the position",
+    "a": "a the specific force ahead",
+    "b": "b the specific force to the right",
+    "i_left": "i_l, i_r the motors' currents",
+    "side": "s is 1 at the left, -1 at the right",
+}
+
+
+@dataclass(frozen=True)
+class Equation:
+    """An equation. `legend`: one sentence that explains the symbols."""
+
+    text: str
+    legend: str
+
+
+def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
+    """Returns what the terms add where they act, with four digits of each number."""
+    texts = [f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer())]
+    return Equation("; ".join(texts), _legend(terms, settings))
+
+
+def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
+    """Returns where the terms act, in the plant's symbol, and what they add there as `out` writes it."""
+    targets = dict.fromkeys(term.basis.target for term in terms)
+    return [(to, _joined([_signed(one) for one in terms if one.basis.target == to], settings, out)) for to in targets]
+
+
+def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
+    symbols = frozenset().union(*(term.basis.symbols for term in terms))
+    parts = [f"Δ{symbol(t)} is added to the {_TARGETS[t]}" for t in dict.fromkeys(term.basis.target for term in terms)]
+    parts += [text for name, text in _LEGEND.items() if name in symbols]
+    if "patch" in symbols:
+        edge = f"{settings['patch_half_width']:.4g} m either side of x = {settings['patch_x']:.4g} m"
+        parts.append(f"P(x) is 1 on the strip {edge} and 0 off it")
+    if "sprung" in symbols:
+        swings = f"{settings['frequency']:.4g} Hz with damping ratio {settings['damping']:.4g}"
+        parts.append(f"q is the force, over its mass, of a mass that swings at {swings}")
+    if "t" in symbols:
+        parts.append("t is the time since " + ("power-on" if settings.get("clock", 0.0) > 0.5 else "the run's start"))
+    return "; ".join(parts) + "; SI units."
+
+
+def symbol(name: str) -> str:
+    """Returns how a symbol of the plant's table is written."""
+    return _SYMBOLS.get(name, name)
+
+
+def _signed(term: Term) -> tuple[bool, float, list[ast.expr]]:
+    """Returns whether the term is subtracted, the size of its coefficient, and its other factors."""
+    one = term.basis
+    negative = one.sign.startswith("-") != (term.coefficient < 0)
+    factors = _factors(ast.parse(f"{one.sign.lstrip('-')}({one.expression}){one.factor}", mode="eval").body)
+    rest = []
+    for factor in factors:
+        if isinstance(factor, ast.UnaryOp):
+            negative, factor = not negative, factor.operand
+        if not (isinstance(factor, ast.Name) and factor.id == "c"):
+            rest.append(factor)
+    return negative, abs(term.coefficient), rest
+
+
+def _factors(node: ast.expr) -> list[ast.expr]:
+    """Returns the factors of a product, without ones."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+        return [*_factors(node.left), *_factors(node.right)]
+    return [] if isinstance(node, ast.Constant) and node.value == 1 else [node]
+
+
+class Writer:
+    """Writes the parts of an equation, here as plain text."""
+
+    def number(self, value: float) -> str:
+        return f"{value:.4g}"
+
+    def symbol(self, name: str) -> str:
+        return symbol(name)
+
+    def power(self, base: str, exponent: int) -> str:
+        return base + {2: "²", 3: "³", 4: "⁴"}[exponent]
+
+    def product(self, factors: list[str]) -> str:
+        """Joins factors. A number after a symbol gets a dot before it, so that nobody reads it as an index."""
+        return "".join(
+            one if k == 0 else f" · {one}" if one[0].isdigit() else f" {one}" for k, one in enumerate(factors)
+        )
+
+    def bracket(self, inner: str) -> str:
+        return f"({inner})"
+
+    def call(self, name: str, inner: str) -> str:
+        return {"fabs": f"|{inner}|", "sqrt": f"√({inner})", "sign": f"sgn({inner})"}.get(name, f"{name}({inner})")
+
+    def over(self, above: str, below: str) -> str:
+        return f"{above}/{below}"
+
+    def operator(self, sign: str) -> str:
+        return f" {sign} "
+
+    def minus(self) -> str:
+        return MINUS
+
+
+def _joined(signed: Sequence[tuple[bool, float, list[ast.expr]]], settings: Mapping[str, float], out: Writer) -> str:
+    written = ""
+    for number, (negative, size, rest) in enumerate(signed):
+        written += (out.minus() if negative else "") if number == 0 else out.operator(MINUS if negative else "+")
+        written += out.product([out.number(size), *_powers(rest, settings, out)])
+    return written
+
+
+def _is_sum(node: ast.expr) -> bool:
+    return isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub))
+
+
+def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: Writer) -> list[str]:
+    """Returns the factors as text. Equal factors become a power where the first of them stands; ones are left out."""
+    written = [
+        out.bracket(_write(one, settings, out)) if _is_sum(one) else _write(one, settings, out) for one in factors
+    ]
+    return [
+        one if written.count(one) == 1 else out.power(one, written.count(one))
+        for one in dict.fromkeys(written)
+        if one != out.number(1.0)
+    ]
+
+
+def _write(node: ast.expr, settings: Mapping[str, float], out: Writer) -> str:
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
+        return out.number(node.value)
+    if isinstance(node, ast.Name):
+        return out.number(settings[node.id]) if node.id in settings else out.symbol(node.id)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        if node.func.id == "copysign":  # size and sign of the same thing
+            size, of = node.args
+            return out.product([_write(size, settings, out), out.call("sign", _write(of, settings, out))])
+        return out.call(node.func.id, _write(node.args[0], settings, out))
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+        return out.over(_write(node.left, settings, out), _write(node.right, settings, out))
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+        return out.product(_powers(_factors(node), settings, out))
+    if isinstance(node, ast.BinOp):
+        sign = "+" if isinstance(node.op, ast.Add) else MINUS
+        return _write(node.left, settings, out) + out.operator(sign) + _write(node.right, settings, out)
+    raise ValueError(f"no way to write {ast.dump(node)}")

@@ -7,14 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.discover import periods
 from brickpilot.discover.deadline import Deadline
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
+from brickpilot.discover.periods import Segment
 from brickpilot.discover.screen import Trial
-from brickpilot.discover.terms import periods
 from brickpilot.discover.terms.atoms import Atom, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis
-from brickpilot.discover.terms.periods import Segment
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Projection, Residual
 from brickpilot.vehicle.model import Model

@@ -1,16 +1,17 @@
-"""Writes a composed term as a C file: an effect that can be built into the simulator like any other."""
+"""Writes a composed law as MathML, and as a C file: an effect that can be built into the simulator like any other."""
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Term, parameters
+from brickpilot.discover import finding
+from brickpilot.discover.terms.basis import EFFECT, MINUS, OF_A_MOTOR, Term, Writer, equation, parameters, sums, symbol
+from brickpilot.report.template import render_plain
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
@@ -92,6 +93,15 @@ class _Hook:
         return {symbol: code for symbol, code in self.locals.items() if "[k]" in code}
 
 
+def of_finding(found: finding.Finding) -> dict[str, str]:
+    """Returns file name -> text: the C file of the composed term, or nothing."""
+    term = found.term
+    if term is None:
+        return {}
+    name = term.file_name.removesuffix(".c")
+    return {term.file_name: render(term.law, term.settings, name=name, vehicle=found.dataset.vehicle)}
+
+
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
     """Returns the text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
 
@@ -140,18 +150,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         "acts_on": _ACTS_ON.get(terms[0].basis.place, "sensor"),
         "mechanism": terms[0].basis.mechanism,
     }
-    return _environment().get_template("composed_effect.c.j2").render(content | hooks)
-
-
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("brickpilot.discover.terms"),
-        autoescape=False,  # it writes C
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    return render_plain("composed_effect.c", **content, **hooks)
 
 
 def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, motor: bool) -> _Hook:
@@ -240,3 +239,57 @@ def _row(info: ParameterInfo, value: float, meaning: str) -> dict[str, Any]:
         "odd": int(info.odd),
         "role": info.role.upper(),
     }
+
+
+def as_html(term: finding.Term) -> str:
+    """Returns the equation of a composed term and the meaning of its symbols, escaped."""
+    return f"{mathml(term.law, term.settings)}<p>{equation(term.law, term.settings).legend}</p>"
+
+
+def mathml(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
+    """Returns what the terms add where they act as presentation MathML, escaped."""
+    out = _Math()
+    return "".join(
+        f'<math display="block"><mi>Δ</mi>{out.symbol(target)}<mo>=</mo>{added}</math>'
+        for target, added in sums(terms, settings, out)
+    )
+
+
+class _Math(Writer):
+    """Writes presentation MathML, escaped."""
+
+    def number(self, value: float) -> str:
+        return f"<mn>{value:.4g}</mn>"
+
+    def symbol(self, name: str) -> str:
+        shown = html.escape(symbol(name))
+        letter, _, index = shown.partition("_")
+        return f"<msub><mi>{letter}</mi><mi>{index}</mi></msub>" if index else f"<mi>{shown}</mi>"
+
+    def power(self, base: str, exponent: int) -> str:
+        return f"<msup>{base}<mn>{exponent}</mn></msup>"
+
+    def product(self, factors: list[str]) -> str:
+        return "".join(
+            one if k == 0 else f"<mo>{'·' if one.startswith('<mn>') else '&#8290;'}</mo>{one}"
+            for k, one in enumerate(factors)
+        )
+
+    def bracket(self, inner: str) -> str:
+        return f"<mrow><mo>(</mo>{inner}<mo>)</mo></mrow>"
+
+    def call(self, name: str, inner: str) -> str:
+        if name == "fabs":
+            return f"<mrow><mo>|</mo>{inner}<mo>|</mo></mrow>"
+        if name == "sqrt":
+            return f"<msqrt>{inner}</msqrt>"
+        return f"<mi>{'sgn' if name == 'sign' else name}</mi>{self.bracket(inner)}"
+
+    def over(self, above: str, below: str) -> str:
+        return f"<mfrac><mrow>{above}</mrow><mrow>{below}</mrow></mfrac>"
+
+    def operator(self, sign: str) -> str:
+        return f"<mo>{sign}</mo>"
+
+    def minus(self) -> str:
+        return f"<mo>{MINUS}</mo>"
