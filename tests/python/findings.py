@@ -11,7 +11,7 @@ from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
-from brickpilot.discover import locate
+from brickpilot.discover import locate, term_basis
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
@@ -30,7 +30,6 @@ from brickpilot.discover.finding import (
     Visible,
     Whiteness,
 )
-from brickpilot.discover.terms import basis
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
 from synthetic import robot, write
@@ -61,7 +60,7 @@ TERM = Term(
     "wheel torque",
     f"ΔT = {MINUS}0.006 sgn(w)",
     "composed_bench.c",
-    basis.terms_of({"wheel_dry_constant": 0.006}),
+    term_basis.terms_of({"wheel_dry_constant": 0.006}),
     {},
     0.923,
 )

@@ -13,16 +13,15 @@ import pytest
 import reference_ode
 from brickpilot.data.dataset import Dataset, Nominal, Run, Signal
 from brickpilot.data.signals import SIGNALS as MEASURABLE
-from brickpilot.discover.compose import Composed, compose
+from brickpilot.discover.compose import Composed, TermSource, compose
 from brickpilot.discover.deadline import NO_LIMIT
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.terms.atoms import Atom, atom, find_atoms, with_terms
-from brickpilot.discover.terms.basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
-from brickpilot.discover.terms.source import TermSource
+from brickpilot.discover.term_atoms import Atom, atom, find_atoms, with_terms
+from brickpilot.discover.term_basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
 from brickpilot.report.composed_law import mathml

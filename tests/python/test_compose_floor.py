@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from brickpilot.discover.periods import Segment
-from brickpilot.discover.terms.atoms import atom, find_atoms
-from brickpilot.discover.terms.basis import equation
+from brickpilot.discover.term_atoms import atom, find_atoms
+from brickpilot.discover.term_basis import equation
 from brickpilot.report.composed_law import mathml
 from test_compose import BASIS, by_plant, coefficient, terms
 

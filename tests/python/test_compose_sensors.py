@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from brickpilot.data.signals import SIGNALS as MEASURABLE
 from brickpilot.discover.periods import Segment
-from brickpilot.discover.terms.atoms import find_atoms
-from brickpilot.discover.terms.basis import equation
+from brickpilot.discover.term_atoms import find_atoms
+from brickpilot.discover.term_basis import equation
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun

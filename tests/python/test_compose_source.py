@@ -10,7 +10,7 @@ from pathlib import Path
 
 import brickpilot
 import pytest
-from brickpilot.discover.terms.basis import Term, basis, settings_of
+from brickpilot.discover.term_basis import Term, basis, settings_of
 from brickpilot.report import composed_law
 from test_compose import terms
 

@@ -39,7 +39,7 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
-from brickpilot.discover.terms.basis import PLACES, equation
+from brickpilot.discover.term_basis import PLACES, equation
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of

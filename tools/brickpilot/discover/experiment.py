@@ -23,7 +23,7 @@ from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Manoeuvre, Visible
 from brickpilot.discover.parts import library_parts, limit_of, scale_of, scanned_parameter
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.probes import Probe, probes_of
+from brickpilot.discover.screen import Probe, probes_of
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.start_state import cut_into_windows

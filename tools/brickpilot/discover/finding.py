@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.discover import term_basis
 from brickpilot.discover.feedback import Loop, Period
-from brickpilot.discover.terms import basis
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model
@@ -349,7 +349,7 @@ class Term:
     place: str
     equation: str
     file_name: str
-    law: tuple[basis.Term, ...]
+    law: tuple[term_basis.Term, ...]
     settings: Mapping[str, float]
     removed_held_out: float | None
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover import finding
-from brickpilot.discover.terms.basis import EFFECT, MINUS, OF_A_MOTOR, Term, Writer, equation, parameters, sums, symbol
+from brickpilot.discover.term_basis import EFFECT, MINUS, OF_A_MOTOR, Term, Writer, equation, parameters, sums, symbol
 from brickpilot.report.template import render_plain
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

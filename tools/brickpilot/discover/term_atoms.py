@@ -17,7 +17,7 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover import numbers, periods
 from brickpilot.discover.parts import Part
 from brickpilot.discover.periods import Segment
-from brickpilot.discover.terms.basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
+from brickpilot.discover.term_basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.vehicle.model import Model
 

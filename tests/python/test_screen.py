@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from brickpilot import catalogue
 from brickpilot.discover.parts import Excitation, Part, limit_of
-from brickpilot.discover.probes import probes_of
+from brickpilot.discover.screen import probes_of
 from brickpilot.vehicle.model import rcx
 
 LIMITED = [
