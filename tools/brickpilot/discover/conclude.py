@@ -429,7 +429,8 @@ def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
     if left_out:
         notes.append(f"The budget of {prepared.deadline.budget_s:g} s left out: {'; '.join(left_out)}.")
     if proof.evidence is not None and proof.evidence.kind == "fitted_only":
-        notes.append(f"The best explanation is not claimed. {proof.evidence.sentence}")
+        unclaimed = "The best explanation is not claimed. " if found.kind == "unknown" else ""
+        notes.append(f"{unclaimed}{proof.evidence.sentence}")
     if verdict.adequacy is not None and verdict.adequacy.sentence:
         notes.append(verdict.adequacy.sentence)
     return tuple(dict.fromkeys(notes))

@@ -44,7 +44,7 @@ class Verdict:
         sure: the names of parts with 95 % of the weight.
         temperature: the nats that count as one.
         adequacy: what the best explanation leaves; None: not asked, as time ran out.
-        weights: the names of an explanation -> its weight, of all that were weighed.
+        ranked: the evidence of all that were weighed, the heaviest first.
     """
 
     kind: Kind

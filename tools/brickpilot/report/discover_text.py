@@ -209,6 +209,8 @@ def _ambiguous(finding: Finding) -> str:
     either = listed([explanation(one) for one in rivals], "or")
     kind = one_mechanism(finding)
     place = "An effect is missing" if kind is None else f"The cause is in the {kind}"
+    if NOMINAL_VALUES in rivals:
+        place = "An effect is missing, or what is stated is wrong"
     fit = f"{_number_word(len(rivals))} explanations fit these data equally well"
     sentence = f"{place}, and {fit}: {either}. With the first of them, {_proved_change(finding)}."
     return sentence + (f" {finding.next_experiment.advice}" if finding.next_experiment else "")
