@@ -73,7 +73,8 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
     if not deadline.allows("a composed term"):
         return None
     tell("composing a term for the rest")
-    bases = {one.key: one for one in (verdict.nominal, verdict.best)}
+    nothing_needed = any(one.explanation.key == verdict.nominal.key for one in verdict.held)
+    bases = {one.key: one for one in (verdict.nominal, verdict.nominal if nothing_needed else verdict.best)}
     tried: list[tuple[Found, Verdict]] = []
     for base in bases.values():
         search = Search(

@@ -284,13 +284,14 @@ def _ranking(found: Conclusion) -> tuple[Rank, ...]:
 def _rank(one: Evidence, found: Conclusion, held: Mapping[frozenset[str], float], best: Evidence) -> Rank:
     explanation = one.explanation
     names = [free.name for free in explanation.plan.free if any(part.owns(free) for part in explanation.parts)]
-    worse = (best.total - one.total) / found.verdict.temperature
+    temperature = found.verdict.temperature
+    worse, rarer = (best.total - one.total) / temperature, best.log_prior(temperature) - one.log_prior(temperature)
     if explanation.key in held:
         why = f"It holds {100 * held[explanation.key]:.0f} % of the weight."
     else:
         why = f"It predicts worse by {worse:.1f}, where {numbers.CHANCE_NATS:.0f} is sure."
-        if worse <= 0:
-            why = "It predicts as well, but needs more that is rare."
+        if worse <= 0 or worse < min(rarer, numbers.CHANCE_NATS):
+            why = "It predicts as well, but needs more that is rare, or values other than stated."
     left = max(found.judge.top - one.total, 0.0) / len(found.judge.data.measured)
     return Rank(
         explanation.names,
@@ -400,7 +401,9 @@ def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[NominalFin
     if not settled.explanation.plan.free:
         return ()
     told = assess(prepared.fine, settled.explanation.model, settled.explanation.plan.free).estimates
-    rivals = tuple(" + ".join(one.names) for one in found.verdict.rivals) if found.kind == "none" else ()
+    verdict = found.verdict
+    others = verdict.rivals if found.kind == "none" else (verdict.best,) if verdict.nominal in verdict.rivals else ()
+    rivals = tuple(" + ".join(one.names) for one in others)
     return tuple(
         NominalFinding(name, one.before, one.after, one.unit, abs(one.after - one.before) / one.sd, rivals)
         for name, one in _nominal_changes(prepared.plan, settled.model).items()

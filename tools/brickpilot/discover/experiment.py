@@ -84,11 +84,11 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
             f"The explanations differ most in {signal}."
         )
         return Experiment(advice, names, separation, signal, manoeuvre)
-    if share > _SEPARATES_SIGNAL_SHARE:
-        advice = f"No manoeuvre separates the explanations in the measured signals. Measure {other} as well."
-        return Experiment(advice, names, separation, other, None)
     if NOMINAL_VALUES in rivals:
         advice = "The explanations drive alike. Measure the nominal values again that the fit had to move."
+    elif share > _SEPARATES_SIGNAL_SHARE:
+        advice = f"No manoeuvre separates the explanations in the measured signals. Measure {other} as well."
+        return Experiment(advice, names, separation, other, None)
     else:
         advice = (
             "No manoeuvre and no further signal of the vehicle separates the explanations: they have the same effect. "

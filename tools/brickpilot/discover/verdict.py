@@ -2,9 +2,9 @@
 
 The explanations that hold 95 % of the weight are kept. Those that contain another of them say nothing more within the
 tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
-sure: `named`. Several: `ambiguous`. The empty one: `none`. What is left over may turn each of these into `unknown`; see
-`adequacy`. An effect that only the stated values speak for is no name either: the effect, or a value that was stated
-wrongly.
+sure: `named`. Several: `ambiguous`. The empty one: `none`. What is left over may turn each of these into `unknown`, see
+`adequacy`, and so may held-out runs, see `seal`. An effect that only the stated values speak for is no name either: it
+is the effect, or a value that was stated wrongly.
 """
 
 from __future__ import annotations
@@ -82,13 +82,14 @@ def weigh(found: Found) -> Verdict:
     least.sort(key=lambda one: -_said(one, held))
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
     nothing = found.nothing.explanation
-    told = found.table[best.key].total - found.nothing.total > temperature * numbers.CHANCE_NATS
+    # Held-out runs can prove what the data tell, and not what stated values alone speak for.
+    data_tell = found.table[best.key].total - found.nothing.total > temperature * numbers.CHANCE_NATS
     if any(one.key == nothing.key for one in least):
         kind: Kind = "none"
         best, least = nothing, [nothing]
     elif len(least) == 1 and best.key - nothing.key <= sure:
-        kind = "named" if told else "ambiguous"
-        least = least if told else [best, nothing]
+        kind = "named" if data_tell else "ambiguous"
+        least = least if data_tell else [best, nothing]
     else:
         kind = "ambiguous"
     return Verdict(
