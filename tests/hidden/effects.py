@@ -147,6 +147,9 @@ ODD: dict[str, Effect] = {
     "odd_voltage_gain": _one("loss", 0.01),
     "odd_crosstalk": _one("share", 0.04, signed=True),
     "odd_gyro_cubic": _one("cubic", 0.003, signed=True),
+    "odd_coupled_inertia": Effect(
+        {"share": 0.15, "frequency": 2.5, "damping": 0.1}, ("share",), ranges={"frequency": (2.0, 4.0)}
+    ),
 }
 """Oddities that no library names. README.md says what each does."""
 

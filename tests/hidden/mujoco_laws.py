@@ -1,4 +1,4 @@
-"""Laws of `other_laws` that act from step to step on the vehicle that MuJoCo moves: see `mujoco_effects`.
+"""Laws of `other_laws`, and an oddity that remembers, that act from step to step on the vehicle that MuJoCo moves: see `mujoco_effects`.
 
 Each function takes a law's parameters and the number of the run, and returns what changes a `Step`. It may remember.
 """
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from hidden.by_run import place
 from hidden.mujoco_effects import Step
 from hidden.mujoco_model import DT
-from hidden.recipe import GRAVITY, Vehicle
+from hidden.recipe import GRAVITY, Vehicle, second_inertia
 
 Parameters = Mapping[str, float]
 Act = Callable[[Step], None]
@@ -184,11 +184,25 @@ def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
     return act
 
 
+def _odd_coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
+    second = second_inertia(vehicle, **p)
+    twist, speed = [0.0, 0.0], [0.0, 0.0]
+
+    def act(s: Step) -> None:
+        for i in (0, 1):
+            torque = second.stiffness * twist[i] + second.damping * (s.speeds[i] - speed[i])
+            s.load[i] -= torque
+            speed[i] += DT * torque / second.inertia
+            twist[i] += DT * (s.speeds[i] - speed[i])
+
+    return act
+
+
 LAWS: dict[str, Callable[[Parameters, int, Vehicle], Act]] = {
     make.__name__[1:]: make
     for make in (
         _ripple_rectified, _cogging_sharp, _backlash_soft, _coulomb_tanh, _friction_dahl, _friction_lugre,
         _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _caster_viscous, _scrub_smooth,
-        _curve_drag, _drag_power, _nap_viscous, _floor_wavy,
+        _curve_drag, _drag_power, _nap_viscous, _floor_wavy, _odd_coupled_inertia,
     )
 }  # fmt: skip

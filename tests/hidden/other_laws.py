@@ -168,6 +168,7 @@ ODD_MECHANISMS: dict[str, tuple[str, ...]] = {
     "odd_voltage_gain": ("drive", "supply"),
     "odd_crosstalk": ("drive", "supply"),
     "odd_gyro_cubic": ("sensor",),
+    "odd_coupled_inertia": ("gear", "body", "motor"),
 }
 """Where each oddity acts, and the mechanisms that give the same signals."""
 

@@ -306,5 +306,6 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "odd_load_ramp": odd.load_ramp,
     "odd_heading_spring": odd.heading_spring,
     "odd_tether": odd.tether,
+    "odd_coupled_inertia": odd.coupled_inertia,
 } | planar_laws.LAWS
 """In the order in which a command passes them; `odd_...` and those of `planar_laws` are in no library."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Literal, Protocol
@@ -48,6 +49,26 @@ class Vehicle:
         """Returns viscous and rolling losses of a wheel, N m s/rad. Defaults: own mass, kg, and radius, m."""
         load = (self.mass if mass is None else mass) * GRAVITY
         return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
+
+
+@dataclass(frozen=True)
+class SecondInertia:
+    """What hangs on a wheel behind a spring and a damper: kg m^2, N m/rad, N m s/rad."""
+
+    inertia: float
+    stiffness: float
+    damping: float
+
+
+def second_inertia(vehicle: Vehicle, share: float, frequency: float, damping: float) -> SecondInertia:
+    """Returns a second inertia that swings at `frequency`, Hz, with a damping ratio where the wheel is held.
+
+    Args:
+        share: its size, as a share of what a wheel moves: itself and half of the vehicle.
+    """
+    inertia = share * (vehicle.wheel_inertia + vehicle.mass * vehicle.wheel_radius**2 / 2)
+    rate = 2 * math.pi * frequency
+    return SecondInertia(inertia, inertia * rate**2, 2 * damping * rate * inertia)
 
 
 BENCH = Vehicle()

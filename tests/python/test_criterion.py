@@ -353,19 +353,21 @@ def test_a_difference_that_one_stretch_makes_is_not_sure() -> None:
 
 
 def test_what_counts_as_one_nat_is_the_largest_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
-    judge, _ = given()
-    nothing, best = made("", np.full(12, -100.0)), made("coulomb_friction", np.full(12, 50.0))
+    """What is left counts by its squares: an explanation far from noise is not held against a law as far from it."""
+    judge, places = given()
     monkeypatch.setattr(Judge, "correlation", lambda *_: 4.0)
-    sure = -math.log(0.05)
-    gain, top = 150.0 * 12, best.total
-    for above, expected in (
-        (0.0, max(4.0, 0.01 * gain / sure)),
-        (300.0, max(4.0, 0.2 * 300.0 / sure)),
-        (-50.0, max(4.0, 0.01 * gain / sure)),
-    ):
-        assert dataclasses.replace(judge, top=top + above).temperature(best, nothing) == pytest.approx(expected)
-    monkeypatch.setattr(Judge, "correlation", lambda *_: 1e3)
-    assert dataclasses.replace(judge, top=top).temperature(best, nothing) == 1e3
+    gain = 150.0 * 12
+    for left, large in ((0.1, 4.0), (3.0, 4.0), (3.0, 1e3), (1e4, 4.0)):  # scales of "speed", in floors
+        monkeypatch.setattr(Judge, "correlation", lambda *_, large=large: large)
+        residual = np.zeros(len(judge.stretch))
+        residual[places["speed"]] = 0.2 * left * np.random.default_rng(3).normal(size=places["speed"].stop)
+        nothing = dataclasses.replace(made("", np.full(12, -100.0)), left_out=10 * residual)
+        best = dataclasses.replace(made("coulomb_friction", np.full(12, 50.0)), left_out=residual)
+        above_noise = 1 - 0.2**2 / likeliest_scale(residual[places["speed"]], 0.2) ** 2
+        shared = -places["speed"].stop * math.log(1 - 0.2 * above_noise) / 2
+        expected = max(large, 0.01 * gain / -math.log(0.05), shared / -math.log(0.05))
+        assert judge.temperature(best, nothing) == pytest.approx(expected, rel=2e-3)
+    assert expected < 0.11 * places["speed"].stop / 2.9  # and never more than a fifth of the squares would gain
 
 
 def test_the_correlation_time_of_a_residual_is_that_of_its_autocorrelation() -> None:

@@ -214,6 +214,23 @@ def test_friction_that_fades_is_that_of_its_slip() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_second_inertia_adds_to_the_first_and_swings(engine) -> None:
+    run = steps("run", 6.0, (0.2, 6, 6))
+    alone, coupled = (
+        drive(engine, hidden, run)[0].wheel_speed_left
+        for hidden in ({}, {"odd_coupled_inertia": {"share": 0.5, "frequency": 4.0, "damping": 0.05}})
+    )
+    settled = alone[-1]
+    assert coupled[-1] == pytest.approx(settled, rel=0.01)
+    # What is missing to the settled speed is the torque's integral: half as much again is moved.
+    missing = [float(np.sum(settled - one[200:])) for one in (alone, coupled)]
+    assert missing[1] / missing[0] == pytest.approx(1.5, rel=0.02)
+    swing = coupled[250:1250] - alone[250:1250]
+    spectrum = np.abs(np.fft.rfft(np.diff(swing, 2) * np.hanning(998), 20000))
+    assert np.fft.rfftfreq(20000, 0.001)[np.argmax(spectrum)] == pytest.approx(4.0 * 1.5**0.5, rel=0.1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_drag_in_curves_grows_with_the_square_of_the_side_force(engine) -> None:
     track = drive(engine, {"curve_drag": {"share": 2.0}}, hold(8, 3, 4.0))[0]
     pushed = sum(

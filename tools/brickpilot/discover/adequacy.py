@@ -43,7 +43,7 @@ class Adequacy:
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs that it has not seen.
         nats_left: what is left above noise, nats a value.
-        explained: the share of the way from the nominal model to noise that the explanation goes, 0..1.
+        explained: the share of the nominal model's squared error above noise that the explanation removes, 0..1.
     """
 
     predictable: Mapping[str, float]
@@ -81,10 +81,9 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
     """Returns what an explanation leaves of the fit runs."""
     data, model = judge.data, best.explanation.model
     found = predictable(judge, model, nothing.explanation.model, seed)
-    way = judge.top - nothing.total
-    explained = (best.total - nothing.total) / way if way > 0 else 1.0
+    after, before = judge.excess(best), judge.excess(nothing)
     left = max(judge.top - best.total, 0.0) / len(data.measured)
-    return Adequacy(found, left, float(np.clip(explained, 0.0, 1.0)))
+    return Adequacy(found, left, float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 1.0)
 
 
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:

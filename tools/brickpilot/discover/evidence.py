@@ -162,12 +162,29 @@ class Judge:
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
         """Returns the nats that count as one.
 
-        The residual's correlation time; or more, as no law is exact: a share of what the best explanation gains is its
-        own law's error, and of what it leaves another law might share a part. Differences below these decide nothing.
+        The residual's correlation time; or more, as no law is exact. A share of what the best explanation gains is its
+        own laws' error. Of the squared error above noise that it leaves, another law might share a part, and would gain
+        so many nats by that. Differences below these decide nothing.
         """
-        gain, rest = best.total - nothing.total, max(self.top - best.total, 0.0)
-        own_error, shared = numbers.LAW_ERROR * gain, numbers.SHARED_REST * rest
+        own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
+        for signal in self.data.signals:
+            above_noise = 1 - self.floor(signal) ** 2 / self.squares(best, signal)
+            shared -= self.counts[signal] * float(np.log(1 - numbers.SHARED_REST * above_noise)) / 2
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
+
+    def excess(self, evidence: Evidence) -> float:
+        """Returns the squared error above noise that an explanation leaves, in squares of each signal's floor."""
+        squares = {one: self.squares(evidence, one) / self.floor(one) ** 2 for one in self.data.signals}
+        return sum(self.counts[signal] * (square - 1) for signal, square in squares.items())
+
+    def squares(self, evidence: Evidence, signal: str) -> float:
+        """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""
+        return _scale(np.concatenate(self.data.parts(evidence.left_out, signal)), self.floor(signal)) ** 2
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Signal -> how many of its values are compared."""
+        return {signal: sum(map(len, self.data.parts(self.data.measured, signal))) for signal in self.data.signals}
 
 
 def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array, bool]:

@@ -38,16 +38,16 @@ LAW_ERROR = 0.01
 """A law of the library is right to this share of what it explains: what is less, its own error may have left."""
 
 SHARED_REST = 0.2
-"""What the best explanation leaves, another law might share: differences below this share of it decide nothing. A black
-box that predicts more than this share of what is left of a signal shows that something is missing."""
+"""Of the squared error that the best explanation leaves, another law might share this part: differences below what that
+would gain decide nothing. A black box that predicts more than this share of it shows that something is missing."""
 
 UNEXPLAINED_NATS = 0.3
 """What is left above noise, in nats a value, that is too much for `none` and for a name: a residual a third larger than
 noise."""
 
 EXPLAINED = 1 / 3
-"""Effects that went less than this share of the way from the nominal model to noise do not explain the machine, if more
-than the above is left."""
+"""Effects that remove less than this share of the squared error above noise do not explain the machine, if more than the
+above is left."""
 
 RULER, BENCH, ESTIMATE, GUESS = 0.03, 0.05, 0.1, 0.3
 """The sd of a nominal value that is stated without one, as a share of it: lengths, masses and voltages are read off a
