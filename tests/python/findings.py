@@ -18,7 +18,6 @@ from brickpilot.discover.finding import (
     Evidence,
     Experiment,
     Finding,
-    Manoeuvre,
     NominalChange,
     NominalFinding,
     Parameter,
@@ -32,6 +31,7 @@ from brickpilot.discover.finding import (
 )
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
+from brickpilot.vehicle.manoeuvres import Manoeuvre
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
