@@ -10,8 +10,9 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.gap import Place, gaps
 from brickpilot.data.holdout import Roles
-from brickpilot.discover import locate, term_basis
+from brickpilot.discover import term_basis
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
@@ -21,7 +22,6 @@ from brickpilot.discover.finding import (
     NominalChange,
     NominalFinding,
     Parameter,
-    Place,
     Rank,
     RunValues,
     Share,
@@ -111,7 +111,7 @@ def finding(data: Dataset, kind: str) -> Finding:
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))
     roles = {run.name: run.role for run in data.runs}
-    by_role, by_signal = locate.gaps(data, simulated, Roles(roles, ""), NOISE)
+    by_role, by_signal = gaps(data, simulated, Roles(roles, ""), NOISE)
     effects = {
         "named": (FRICTION,),
         "ambiguous": (dataclasses.replace(FRICTION, equivalents=(DEADBAND, PAIR)),),

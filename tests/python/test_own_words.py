@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
+from brickpilot.data.gap import Gap
 from brickpilot.data.own_units import own_unit
-from brickpilot.discover.finding import Effect, Gap, Identified, Parameter, Whiteness
+from brickpilot.discover.finding import Effect, Identified, Parameter, Whiteness
 from brickpilot.discover.pipeline import discover
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare

@@ -6,12 +6,15 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
+from scipy.signal import correlate
 
 from brickpilot import catalogue
+from brickpilot.data import gap
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover import evidence, finding, locate, numbers
+from brickpilot.discover import evidence, finding, numbers
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.experiment import smallest_sizes
@@ -28,10 +31,12 @@ from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.replay import RUN_KINDS, Replay
+from brickpilot.fit.residual import Residual
 from brickpilot.fit.uncertainty import Estimate
 from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
+_LAGS = 20  # bins of an autocorrelation
 _LARGEST_LOG = 700.0  # of a double
 _ERROR_SHOWN = 1.5  # the same for an error without an explanation, which has the noise on it: noise alone has 1
 
@@ -64,16 +69,16 @@ class Conclusion:
         """Whether the verdict says that the effects of the best explanation are there."""
         return self.kind in ("named", "ambiguous")
 
-    def evidence_of(self, one: Explanation) -> Evidence | None:
-        """Returns what the fit runs say of an explanation; None: it was not weighed."""
-        return next((other for other in self.verdict.ranked if other.explanation.key == one.key), None)
+    @cached_property
+    def totals(self) -> Mapping[frozenset[str], float]:
+        """The evidence of each explanation that was weighed, by its key."""
+        return {one.explanation.key: one.total for one in self.verdict.ranked}
 
     def removed(self, one: Explanation) -> float:
         """Returns the share of the way from the nominal model to noise that an explanation goes, in evidence, 0..1."""
-        nothing, known = self.evidence_of(self.verdict.nominal), self.evidence_of(one)
-        if nothing is None or known is None or self.judge.top <= nothing.total:
-            return 0.0
-        return float(min(1.0, max(0.0, (known.total - nothing.total) / (self.judge.top - nothing.total))))
+        nothing = self.totals[self.verdict.nominal.key]
+        way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
+        return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
 
 
 def conclude(prepared: Prepared, found: Conclusion) -> Finding:
@@ -105,7 +110,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         nominal_findings=_nominal_findings(prepared, found),
         next_experiment=found.experiment,
         ranking=tuple(_rank(one, found) for one in verdict.ranked),
-        whiteness=locate.whiteness(prepared.fine, prepared.fine.scaled(model)),
+        whiteness=_whiteness(prepared.fine, model),
         power=_power(prepared, found),
         term=_term(prepared.dataset, found),
         nominal_model=found.nominal.model,
@@ -125,6 +130,20 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         elapsed_s=0.0,
         seed=prepared.seed,
     )
+
+
+def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
+    """Returns the autocorrelation of what a model leaves, in scales, by signal."""
+    left, found = data.scaled(model), {}
+    for signal in data.signals:
+        parts = [part - part.mean() for part in data.parts(left, signal) if len(part) > 2 * _LAGS]
+        if parts:
+            products = np.sum([correlate(one, one)[len(one) - 1 : len(one) + _LAGS] for one in parts], axis=0)
+            lags = tuple((products[1:] / (products[0] or 1.0)).tolist())
+            bound = 1.96 / math.sqrt(sum(map(len, parts)))
+            white = sum(abs(one) > bound for one in lags) <= _LAGS // 5
+            found[signal] = finding.Whiteness(numbers.BIN_S, lags, bound, white)
+    return found
 
 
 def _mechanisms(one: Explanation) -> list[str]:
@@ -173,7 +192,7 @@ def _shares(found: Conclusion) -> dict[str, float]:
 
 
 def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
-    made = []
+    made, best = [], found.totals[found.verdict.best.key]
     for one in found.verdict.rivals:
         model, several = one.model, len(one.parts) > 1
         values = {
@@ -182,15 +201,10 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
             for name in part.free
         }
         effects = {name: dict(table) for name, table in model.effects.items()}
+        worse_by = (best - found.totals[one.key]) / found.verdict.temperature
         name = " + ".join(one.names) or finding.NOMINAL_VALUES
-        made.append(finding.Equivalent(name, values, _worse_by(one, found), dict(model.parameters), effects))
+        made.append(finding.Equivalent(name, values, worse_by, dict(model.parameters), effects))
     return tuple(made)
-
-
-def _worse_by(one: Explanation, found: Conclusion) -> float:
-    """Returns how much worse an explanation predicts than the best one, in what counts as one nat."""
-    best, other = found.evidence_of(found.verdict.best), found.evidence_of(one)
-    return math.nan if best is None or other is None else (best.total - other.total) / found.verdict.temperature
 
 
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
@@ -267,7 +281,7 @@ def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, finding.Visibl
     return smallest_sizes(prepared, beside, judge.temperature(best, nothing))
 
 
-def _places(prepared: Prepared, found: Conclusion) -> tuple[finding.Place, ...]:
+def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
     """Returns where what was added to the model shows; where nothing was, where the nominal model leaves an error."""
     dataset, noise_sd, proof = found.proof.opened.whole, prepared.fine.sample_noise, found.proof
     if found.kind == "none":
@@ -277,9 +291,9 @@ def _places(prepared: Prepared, found: Conclusion) -> tuple[finding.Place, ...]:
     effects = {name: table for name, table in model.effects.items() if name in known}
     if len(effects) == len(model.effects):
         measured = {run.name: run.outputs for run in dataset.runs}
-        return locate.places(dataset, measured, motion, motion, noise_sd, _ERROR_SHOWN)
+        return gap.places(dataset, measured, motion, motion, noise_sd, _ERROR_SHOWN)
     plain = Replay(dataset).simulate([dataclasses.replace(model, effects=effects)], threads=prepared.jobs)[0]
-    return locate.places(dataset, motion, plain, motion, noise_sd, _EFFECT_SHOWN)
+    return gap.places(dataset, motion, plain, motion, noise_sd, _EFFECT_SHOWN)
 
 
 def composed_file(dataset: Dataset) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.data.gap import Gap, Place
 from brickpilot.discover import term_basis
 from brickpilot.discover.feedback import Loop, Period
 from brickpilot.fit.replay import Outputs
@@ -102,35 +103,6 @@ class Effect:
     removed: float = 1.0
     claimed: bool = True
     equivalents: tuple[Equivalent, ...] = ()
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the gap was: a time span of one signal of one run.
-
-    Attributes:
-        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
-        when: what the vehicle was doing.
-    """
-
-    run: str
-    signal: str
-    from_s: float
-    to_s: float
-    share_of_gap: float
-    when: str
-
-
-@dataclass(frozen=True)
-class Gap:
-    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
-
-    before: float | None
-    after: float | None
-
-    @property
-    def grows(self) -> bool:
-        return self.before is not None and self.after is not None and self.after > self.before
 
 
 @dataclass(frozen=True)

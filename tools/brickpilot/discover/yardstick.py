@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.agreement import Agreement, together
-from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.facts import repeats
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by
@@ -27,7 +26,6 @@ from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.errors import SimulationError
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Track, headline, headline_of, simulated_at, track
-from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import of_bins
 from brickpilot.vehicle.model import Model
 
@@ -36,9 +34,6 @@ Array = NDArray[np.float64]
 HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
 """Name -> s, how far a prediction reaches, beside the free run."""
 
-_SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
-_LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
-_GRID_S = 0.02
 _NOTHING = together([])
 
 
@@ -271,27 +266,3 @@ def _repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]
         if len(left) and rms > 0:
             found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
     return found
-
-
-def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
-    inputs = Replay(dataset).inputs
-    found = []
-    for one, other in combinations(dataset.runs, 2):
-        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
-        seconds = _same_for(one, other, inputs, np.arange(0.0, shorter, _GRID_S))
-        if seconds >= max(_LEAST_S, _LEAST_SHARE * shorter):
-            found.append((one.name, other.name, seconds))
-    return tuple(found)
-
-
-def _same_for(one: Run, other: Run, inputs: Mapping[str, Array], grid: Array) -> float:
-    """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
-    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (one, other))
-    first, second = (inputs[run.name][held] for run, held in zip((one, other), rows, strict=True))
-    if not np.array_equal(np.isnan(first), np.isnan(second)):
-        return 0.0
-    apart = np.cumsum(np.nansum((first - second) ** 2, axis=1))
-    size = np.cumsum(np.nansum(first**2 + second**2, axis=1) / 2)
-    same = np.flatnonzero((apart <= _SAME_SHARE**2 * size) & (size > 0))
-    return float(grid[same[-1]]) if len(same) else 0.0

@@ -9,7 +9,8 @@ import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
-from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank, RunValues, Share
+from brickpilot.data.gap import Place
+from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
 from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
+from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Identified, Parameter, Share
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Identified, Parameter, Share
 from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_fit
 from brickpilot.report.own_words import shown_finding, told

@@ -1,8 +1,9 @@
-"""Where simulation and measurement disagree: in which runs, signals and times, and how much."""
+"""The gap: how far measured and simulated signals of free runs are apart, in sd of noise; how much, and where."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +11,43 @@ from numpy.typing import NDArray
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
-from brickpilot.discover.finding import Gap, Place, Whiteness
-from brickpilot.discover.numbers import BIN_S
-from brickpilot.fit.replay import Outputs
-from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
+Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # a difference is an rms over windows of this length
 _BRIDGED_S = 0.3  # a shorter break in a span is part of it
 _CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers less is not reported
 _CONDITION_LIFT = 1.3  # the condition covers so many times more of the gap than of the time
-_LAGS = 20
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the gap was: a time span of one signal of one run.
+
+    Attributes:
+        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
+        when: what the vehicle was doing.
+    """
+
+    run: str
+    signal: str
+    from_s: float
+    to_s: float
+    share_of_gap: float
+    when: str
+
+
+@dataclass(frozen=True)
+class Gap:
+    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
+
+    before: float | None
+    after: float | None
+
+    @property
+    def grows(self) -> bool:
+        return self.before is not None and self.after is not None and self.after > self.before
 
 
 def gaps(
@@ -141,19 +167,3 @@ def _condition(time: Array, outputs: Outputs, part: Array) -> str:
         if inside >= _CONDITION_SHARE and share > 0 and inside / share > lift:
             best, lift = text, inside / share
     return best
-
-
-def whiteness(error: Residual, whitened: Array) -> dict[str, Whiteness]:
-    """Returns the autocorrelation of `whitened` (samples,), a residual, by signal and over the bins."""
-    found = {}
-    for signal in error.signals:
-        parts = [whitened[block.place] for block in error.blocks if block.signal == signal]
-        parts = [part - part.mean() for part in parts if len(part) > 2 * _LAGS]
-        if not parts:
-            continue
-        power = sum(float(part @ part) for part in parts) or 1.0
-        rho = [sum(float(part[lag:] @ part[:-lag]) for part in parts) / power for lag in range(1, _LAGS + 1)]
-        bound = 1.96 / float(np.sqrt(sum(len(part) for part in parts)))
-        outside = sum(abs(value) > bound for value in rho)
-        found[signal] = Whiteness(BIN_S, tuple(rho), bound, outside <= _LAGS // 5)
-    return found
