@@ -42,9 +42,7 @@ MINUS, DASH = "\N{MINUS SIGN}", "\N{EN DASH}"
 VERDICTS = ("none", "named", "ambiguous", "unknown")
 
 TORQUE = Parameter(0.0061, "N m", (0.0058, 0.0064))
-FRICTION = Effect(
-    "coulomb_friction", "bearing", "coulomb_friction", "wheel", "T_f = -torque sign(w)", 0.99, {"torque": TORQUE}
-)
+FRICTION = Effect("coulomb_friction", "bearing", "coulomb_friction", "wheel", 0.99, {"torque": TORQUE})
 DEADBAND = Equivalent("actuator_deadband", {"voltage": Parameter(0.43, "V", None)}, 3.2)
 PAIR = Equivalent(
     "rolling_sqrt + gyro_bias",

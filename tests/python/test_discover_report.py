@@ -95,7 +95,6 @@ def test_two_effects_are_both_named(found):
         "sensor",
         "gyro_bias",
         "sensor",
-        "r + bias",
         0.9,
         {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))},
     )

@@ -35,9 +35,7 @@ from synthetic import motor, robot, write
 
 DEGREES = {"yaw_rate": ("deg/s", 180 / math.pi), "wheel_speed_left": ("rpm", 30 / math.pi)}
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
-BIAS = Effect(
-    "gyro_bias", "sensor", "gyro_bias", "sensor", "r + bias", 0.99, {"bias": Parameter(0.02, "rad/s", (0.018, 0.022))}
-)
+BIAS = Effect("gyro_bias", "sensor", "gyro_bias", "sensor", 0.99, {"bias": Parameter(0.02, "rad/s", (0.018, 0.022))})
 WHEELS = r"\b([Ww]heels?|[Rr]obots?|[Vv]ehicle|[Mm]ission|[Dd]riving)\b"
 
 

@@ -100,9 +100,8 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
-        plain = {"faults": [one.to_json() for one in self.faults], "headline": self.explained.to_json()}
         kept = {name: value for name, value in vars(self).items() if name not in ("explained", "units")}
-        made: dict[str, Any] = valid(kept | plain)
+        made: dict[str, Any] = valid(kept | {"headline": self.explained})
         return made
 
 
@@ -146,7 +145,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         visible = smallest_sizes(prepared, nominal, temperature)
         told = assess(prepared.fine, nominal.model, nominal.plan.free)
         gate = temperature * (numbers.CHANCE_NATS - math.log(numbers.USUAL))
-        advice, invisible = advise(prepared, nominal, told, visible, gate)
+        advice, invisible = advise(prepared, nominal, visible, gate)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,

@@ -172,7 +172,6 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
             mechanism=catalogue.mechanism(part.effect, best.model.effects[part.effect]),
             law=catalogue.law(part.effect, best.model.effects[part.effect]),
             acts_on=catalogue.effect(part.effect).acts_on,
-            equation=catalogue.effect(part.effect).equation,
             confidence=round(weights.get(part.name, 0.0), 4),
             parameters={name: _parameter(best.model, part.effect, name, best.estimates) for name in part.free},
             removed=removed,

@@ -29,7 +29,6 @@ from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.start_state import cut_into_windows
-from brickpilot.fit.uncertainty import Uncertainty
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
@@ -173,7 +172,7 @@ class Advice:
 
 
 def advise(
-    prepared: Prepared, nominal: Explanation, told: Uncertainty, visible: Mapping[str, Visible], gate: float
+    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], gate: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
 
@@ -182,7 +181,6 @@ def advise(
 
     Args:
         nominal: fitted to the fit runs.
-        told: of its parameters.
         visible: effect -> the smallest size that the runs show.
         gate: nats by which an effect has to predict better to be named.
     """
@@ -200,11 +198,10 @@ def advise(
     shown = asked.shown(now) | visible_at_usual
     found: list[Advice] = []
     while more and len(found) < _MANOEUVRES:
-        offers = []
-        for one, known in more:
-            effects = tuple(sorted(asked.shown(now + known) - shown))
-            better = _sharper(nominal, asked.sd(now), asked.sd(now + known))
-            offers.append(Advice(one, effects, tuple(name for name in better if name in told.estimates)))
+        offers = [
+            Advice(one, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
+            for one, known in more
+        ]
         best = max(range(len(more)), key=lambda k: len(offers[k].effects) + len(offers[k].parameters))
         if not (offers[best].effects or offers[best].parameters):
             break
@@ -272,16 +269,12 @@ class _Asked:
         ]
         return {part.effect for part, size in _nearest(tried) if size <= self.usual[part.effect, part.free[0]]}
 
-    def sd(self, known: Array) -> Array:
-        """Returns (parameters,): the sd of their coordinates."""
+    def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
+        """Returns the parameters that are badly known by some information, and much better by more of it."""
         count = len(self.prior)
-        return np.sqrt(np.diag(np.linalg.inv(known[:count, :count] + self.prior)))
-
-
-def _sharper(nominal: Explanation, wide: Array, narrow: Array) -> list[str]:
-    """Returns the parameters that were badly known and become much better known; `wide` and `narrow` are sds."""
-    better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
-    return [one.name for one, is_so in zip(nominal.plan.free, better, strict=True) if is_so]
+        wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
+        better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
+        return tuple(free.name for free, is_so in zip(self.plan.free, better, strict=True) if is_so)
 
 
 def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:

@@ -97,7 +97,6 @@ class Effect:
     mechanism: str
     law: str
     acts_on: str
-    equation: str
     confidence: float
     parameters: Mapping[str, Parameter]
     removed: float = 1.0
@@ -410,9 +409,9 @@ class Finding:
 
 
 _AS_THEY_ARE = (
-    "verdict", "mechanism", "law_differs", "explanations", "predictable_left", "closed_loop", "disturbances", "where",
-    "nominal", "nominal_findings", "power", "ranking", "roles", "held_out_stretches", "notes", "elapsed_s", "budget",
-    "seed",
+    "verdict", "mechanism", "law_differs", "explanations", "predictable_left", "closed_loop", "disturbances", "effects",
+    "where", "nominal", "spread", "nominal_findings", "run_values", "power", "ranking", "roles", "held_out_stretches",
+    "notes", "elapsed_s", "budget", "seed",
 )  # fmt: skip
 
 
@@ -427,11 +426,8 @@ def verdict_json(found: Finding) -> dict[str, Any]:
             "fit_percent": found.yardstick.fit_json(),
             "predictable": found.yardstick.predictable_json(),
             "predictor": found.predictor and _without(found.predictor, "model"),
-            "effects": [_without(effect, "equation") for effect in found.effects],
             "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
-            "spread": found.spread and found.spread.to_json(),
-            "run_values": [one.to_json() for one in found.run_values],
-            "data_faults": [fault.to_json() for fault in found.faults],
+            "data_faults": found.faults,
             # The manoeuvre's name and break points stand at the top level, ready for a script.
             "next_experiment": experiment
             and _without(experiment, "manoeuvre") | ({"name": None} if manoeuvre is None else vars(manoeuvre)),
@@ -446,7 +442,9 @@ def verdict_json(found: Finding) -> dict[str, Any]:
 
 def valid(value: Any) -> Any:
     """Returns `value` as JSON can hold it: records as objects, sequences as lists, and None for NaN and Infinity."""
-    if dataclasses.is_dataclass(value):
+    if hasattr(value, "to_json"):
+        value = value.to_json()
+    elif dataclasses.is_dataclass(value):
         value = vars(value)
     if isinstance(value, Mapping):
         return {key: valid(one) for key, one in value.items()}
