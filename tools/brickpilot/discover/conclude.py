@@ -332,13 +332,15 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChang
 def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
     """Returns the nominal values that the model had to move beyond what is stated of them, where the data tell them.
 
-    Where an effect was added that leaves them as stated, they are no finding. A value of which the data tell a
-    combination alone is none either: the combination moved, and nobody knows by which of its values.
+    Where effects are claimed that leave them as stated, they are no finding: without these, the nominal model moves its
+    values to stand in for them. A value of which the data tell a combination alone is none either: the combination
+    moved, and nobody knows by which of its values.
     """
-    settled = found.written if found.kind == "named" else found.nominal
-    told, verdict = settled.estimates, found.verdict
-    others = verdict.rivals if found.kind == "none" else (verdict.best,) if verdict.nominal in verdict.rivals else ()
-    rivals = tuple(" + ".join(one.names) for one in others)
+    verdict = found.verdict
+    is_rival = verdict.nominal in verdict.rivals  # whether an effect is missing or a value is stated wrongly
+    settled = found.written if found.claims and not is_rival else found.nominal
+    others = verdict.rivals if found.kind == "none" else (verdict.best,) if is_rival else ()
+    told, rivals = settled.estimates, tuple(" + ".join(one.names) for one in others)
     return tuple(
         finding.NominalFinding(name, one.before, one.after, one.unit, abs(one.after - one.before) / one.sd, rivals)
         for name, one in _nominal_changes(prepared.plan, settled.model).items()
