@@ -189,7 +189,7 @@ def advise(
     now = asked.information(problem, nominal.point)
     offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
     driven = ((one, _driven(prepared, nominal, one)) for one in offered)
-    more = [(one, asked.information(problem, nominal.point)) for one, problem in driven if problem is not None]
+    more = [(one, asked.information(told, nominal.point)) for one, told in driven if told is not None]
     largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
     possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
     visible_at_usual = {
@@ -250,8 +250,9 @@ class _Asked:
         models = [probe.part.starting(self.plan, probe.values[0]).model for probe in self.probes]
         changes = data.predict(models) - plain if models else np.empty((0, len(plain)))
         changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
-        moved = np.vstack([problem.sensitivity(point).T, changes]) * data.weight()
-        return np.asarray(moved @ moved.T)
+        weight = data.weight()[:, np.newaxis]
+        moved = np.hstack([problem.sensitivity(point) * weight, changes.T * weight])
+        return np.asarray(moved.T @ moved)
 
     def shown(self, known: Array) -> set[str]:
         """Returns the effects of which what the parameters cannot take up is large enough at a usual size.
