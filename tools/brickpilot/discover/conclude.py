@@ -212,12 +212,10 @@ def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Est
     unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
     if known is None:
         return Parameter(value_of(model, f"{effect}.{name}"), unit, None)
-    form, identified = known.identified, None
-    if form is not None:
-        sign = 1.0 if known.value >= 0 else -1.0
-        low, high = sorted(sign * end for end in form.ci95)
-        identified = finding.Identified(form.name, form.formula, sign * form.value, form.unit, (low, high))
-    return Parameter(known.value, unit, known.ci95, identified)
+    form = known.identified
+    if form is not None and known.value < 0:
+        form = dataclasses.replace(form, value=-form.value, ci95=(-form.ci95[1], -form.ci95[0]))
+    return Parameter(known.value, unit, known.ci95, form)
 
 
 def _disturbances(prepared: Prepared, found: Conclusion) -> dict[str, Period]:

@@ -15,7 +15,7 @@ from brickpilot.data.gap import Gap, Place
 from brickpilot.discover import term_basis
 from brickpilot.discover.feedback import Loop, Period
 from brickpilot.fit.replay import Outputs
-from brickpilot.fit.uncertainty import Spread
+from brickpilot.fit.uncertainty import Combination, Spread
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
 
@@ -32,34 +32,24 @@ NOMINAL_VALUES = "nominal values"
 
 
 @dataclass(frozen=True)
-class Identified:
-    """A size in what the data identify, such as the voltage that makes up for a friction torque.
-
-    Attributes:
-        quantity: what it is, such as "voltage".
-        formula: how it follows from the parameter, in the paper's symbols.
-    """
-
-    quantity: str
-    formula: str
-    value: float
-    unit: str
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class Parameter:
     """A fitted value, SI.
 
     Attributes:
         ci95: (low, high); None if the data do not determine it.
-        identified: then, the form in which they do; None: in none.
+        identified: then, the form in which they do, such as the voltage that makes up for a friction torque, with the
+            sign of the value; None: in none.
     """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None
-    identified: Identified | None = None
+    identified: Combination | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the entry of verdict.json, where the form's name is its quantity."""
+        form = self.identified
+        return vars(self) | {"identified": form and _without(form, "name") | {"quantity": form.name}}
 
 
 @dataclass(frozen=True)
