@@ -10,19 +10,18 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.gap import Place, gaps
 from brickpilot.data.holdout import Roles
-from brickpilot.discover import locate, term_basis
+from brickpilot.discover import term_basis
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
     Evidence,
     Experiment,
     Finding,
-    Manoeuvre,
     NominalChange,
     NominalFinding,
     Parameter,
-    Place,
     Rank,
     RunValues,
     Share,
@@ -32,6 +31,7 @@ from brickpilot.discover.finding import (
 )
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
+from brickpilot.vehicle.manoeuvres import Manoeuvre
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
@@ -42,9 +42,7 @@ MINUS, DASH = "\N{MINUS SIGN}", "\N{EN DASH}"
 VERDICTS = ("none", "named", "ambiguous", "unknown")
 
 TORQUE = Parameter(0.0061, "N m", (0.0058, 0.0064))
-FRICTION = Effect(
-    "coulomb_friction", "bearing", "coulomb_friction", "wheel", "T_f = -torque sign(w)", 0.99, {"torque": TORQUE}
-)
+FRICTION = Effect("coulomb_friction", "bearing", "coulomb_friction", "wheel", 0.99, {"torque": TORQUE})
 DEADBAND = Equivalent("actuator_deadband", {"voltage": Parameter(0.43, "V", None)}, 3.2)
 PAIR = Equivalent(
     "rolling_sqrt + gyro_bias",
@@ -111,7 +109,7 @@ def finding(data: Dataset, kind: str) -> Finding:
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))
     roles = {run.name: run.role for run in data.runs}
-    by_role, by_signal = locate.gaps(data, simulated, Roles(roles, ""), NOISE)
+    by_role, by_signal = gaps(data, simulated, Roles(roles, ""), NOISE)
     effects = {
         "named": (FRICTION,),
         "ambiguous": (dataclasses.replace(FRICTION, equivalents=(DEADBAND, PAIR)),),

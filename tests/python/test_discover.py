@@ -10,7 +10,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
 from brickpilot.discover import numbers, periods, pipeline
-from brickpilot.discover.experiment import manoeuvres, next_experiment
+from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
 from brickpilot.discover.parts import library_parts, sizes_of
 from brickpilot.discover.prepare import with_default_sds
@@ -18,6 +18,7 @@ from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.start_state import cut_into_windows, with_averaged_starts, with_rates
+from brickpilot.vehicle.manoeuvres import manoeuvres
 from synthetic import motor, robot, write
 from verdict_schema import check
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
-from brickpilot.discover.finding import Effect, Experiment, Gap, Parameter
+from brickpilot.data.gap import Gap
+from brickpilot.discover.finding import Effect, Experiment, Parameter
 from brickpilot.fit.replay import Replay
 from brickpilot.report import composed_law
 from brickpilot.report.discover_page import page
@@ -94,7 +95,6 @@ def test_two_effects_are_both_named(found):
         "sensor",
         "gyro_bias",
         "sensor",
-        "r + bias",
         0.9,
         {"bias": Parameter(0.0213, "rad/s", (0.0201, 0.0225))},
     )

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.discover.experiment import commands, manoeuvres
-from brickpilot.discover.finding import Manoeuvre
 from brickpilot.report.experiment_files import ARRAY, SCENARIO, TABLE, files_of, steps
 from brickpilot.vehicle import scenario
+from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from command import brickpilot
 
 ALL = manoeuvres("diff_drive", 9.0)

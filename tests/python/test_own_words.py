@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
+from brickpilot.data.gap import Gap
 from brickpilot.data.own_units import own_unit
-from brickpilot.discover.finding import Effect, Gap, Identified, Parameter, Whiteness
+from brickpilot.discover.finding import Effect, Parameter, Whiteness
 from brickpilot.discover.pipeline import discover
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
+from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import (
     calibrate_page,
     compare_page,
@@ -34,9 +36,7 @@ from synthetic import motor, robot, write
 
 DEGREES = {"yaw_rate": ("deg/s", 180 / math.pi), "wheel_speed_left": ("rpm", 30 / math.pi)}
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
-BIAS = Effect(
-    "gyro_bias", "sensor", "gyro_bias", "sensor", "r + bias", 0.99, {"bias": Parameter(0.02, "rad/s", (0.018, 0.022))}
-)
+BIAS = Effect("gyro_bias", "sensor", "gyro_bias", "sensor", 0.99, {"bias": Parameter(0.02, "rad/s", (0.018, 0.022))})
 WHEELS = r"\b([Ww]heels?|[Rr]obots?|[Vv]ehicle|[Mm]ission|[Dd]riving)\b"
 
 
@@ -207,7 +207,7 @@ def test_names_that_the_user_gave_stay(of_a_motor):
 
 
 def test_a_size_known_in_volts_is_said_in_volts():
-    known = Identified("voltage", "torque R / K_t", 0.61, "V", (0.58, 0.64))
+    known = Combination("voltage", "torque R / K_t", "V", 0.61, (0.58, 0.64))
     label, shown = discover_text.known_size("torque", Parameter(0.01, "N m", None, known))
     assert (label, shown.unit, shown.ci95) == ("torque, as voltage", "V", (0.58, 0.64))
     label, shown = discover_text.known_size("torque", Parameter(0.01, "N m", (0.009, 0.011), known))

@@ -8,8 +8,9 @@ import dataclasses
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
+from brickpilot.data.gap import Gap
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Gap, Parameter, Rank, Visible, verdict_json
+from brickpilot.discover.finding import Parameter, Rank, Visible, verdict_json
 from findings import DIFFERS, FRICTION, VERDICTS, all_verdicts
 from jsonschema import Draft202012Validator
 from synthetic import motor, write

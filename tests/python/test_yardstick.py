@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 from brickpilot.data import dataset
+from brickpilot.data.facts import repeats
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Proof
-from brickpilot.discover.yardstick import HORIZONS, Yardstick, measure, repeats
+from brickpilot.discover.yardstick import HORIZONS, Yardstick, measure
 from brickpilot.fit.headline import simulated_at, track
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun, State

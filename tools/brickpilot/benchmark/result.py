@@ -125,7 +125,7 @@ def verdict_fields(found: Finding) -> dict[str, Any]:
         "term": None
         if found.term is None
         else {
-            "place": found.term.place,
+            "place": found.term.acts_on,
             "equation": found.term.equation,
             "removed_held_out": found.term.removed_held_out,
         },

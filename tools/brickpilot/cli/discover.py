@@ -68,7 +68,8 @@ def discover(
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
     command += ["--budget", f"{budget:g}"] if budget is not None else []
-    with run_folder.fresh_folder(folder, conclude.file_names(data) | set(experiment_files.FILES)) as beside:
+    files = {"report.html", "verdict.json", "model.toml", "compensation.toml", conclude.composed_file(data)}
+    with run_folder.fresh_folder(folder, files | set(experiment_files.FILES)) as beside:
         with progress_shown(as_json) as progress:
             found = pipeline.discover(
                 data,

@@ -8,79 +8,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 import brickpilot
+from brickpilot.data import facts
 from brickpilot.data.audit.fault import Fault
-from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.data.holdout import manoeuvre
-from brickpilot.data.noise import Noise, noise_of, step_of
+from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.own_units import OwnUnit, own_units
-from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
-from brickpilot.discover.conclude import smallest_sizes
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.experiment import Advice, advise
+from brickpilot.discover.experiment import Advice, advise, smallest_sizes
 from brickpilot.discover.explanation import refine
 from brickpilot.discover.finding import Visible, valid
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
-from brickpilot.fit.comparable import Comparable, comparable, enough_to_fit
+from brickpilot.fit.comparable import comparable, enough_to_fit
 from brickpilot.fit.headline import Headline, headline
-from brickpilot.fit.uncertainty import Combination, Estimate, Uncertainty, assess
+from brickpilot.fit.uncertainty import Combination, Estimate, assess
 
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
-
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
-_LATE = 0.99  # quantile of the steps between samples that is reported beside their median
-
-
-@dataclass(frozen=True)
-class RunFacts:
-    """One run.
-
-    Attributes:
-        role: "fit" or "held_out", as discovery takes it.
-        manoeuvre: what is driven, such as "straight step forward".
-        step_s: median time between samples, s; `late_s`: 99 of 100 are no longer.
-    """
-
-    name: str
-    role: str
-    manoeuvre: str
-    samples: int
-    duration_s: float
-    step_s: float
-    late_s: float
-
-
-@dataclass(frozen=True)
-class SignalFacts:
-    """One measured signal, over all runs.
-
-    Attributes:
-        rms, noise_sd: in `unit`, of a sample.
-        colour: of the noise; see `data.noise.Noise`.
-        resolution: the converter's step in `unit`; 0: none shows.
-        missing: share of the samples that are blank or left out as damaged, 0..1.
-    """
-
-    name: str
-    unit: str
-    rms: float
-    noise_sd: float
-    colour: str
-    resolution: float
-    missing: float
 
 
 @dataclass(frozen=True)
@@ -104,8 +58,8 @@ class Check:
     dataset: str
     vehicle: str
     frame: str
-    runs: tuple[RunFacts, ...]
-    signals: tuple[SignalFacts, ...]
+    runs: tuple[facts.RunFacts, ...]
+    signals: tuple[facts.SignalFacts, ...]
     faults: tuple[Fault, ...]
     explained: Headline
     units: Mapping[str, OwnUnit]
@@ -129,7 +83,7 @@ class Check:
         import pandas
 
         if table == "signals":
-            return pandas.DataFrame([asdict(one) for one in self.signals])
+            return pandas.DataFrame([vars(one) for one in self.signals])
         if table == "effects":
             sizes = [(name, one.parameter, one.size, one.unit) for name, one in self.visible.items()]
             return pandas.DataFrame(sizes, columns=["effect", "parameter", "size", "unit"])
@@ -146,9 +100,8 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
-        plain = {"faults": [one.to_json() for one in self.faults], "headline": self.explained.to_json()}
         kept = {name: value for name, value in vars(self).items() if name not in ("explained", "units")}
-        made: dict[str, Any] = valid(kept | plain)
+        made: dict[str, Any] = valid(kept | {"headline": self.explained})
         return made
 
 
@@ -184,21 +137,24 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         some, note = enough_to_fit(known)
         whole = comparable(known)
         prepared, nominal = in_closed_loop(*calibrate(prepare(some, None, seed=seed, jobs=jobs)[0]))
-        seconds = estimate(prepared, nominal, times=_samples(known) / _samples(some))
+        samples, of = (sum(len(run.time) for run in one.runs) for one in (some, known))
+        seconds = estimate(prepared, nominal, times=of / samples)
         judge = Judge.of(prepared.fine, seed)
         nothing = judge.of_explanation((refine(prepared.fine, [nominal], jobs) or [nominal])[0])
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, nominal, temperature)
-        told: Uncertainty = assess(prepared.fine, nominal.model, nominal.plan.free)
+        told = assess(prepared.fine, nominal.model, nominal.plan.free)
         gate = temperature * (numbers.CHANCE_NATS - math.log(numbers.USUAL))
-        advice, invisible = advise(prepared, nominal, told, visible, gate)
+        advice, invisible = advise(prepared, nominal, visible, gate)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,
         vehicle=dataset.vehicle,
         frame=dataset.frame,
-        runs=tuple(_run(one, whole) for one in dataset.runs),
-        signals=tuple(_signals(dataset)),
+        runs=tuple(
+            facts.of_run(one, whole.roles.by_run[one.name], motor_inputs(one, whole.measured)) for one in dataset.runs
+        ),
+        signals=facts.of_signals(dataset),
         faults=whole.measured.faults,
         explained=explained,
         units=own_units(dataset, explained.signals),
@@ -219,46 +175,3 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
             *prepared.fine.notes,
         ),
     )
-
-
-def _samples(dataset: Dataset) -> int:
-    return sum(len(run.time) for run in dataset.runs)
-
-
-def _run(run: Run, whole: Comparable) -> RunFacts:
-    steps = np.diff(run.time[_logged(run)])
-    return RunFacts(
-        run.name,
-        whole.roles.by_run[run.name],
-        manoeuvre(np.nan_to_num(motor_inputs(run, whole.measured))),
-        len(steps) + 1,
-        float(run.time[-1] - run.time[0]),
-        float(np.median(steps)),
-        float(np.quantile(steps, _LATE)),
-    )
-
-
-def _logged(run: Run) -> NDArray[np.bool_]:
-    """Returns which rows the log had: those with an output, and the ends; others were added where an input changes."""
-    rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
-    rows[[0, -1]] = True
-    return rows
-
-
-def _signals(dataset: Dataset) -> list[SignalFacts]:
-    found = []
-    for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs):
-        parts = [run.outputs[name][_logged(run)] for run in dataset.runs if name in run.outputs]
-        known = [part[np.isfinite(part)] for part in parts]
-        values = np.concatenate(known)
-        if len(values) == 0:
-            found.append(SignalFacts(name, SIGNALS[name].unit, 0.0, 0.0, Noise(0.0).colour, 0.0, 1.0))
-            continue
-        stated = dataset.signals.get(name)
-        resolution = (stated.resolution if stated is not None else None) or step_of(known)
-        noise = noise_of(parts, resolution)
-        sd = (stated.noise_sd if stated is not None else None) or noise.sd
-        missing = 1 - len(values) / sum(len(part) for part in parts)
-        rms = float(np.sqrt(np.mean(values**2)))
-        found.append(SignalFacts(name, SIGNALS[name].unit, rms, sd, noise.colour, resolution, missing))
-    return found

@@ -6,37 +6,24 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import correlate
 
 from brickpilot import catalogue
+from brickpilot.data import gap
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover import locate, numbers
+from brickpilot.discover import evidence, finding, numbers
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.discover.experiment import smallest_sizes
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.feedback import Period, own_period
-from brickpilot.discover.finding import (
-    NOMINAL_VALUES,
-    Effect,
-    Equivalent,
-    Experiment,
-    Finding,
-    Identified,
-    NominalChange,
-    NominalFinding,
-    Parameter,
-    Place,
-    Predictor,
-    Rank,
-    RunValues,
-    Share,
-    Term,
-    VerdictKind,
-    Visible,
-)
-from brickpilot.discover.parts import Part, RunPart, library_parts
+from brickpilot.discover.finding import Experiment, Finding, Parameter, Predictor, VerdictKind
+from brickpilot.discover.parts import Part, RunPart
 from brickpilot.discover.periods import resolved_order
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.discover.term_basis import PLACES, equation
@@ -44,11 +31,12 @@ from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.replay import RUN_KINDS, Replay
-from brickpilot.fit.residual import Problem
-from brickpilot.fit.uncertainty import Estimate, assess
+from brickpilot.fit.residual import Residual
+from brickpilot.fit.uncertainty import Estimate
 from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
+_LAGS = 20  # bins of an autocorrelation
 _LARGEST_LOG = 700.0  # of a double
 _ERROR_SHOWN = 1.5  # the same for an error without an explanation, which has the noise on it: noise alone has 1
 
@@ -76,26 +64,42 @@ class Conclusion:
     yardstick: Yardstick
     predictor: Predictor | None
 
+    @property
+    def claims(self) -> bool:
+        """Whether the verdict says that the effects of the best explanation are there."""
+        return self.kind in ("named", "ambiguous")
 
-def file_names(dataset: Dataset) -> set[str]:
-    """Returns the names of all files that the command may write for a data set."""
-    return {"report.html", "verdict.json", "model.toml", "compensation.toml", f"{_term_name(dataset)}.c"}
+    @cached_property
+    def totals(self) -> Mapping[frozenset[str], float]:
+        """The evidence of each explanation that was weighed, by its key."""
+        return {one.explanation.key: one.total for one in self.verdict.ranked}
+
+    def removed(self, one: Explanation) -> float:
+        """Returns the share of the way from the nominal model to noise that an explanation goes, in evidence, 0..1."""
+        nothing = self.totals[self.verdict.nominal.key]
+        way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
+        return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
 
 
 def conclude(prepared: Prepared, found: Conclusion) -> Finding:
     """Returns the finding. Its `elapsed_s` is 0; the pipeline knows the time."""
     verdict, proof, model = found.verdict, found.proof, found.written.model
-    effects = _effects(prepared, found)
-    adequacy = verdict.adequacy
+    effects, adequacy = _effects(found), verdict.adequacy
+    mechanism = None if found.kind == "none" or found.composed is None else found.composed.mechanism
+    if effects and (found.claims or found.composed is None):
+        mechanism = effects[0].mechanism
+    left = adequacy is not None and adequacy.nats_left > numbers.UNEXPLAINED_NATS
     return Finding(
         dataset=proof.opened.whole,
         verdict=found.kind,
-        mechanism=_mechanism(effects, found),
-        law_differs=None if found.kind not in ("named", "ambiguous") else _law_differs(found),
+        mechanism=mechanism,
+        law_differs=left if found.claims else None,
         evidence=proof.evidence,
         effects=effects,
         explanations=tuple(
-            Share(one.explanation.names, round(one.weight, 4), tuple(dict.fromkeys(_mechanisms(one.explanation))))
+            finding.Share(
+                one.explanation.names, round(one.weight, 4), tuple(dict.fromkeys(_mechanisms(one.explanation)))
+            )
             for one in verdict.held
         ),
         where=_places(prepared, found),
@@ -105,20 +109,20 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         nominal=_nominal_changes(prepared.plan, model),
         nominal_findings=_nominal_findings(prepared, found),
         next_experiment=found.experiment,
-        ranking=_ranking(found),
-        whiteness=locate.whiteness(prepared.fine, prepared.fine.scaled(model)),
+        ranking=tuple(_rank(one, found) for one in verdict.ranked),
+        whiteness=_whiteness(prepared.fine, model),
         power=_power(prepared, found),
-        term=_term(prepared, found),
+        term=_term(prepared.dataset, found),
         nominal_model=found.nominal.model,
         augmented=model,
         simulated=proof.simulated,
         roles=prepared.roles.by_run,
         held_out_stretches=prepared.roles.stretches,
         faults=proof.opened.measured.faults,
-        notes=(*_notes(prepared, found), *found.yardstick.notes),
+        notes=_notes(prepared, found),
         spread=found.written.spread,
         noise_sd=prepared.fine.sample_noise,
-        run_values=_run_values(found),
+        run_values=_run_values(found.best),
         predictor=found.predictor,
         closed_loop=prepared.loop,
         disturbances=_disturbances(prepared, found),
@@ -128,10 +132,18 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
     )
 
 
-def _law_differs(found: Conclusion) -> bool:
-    """Returns whether the claimed effects leave more than the tolerance between what counts as one nat and noise."""
-    adequacy = found.verdict.adequacy
-    return adequacy is not None and adequacy.nats_left > numbers.UNEXPLAINED_NATS
+def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
+    """Returns the autocorrelation of what a model leaves, in scales, by signal."""
+    left, found = data.scaled(model), {}
+    for signal in data.signals:
+        parts = [part - part.mean() for part in data.parts(left, signal) if len(part) > 2 * _LAGS]
+        if parts:
+            products = np.sum([correlate(one, one)[len(one) - 1 : len(one) + _LAGS] for one in parts], axis=0)
+            lags = tuple((products[1:] / (products[0] or 1.0)).tolist())
+            bound = 1.96 / math.sqrt(sum(map(len, parts)))
+            white = sum(abs(one) > bound for one in lags) <= _LAGS // 5
+            found[signal] = finding.Whiteness(numbers.BIN_S, lags, bound, white)
+    return found
 
 
 def _mechanisms(one: Explanation) -> list[str]:
@@ -143,103 +155,67 @@ def _mechanisms(one: Explanation) -> list[str]:
     ]
 
 
-def _mechanism(effects: tuple[Effect, ...], found: Conclusion) -> str | None:
-    """Returns the kind of cause that explains most; None if nothing is missing or nothing points at one."""
-    if found.kind == "none":
-        return None
-    if effects and (effects[0].claimed or found.composed is None):
-        return effects[0].mechanism
-    return None if found.composed is None else found.composed.mechanism
-
-
-def _effects(prepared: Prepared, found: Conclusion) -> tuple[Effect, ...]:
+def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the one that most explanations share first.
 
     They are claimed where the verdict is `named` or `ambiguous`. For `unknown` they are the best names, not claimed.
     """
-    explanation = found.best.explanation
-    if found.kind == "none" or not explanation.effects:
+    best = found.best
+    if found.kind == "none":
         return ()
-    claimed = found.kind in ("named", "ambiguous")
-    estimates, model = found.best.estimates, found.best.model
-    removed = _removed(found, explanation)
     equivalents = _equivalents(found) if found.verdict.kind == "ambiguous" else ()
-    weight = _weights(found)
-    effects: list[Effect] = []
-    for part in sorted(explanation.effects, key=lambda one: -weight.get(one.name, 0.0)):
-        info = catalogue.effect(part.effect)
-        values = {}
-        for name in part.free:
-            estimate = estimates[f"{part.effect}.{name}"]
-            values[name] = Parameter(
-                estimate.value, _unit(model, part.effect, name), estimate.ci95, _identified(estimate)
-            )
-        effects.append(
-            Effect(
-                name=part.effect,
-                mechanism=catalogue.mechanism(part.effect, model.effects[part.effect]),
-                law=catalogue.law(part.effect, model.effects[part.effect]),
-                acts_on=info.acts_on,
-                equation=info.equation,
-                confidence=round(weight.get(part.name, 0.0), 4),
-                parameters=values,
-                removed=removed,
-                claimed=claimed,
-                equivalents=equivalents if not effects else (),
-            )
-        )
-    return tuple(effects)
-
-
-def _weights(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the share of the explanations of the set that say it, by weight."""
-    held = found.verdict.held
-    total = max(sum(one.weight for one in held), 1e-9)
-    parts = {part.name: part for one in held for part in one.explanation.parts}
-    said = {name: sum(one.weight for one in held if one.explanation.says(part)) for name, part in parts.items()}
-    return {name: min(1.0, weight / total) for name, weight in said.items()}
-
-
-def _removed(found: Conclusion, one: Explanation) -> float:
-    """Returns the share of the way from the nominal model to noise that an explanation goes, in evidence, 0..1."""
-    by_key = {other.explanation.key: other for other in found.verdict.ranked}
-    nothing = by_key[found.verdict.nominal.key].total
-    way, known = found.judge.top - nothing, by_key.get(one.key)
-    return float(min(1.0, max(0.0, (known.total - nothing) / way))) if known is not None and way > 0 else 0.0
-
-
-def _equivalents(found: Conclusion) -> tuple[Equivalent, ...]:
-    by_key = {other.explanation.key: other.total for other in found.verdict.ranked}
-    best = by_key[found.verdict.best.key]
+    weights, removed = _shares(found), found.removed(best.explanation)
+    parts = sorted(best.explanation.effects, key=lambda one: -weights.get(one.name, 0.0))
     return tuple(
-        Equivalent(
-            " + ".join(one.names) or NOMINAL_VALUES,
-            {
-                (f"{part.effect}.{name}" if len(one.parts) > 1 else name): Parameter(
-                    value_of(one.model, f"{part.effect}.{name}"), _unit(one.model, part.effect, name), None
-                )
-                for part in one.effects
-                for name in part.free
-            },
-            (best - by_key[one.key]) / found.verdict.temperature,
-            dict(one.model.parameters),
-            {name: dict(table) for name, table in one.model.effects.items()},
+        finding.Effect(
+            name=part.effect,
+            mechanism=catalogue.mechanism(part.effect, best.model.effects[part.effect]),
+            law=catalogue.law(part.effect, best.model.effects[part.effect]),
+            acts_on=catalogue.effect(part.effect).acts_on,
+            confidence=round(weights.get(part.name, 0.0), 4),
+            parameters={name: _parameter(best.model, part.effect, name, best.estimates) for name in part.free},
+            removed=removed,
+            claimed=found.claims,
+            equivalents=equivalents if part is parts[0] else (),
         )
-        for one in found.verdict.rivals
+        for part in parts
     )
 
 
-def _identified(estimate: Estimate) -> Identified | None:
-    found = estimate.identified
-    if found is None:
-        return None
-    sign = 1.0 if estimate.value >= 0 else -1.0
-    low, high = sorted(sign * end for end in found.ci95)
-    return Identified(found.name, found.formula, sign * found.value, found.unit, (low, high))
+def _shares(found: Conclusion) -> dict[str, float]:
+    """Returns part -> the share of the explanations of the set that say it, by weight."""
+    held = {one.explanation.key: one.weight for one in found.verdict.held}
+    table = [one for one in found.verdict.ranked if one.explanation.key in held]
+    weights = np.array([held[one.explanation.key] for one in table])
+    return evidence.held_by(table, weights / weights.sum())
 
 
-def _unit(model: Model, effect: str, parameter: str) -> str:
-    return unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == parameter))
+def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
+    made, best = [], found.totals[found.verdict.best.key]
+    for one in found.verdict.rivals:
+        model, several = one.model, len(one.parts) > 1
+        values = {
+            f"{part.effect}.{name}" if several else name: _parameter(model, part.effect, name, {})
+            for part in one.effects
+            for name in part.free
+        }
+        effects = {name: dict(table) for name, table in model.effects.items()}
+        worse_by = (best - found.totals[one.key]) / found.verdict.temperature
+        name = " + ".join(one.names) or finding.NOMINAL_VALUES
+        made.append(finding.Equivalent(name, values, worse_by, dict(model.parameters), effects))
+    return tuple(made)
+
+
+def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
+    """Returns a parameter of an effect, with its interval where it has an estimate; an identified form has its sign."""
+    known = estimates.get(f"{effect}.{name}")
+    unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
+    if known is None:
+        return Parameter(value_of(model, f"{effect}.{name}"), unit, None)
+    form = known.identified
+    if form is not None and known.value < 0:
+        form = dataclasses.replace(form, value=-form.value, ci95=(-form.ci95[1], -form.ci95[0]))
+    return Parameter(known.value, unit, known.ci95, form)
 
 
 def _disturbances(prepared: Prepared, found: Conclusion) -> dict[str, Period]:
@@ -261,86 +237,48 @@ def _disturbances(prepared: Prepared, found: Conclusion) -> dict[str, Period]:
     return {signal: one for signal, one in made.items() if one is not None}
 
 
-def _run_values(found: Conclusion) -> tuple[RunValues, ...]:
+def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
     """Returns what differs from run to run, each kind that the best explanation holds."""
     made = []
-    for part in found.best.explanation.parts:
+    for part in best.explanation.parts:
         if isinstance(part, RunPart):
             kind = RUN_KINDS[part.effect]
-            known = {run: found.best.estimates[f"{part.effect}@{run}"] for run in part.free}
+            known = {run: best.estimates[f"{part.effect}@{run}"] for run in part.free}
             values = {run: (one.value, one.ci95 or (math.nan, math.nan)) for run, one in known.items()}
-            made.append(RunValues(part.effect, kind.words, kind.unit, values))
+            made.append(finding.RunValues(part.effect, kind.words, kind.unit, values))
     return tuple(made)
 
 
-def _ranking(found: Conclusion) -> tuple[Rank, ...]:
-    """Returns every explanation that was fitted to the end, the best first."""
-    verdict = found.verdict
-    held = {one.explanation.key: one.weight for one in verdict.held}
-    best = verdict.ranked[0]
-    return tuple(_rank(one, found, held, best) for one in verdict.ranked)
-
-
-def _rank(one: Evidence, found: Conclusion, held: Mapping[frozenset[str], float], best: Evidence) -> Rank:
-    explanation = one.explanation
+def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
+    """Returns an explanation that was fitted to the end, with why it was taken or lost."""
+    explanation, best, temperature = one.explanation, found.verdict.ranked[0], found.verdict.temperature
     names = [free.name for free in explanation.plan.free if any(part.owns(free) for part in explanation.parts)]
-    temperature = found.verdict.temperature
     worse, rarer = (best.total - one.total) / temperature, best.log_prior(temperature) - one.log_prior(temperature)
-    if explanation.key in held:
-        why = f"It holds {100 * held[explanation.key]:.0f} % of the weight."
+    held = [other.weight for other in found.verdict.held if other.explanation.key == explanation.key]
+    if held:
+        why = f"It holds {100 * held[0]:.0f} % of the weight."
+    elif worse <= 0 or worse < min(rarer, numbers.CHANCE_NATS):
+        why = "It predicts as well, but needs more that is rare, or values other than stated."
     else:
         why = f"It predicts worse by {worse:.1f}, where {numbers.CHANCE_NATS:.0f} is sure."
-        if worse <= 0 or worse < min(rarer, numbers.CHANCE_NATS):
-            why = "It predicts as well, but needs more that is rare, or values other than stated."
     left = max(found.judge.top - one.total, 0.0) / len(found.judge.data.measured)
-    return Rank(
-        explanation.names,
-        {name: value_of(explanation.model, name) for name in names},
-        math.exp(min(left, _LARGEST_LOG)),
-        _removed(found, explanation),
-        why,
-    )
+    values = {name: value_of(explanation.model, name) for name in names}
+    gap = math.exp(min(left, _LARGEST_LOG))
+    return finding.Rank(explanation.names, values, gap, found.removed(explanation), why)
 
 
-def nats_needed(temperature: float, part: Part) -> float:
-    """Returns by how many nats a part has to predict better to be named: what counts as sure, and its prior odds."""
-    return temperature * (numbers.CHANCE_NATS - part.log_odds)
-
-
-def smallest_sizes(prepared: Prepared, best: Explanation, temperature: float) -> dict[str, Visible]:
-    """Returns effect -> the size at which it would be named beside `best`: what a verdict of `none` is worth.
-
-    The size is extrapolated from the nearest simulated size. Effects that nothing here excites are left out.
-    """
-    here = Problem(prepared.coarse, best.plan).keeping(best.point, len(best.point))
-    found: dict[str, tuple[float, Visible]] = {}
-    chosen = library_parts(best.model, here.data.signals)
-    for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
-        name = part.free[0]
-        size = abs(values[name]) * math.sqrt(nats_needed(temperature, part) / max(strength, 1e-12))
-        away = abs(math.log(size / abs(values[name]))) if values[name] and size else math.inf
-        info = next(one for one in catalogue.effect(part.effect).parameters if one.name == name)
-        if size > info.maximum or not math.isfinite(away):
-            continue
-        if part.effect not in found or away < found[part.effect][0]:
-            found[part.effect] = (away, Visible(name, size, info.unit))
-    return {name: visible for name, (_, visible) in sorted(found.items())}
-
-
-def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, Visible]:
+def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, finding.Visible]:
     """Returns the smallest size of each effect that would show; nothing if there is no time left."""
     if not prepared.deadline.allows("the smallest size of each effect that would show"):
         return {}
-    claimed = found.kind in ("named", "ambiguous")
-    best = found.verdict.best if claimed else found.verdict.nominal
     judge = Judge.of(prepared.fine, prepared.seed)
-    settled = [
-        judge.of_explanation(one.explanation) for one in (found.best if claimed else found.nominal, found.nominal)
-    ]
-    return smallest_sizes(prepared, best, judge.temperature(*settled))
+    nothing = judge.of_explanation(found.nominal.explanation)
+    best = judge.of_explanation(found.best.explanation) if found.claims else nothing
+    beside = found.verdict.best if found.claims else found.verdict.nominal
+    return smallest_sizes(prepared, beside, judge.temperature(best, nothing))
 
 
-def _places(prepared: Prepared, found: Conclusion) -> tuple[Place, ...]:
+def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
     """Returns where what was added to the model shows; where nothing was, where the nominal model leaves an error."""
     dataset, noise_sd, proof = found.proof.opened.whole, prepared.fine.sample_noise, found.proof
     if found.kind == "none":
@@ -350,35 +288,33 @@ def _places(prepared: Prepared, found: Conclusion) -> tuple[Place, ...]:
     effects = {name: table for name, table in model.effects.items() if name in known}
     if len(effects) == len(model.effects):
         measured = {run.name: run.outputs for run in dataset.runs}
-        return locate.places(dataset, measured, motion, motion, noise_sd, _ERROR_SHOWN)
+        return gap.places(dataset, measured, motion, motion, noise_sd, _ERROR_SHOWN)
     plain = Replay(dataset).simulate([dataclasses.replace(model, effects=effects)], threads=prepared.jobs)[0]
-    return locate.places(dataset, motion, plain, motion, noise_sd, _EFFECT_SHOWN)
+    return gap.places(dataset, motion, plain, motion, noise_sd, _EFFECT_SHOWN)
 
 
-def _term_name(dataset: Dataset) -> str:
-    """Returns the name of the composed term's C file, without its ending: a C identifier."""
-    return "composed_for_" + ("_".join(re.findall("[a-z0-9]+", dataset.name.lower())) or "data")
+def composed_file(dataset: Dataset) -> str:
+    """Returns the name of the composed term's C file; before its ending it is a C identifier."""
+    return f"composed_for_{'_'.join(re.findall('[a-z0-9]+', dataset.name.lower())) or 'data'}.c"
 
 
-def _term(prepared: Prepared, found: Conclusion) -> Term | None:
+def _term(dataset: Dataset, found: Conclusion) -> finding.Term | None:
     """Returns the composed term for the page and the files; None if the model holds none."""
-    composed = found.composed
+    composed, proved = found.composed, found.proof.evidence
     if composed is None:
         return None
-    written = equation(composed.terms, composed.settings)
-    places = dict.fromkeys(term.basis.place for term in composed.terms)
-    evidence = found.proof.evidence
-    return Term(
-        ", ".join(PLACES[place] for place in places),
-        f"{written.text}. {written.legend}",
-        f"{_term_name(prepared.dataset)}.c",
-        composed.terms,
-        composed.settings,
-        evidence.removed_held_out if evidence is not None else None,
+    text = equation(composed.terms, composed.settings)
+    return finding.Term(
+        acts_on=", ".join(dict.fromkeys(PLACES[term.basis.place] for term in composed.terms)),
+        equation=f"{text.text}. {text.legend}",
+        source=composed_file(dataset),
+        law=composed.terms,
+        settings=composed.settings,
+        removed_held_out=None if proved is None else proved.removed_held_out,
     )
 
 
-def _nominal_changes(plan: Plan, model: Model) -> dict[str, NominalChange]:
+def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChange]:
     """Returns what became of each nominal value that was stated and fitted."""
     fitted = [free for free in plan.free if free.effect is None and free.known is not None]
     changes = {}
@@ -387,32 +323,32 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, NominalChange]:
         value, sd = value_of(model, free.name), free.known.sd
         away = abs(value - free.known.value) / sd if sd else 0.0
         left = numbers.leaves_prior(away, len(fitted))
-        changes[free.name] = NominalChange(free.known.value, value, unit_on(model, free.info), sd, left)
+        changes[free.name] = finding.NominalChange(free.known.value, value, unit_on(model, free.info), sd, left)
     return changes
 
 
-def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[NominalFinding, ...]:
+def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
     """Returns the nominal values that the model had to move beyond what is stated of them, where the data tell them.
 
-    Where an effect was added that leaves them as stated, they are no finding. A value of which the data tell a
-    combination alone is none either: the combination moved, and nobody knows by which of its values.
+    Where effects are claimed that leave them as stated, they are no finding: without these, the nominal model moves its
+    values to stand in for them. A value of which the data tell a combination alone is none either: the combination
+    moved, and nobody knows by which of its values.
     """
-    settled = found.written if found.kind == "named" else found.nominal
-    if not settled.explanation.plan.free:
-        return ()
-    told = assess(prepared.fine, settled.explanation.model, settled.explanation.plan.free).estimates
     verdict = found.verdict
-    others = verdict.rivals if found.kind == "none" else (verdict.best,) if verdict.nominal in verdict.rivals else ()
-    rivals = tuple(" + ".join(one.names) for one in others)
+    is_rival = verdict.nominal in verdict.rivals  # whether an effect is missing or a value is stated wrongly
+    settled = found.written if found.claims and not is_rival else found.nominal
+    others = verdict.rivals if found.kind == "none" else (verdict.best,) if is_rival else ()
+    told, rivals = settled.estimates, tuple(" + ".join(one.names) for one in others)
     return tuple(
-        NominalFinding(name, one.before, one.after, one.unit, abs(one.after - one.before) / one.sd, rivals)
+        finding.NominalFinding(name, one.before, one.after, one.unit, abs(one.after - one.before) / one.sd, rivals)
         for name, one in _nominal_changes(prepared.plan, settled.model).items()
         if one.leaves_prior and one.sd and name in told and told[name].identifiable
     )
 
 
 def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
-    proof, verdict = found.proof, found.verdict
+    """Returns sentences on what was assumed, left out or not proved, each once."""
+    proof, verdict, left_out = found.proof, found.verdict, prepared.deadline.left_out
     notes = [prepared.roles.note, *prepared.plan.notes, *proof.opened.measured.notes, *prepared.fine.notes]
     notes += found.written.notes
     timed = any("timing" in _mechanisms(one) for one in (verdict.best, *verdict.rivals))
@@ -422,13 +358,9 @@ def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
             "more periods can look like dead time; only faster samples would tell."
         )
     if prepared.loop is not None:
-        fitted = (
-            "Innovations of a noise model were fitted"
-            if prepared.is_biased
-            else "It tells little, and free runs were fitted"
-        )
+        innovations = "Innovations of a noise model were fitted"
+        fitted = innovations if prepared.is_biased else "It tells little, and free runs were fitted"
         notes.append(f"{prepared.loop.sentence}. {fitted}.")
-    left_out = prepared.deadline.left_out
     if left_out:
         notes.append(f"The budget of {prepared.deadline.budget_s:g} s left out: {'; '.join(left_out)}.")
     if proof.evidence is not None and proof.evidence.kind == "fitted_only":
@@ -436,4 +368,4 @@ def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
         notes.append(f"{unclaimed}{proof.evidence.sentence}")
     if verdict.adequacy is not None and verdict.adequacy.sentence:
         notes.append(verdict.adequacy.sentence)
-    return tuple(dict.fromkeys(notes))
+    return tuple(dict.fromkeys([*notes, *found.yardstick.notes]))

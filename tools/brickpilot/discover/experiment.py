@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,18 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Run
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation
-from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Manoeuvre, Visible
-from brickpilot.discover.parts import library_parts, limit_of, scale_of, scanned_parameter
+from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
+from brickpilot.discover.parts import Part, library_parts, limit_of, scale_of, scanned_parameter
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.screen import Probe, probes_of
+from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
+from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, of_bins
 from brickpilot.fit.start_state import cut_into_windows
-from brickpilot.fit.uncertainty import Uncertainty
 from brickpilot.vehicle import plant
+from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 
@@ -37,8 +39,7 @@ Array = NDArray[np.float64]
 _STEP_S = 0.01  # between the samples of a simulated manoeuvre
 _SEPARATES_NOISE_SD = 0.5  # rms, in noise sd: ten seconds of samples show it clearly
 _SEPARATES_SIGNAL_SHARE = 0.02  # of a signal's rms: an ordinary sensor shows that
-_REST_S = 0.5  # before a manoeuvre
-_REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s between them
+_CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
 def plan_experiment(prepared: Prepared, verdict: Verdict) -> Experiment | None:
@@ -49,8 +50,7 @@ def plan_experiment(prepared: Prepared, verdict: Verdict) -> Experiment | None:
         " + ".join(one.names) or NOMINAL_VALUES: dataclasses.replace(one.model, by_run={})
         for one in (verdict.best, *verdict.rivals)
     }
-    noise_sd = prepared.fine.sample_noise
-    return next_experiment(rivals, noise_sd, prepared.excitation.largest["voltage"])
+    return next_experiment(rivals, prepared.fine.sample_noise, prepared.excitation.largest["voltage"])
 
 
 def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], volts: float) -> Experiment:
@@ -64,17 +64,14 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
     vehicle = next(iter(rivals.values())).vehicle
     measured: list[tuple[float, str, Manoeuvre]] = []
     unmeasured = [(0.0, "")]
-    for manoeuvre in manoeuvres(vehicle, volts):
-        outputs = _drive(rivals, manoeuvre)
-        signal, separation = _separation(outputs, noise_sd)
-        measured.append((separation, signal, manoeuvre))
-        others = {
-            name: max(float(np.sqrt(np.mean([one[name] ** 2 for one in outputs]))), 1e-9)
-            for name in outputs[0]
-            if name not in noise_sd and name in _CAN_MEASURE
-        }
-        if others:
-            unmeasured.append(_separation(outputs, others)[::-1])
+    for one in manoeuvres(vehicle, volts):
+        run = _as_run(one, vehicle)
+        simulated = plant.simulate([(model, run) for model in rivals.values()], threads=2)
+        outputs = [each.outputs for each in simulated]
+        measured.append((*_separation(outputs, noise_sd), one))
+        others = [name for name in outputs[0] if name in _CAN_MEASURE and name not in noise_sd]
+        sizes = {name: max(_rms(np.array([each[name] for each in outputs])), 1e-9) for name in others}
+        unmeasured += [_separation(outputs, sizes)] if sizes else []
     separation, signal, manoeuvre = max(measured, key=lambda one: one[0])
     share, other = max(unmeasured, key=lambda one: one[0])
     names = tuple(rivals)
@@ -97,95 +94,61 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
     return Experiment(advice, names, separation, None, None)
 
 
-_CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
-
-
-def _drive(rivals: Mapping[str, Model], manoeuvre: Manoeuvre) -> list[dict[str, Array]]:
-    run = _as_run(manoeuvre, next(iter(rivals.values())).vehicle)
-    return [simulated.outputs for simulated in plant.simulate([(model, run) for model in rivals.values()], threads=2)]
-
-
 def _as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
     time = np.arange(0.0, manoeuvre.duration_s, _STEP_S)
     return OpenLoopRun(time=time, inputs=commands(manoeuvre, time)[:, : 1 if vehicle == "motor" else 2])
 
 
-def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[str, float]:
-    """Returns the signal in which even the nearest two rivals differ most, and by how much: rms over `sizes`."""
-    found = {
-        name: min(
-            float(np.sqrt(np.mean((one[name] - other[name]) ** 2))) / size for one, other in combinations(outputs, 2)
-        )
-        for name, size in sizes.items()
-        if name in outputs[0]
-    }
-    best = max(found, key=lambda name: found[name])
-    return best, found[best]
+def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
+    """Returns by how much even the nearest two rivals differ, rms over `sizes`, and in which signal that is most."""
+    return max(
+        (
+            (min(_rms(one[name] - other[name]) for one, other in combinations(outputs, 2)) / size, name)
+            for name, size in sizes.items()
+            if name in outputs[0]
+        ),
+        key=lambda one: one[0],
+    )
 
 
-def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
-    """Returns manoeuvres up to `volts` that each excite one thing. A `motor` uses the left voltage alone."""
-    drive = _Drive(volts)
-    return drive.straight() if vehicle == "motor" else (*drive.straight(), *drive.turning())
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
-def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
-    """Returns (n, 2): the commanded voltage of the left and the right motor at `time` (n,), s."""
-    return np.column_stack([_at(points, time) for points in (manoeuvre.voltage_left, manoeuvre.voltage_right)])
+def smallest_sizes(prepared: Prepared, best: Explanation, temperature: float) -> dict[str, Visible]:
+    """Returns effect -> the size at which it would be named beside `best`: what a verdict of `none` is worth.
+
+    It would be named if it predicted better by what counts as sure, and its prior odds. The size is extrapolated from
+    the nearest simulated size. Effects that nothing here excites are left out.
+
+    Args:
+        temperature: the nats that count as one.
+    """
+    here = Problem(prepared.coarse, best.plan).keeping(best.point, len(best.point))
+    chosen = library_parts(best.model, here.data.signals)
+    tried = []
+    for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
+        size = abs(values[part.free[0]])
+        needed = size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
+        if needed <= _size_of(part).maximum:
+            tried.append((part, size, needed))
+    found = {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in _nearest(tried)}
+    return dict(sorted(found.items()))
 
 
-def _at(points: Sequence[tuple[float, float]], time: Array) -> Array:
-    """Returns (n,): linear between the break points; at a step, the value after it."""
-    at, value = np.array(points).T
-    index = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
-    span = np.where(at[index + 1] > at[index], at[index + 1] - at[index], 1.0)
-    return np.asarray(value[index] + (value[index + 1] - value[index]) * np.clip((time - at[index]) / span, 0.0, 1.0))
+def _size_of(part: Part) -> ParameterInfo:
+    """Returns the first free parameter of a part."""
+    return next(one for one in catalogue.effect(part.effect).parameters if one.name == part.free[0])
 
 
-@dataclass(frozen=True)
-class _Drive:
-    """Makes manoeuvres from levels in shares of `volts`."""
-
-    volts: float
-
-    def straight(self) -> tuple[Manoeuvre, ...]:
-        reversals = [(seconds, 0.5 * (-1) ** k, 0.5 * (-1) ** k) for k, seconds in enumerate(_REVERSALS)]
-        return (
-            self._steps("forward and back at full power", (3.0, 1.0, 1.0), (3.0, -1.0, -1.0)),
-            self._steps("forward and back at a third of the power", (4.0, 0.35, 0.35), (4.0, -0.35, -0.35)),
-            self._steps("a staircase of speeds", *((2.0, level, level) for level in (0.2, 0.4, 0.6, 0.8, 1.0))),
-            self._ramp("a slow ramp through zero", 0.4, 1.0),
-            self._steps("reversals, faster and faster", *reversals),
-            self._steps("half a minute at full power", (30.0, 1.0, 1.0)),
-            self._steps("creeping", (5.0, 0.12, 0.12), (5.0, -0.12, -0.12)),
-        )
-
-    def turning(self) -> tuple[Manoeuvre, ...]:
-        one_wheel = ((3.0, 0.6, 0.0), (3.0, 0.0, 0.6), (3.0, -0.6, 0.0), (3.0, 0.0, -0.6))
-        return (
-            self._steps("spinning right, then left", (4.0, 0.5, -0.5), (4.0, -0.5, 0.5)),
-            self._steps("spinning at full power", (4.0, 1.0, -1.0), (4.0, -1.0, 1.0)),
-            self._ramp("a slow spin through zero", 0.4, -1.0),
-            self._steps("curves to the right and to the left", (4.0, 0.8, 0.4), (4.0, 0.4, 0.8)),
-            self._steps("curves backward", (4.0, -0.8, -0.4), (4.0, -0.4, -0.8)),
-            self._steps("fast tight curves", (4.0, 1.0, 0.2), (4.0, 0.2, 1.0)),
-            self._steps("one wheel at a time", *one_wheel),
-        )
-
-    def _steps(self, name: str, *levels: tuple[float, float, float]) -> Manoeuvre:
-        """Returns rest, then each level (s, left, right), then rest again."""
-        left, right, now = [(0.0, 0.0)], [(0.0, 0.0)], _REST_S
-        for seconds, one, other in (*levels, (1.0, 0.0, 0.0)):
-            left += [(now, left[-1][1]), (now, one * self.volts)]
-            right += [(now, right[-1][1]), (now, other * self.volts)]
-            now += seconds
-        return Manoeuvre(name, now, (*left, (now, 0.0)), (*right, (now, 0.0)))
-
-    def _ramp(self, name: str, top: float, ratio: float) -> Manoeuvre:
-        """Returns a ramp to `top`, down through zero to minus `top`, and back; the right motor gets `ratio` of it."""
-        points = ((0.0, 0.0), (4.0, top), (12.0, -top), (16.0, 0.0))
-        left = tuple((t, v * self.volts) for t, v in points)
-        return Manoeuvre(name, 16.0, left, tuple((t, v * ratio) for t, v in left))
+def _nearest(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
+    """Returns for each effect a part and the size that it needs: of (part, size tried, size needed) the nearest two."""
+    found: dict[str, tuple[float, Part, float]] = {}
+    for part, size, needed in tried:
+        away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf
+        if math.isfinite(away) and (part.effect not in found or away < found[part.effect][0]):
+            found[part.effect] = (away, part, needed)
+    return [(part, needed) for _, part, needed in found.values()]
 
 
 _WINDOW_S = 1.0  # of a motor, as `prepare` cuts its runs
@@ -208,26 +171,8 @@ class Advice:
     parameters: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Information:
-    """What some runs tell, in scales of the residual. It adds up over runs.
-
-    Attributes:
-        parameters: (p, p) of the nominal parameters.
-        cross: (probes, p) between each probe and the parameters.
-        own: (probes,) of each probe.
-    """
-
-    parameters: Array
-    cross: Array
-    own: Array
-
-    def __add__(self, other: _Information) -> _Information:
-        return _Information(self.parameters + other.parameters, self.cross + other.cross, self.own + other.own)
-
-
 def advise(
-    prepared: Prepared, nominal: Explanation, told: Uncertainty, visible: Mapping[str, Visible], gate: float
+    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], gate: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
 
@@ -236,32 +181,26 @@ def advise(
 
     Args:
         nominal: fitted to the fit runs.
-        told: of its parameters.
         visible: effect -> the smallest size that the runs show.
         gate: nats by which an effect has to predict better to be named.
     """
-    base, problem = nominal.model, Problem(prepared.coarse, nominal.plan)
-    probes = _probes(prepared, nominal)
-    prior = problem.prior_slopes(nominal.point)
-    seen = _Seen(probes, _usual_sizes(probes, base), prior.T @ prior, gate)
-    now = _information(problem, nominal, probes)
-    offered = manoeuvres(base.vehicle, prepared.excitation.largest["voltage"])
-    more = [(one, told_by) for one in offered if (told_by := _driven(prepared, nominal, one, probes)) is not None]
-    possible = {
-        probe.part.effect
-        for index, probe in enumerate(probes)
-        if any(one.own[index] > 0 for one in (now, *(known for _, known in more)))
+    problem = Problem(prepared.coarse, nominal.plan)
+    asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), gate)
+    now = asked.information(problem, nominal.point)
+    offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
+    driven = ((one, _driven(prepared, nominal, one)) for one in offered)
+    more = [(one, asked.information(told, nominal.point)) for one, told in driven if told is not None]
+    largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
+    possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
+    visible_at_usual = {
+        name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)
     }
-    shown = seen.shown(now) | {name for name, one in visible.items() if one.size <= seen.usual.get(name, 0.0)}
+    shown = asked.shown(now) | visible_at_usual
     found: list[Advice] = []
     while more and len(found) < _MANOEUVRES:
         offers = [
-            Advice(
-                drive,
-                tuple(sorted(seen.shown(now + known) - shown)),
-                _sharper(nominal, told, seen.sd(now), seen.sd(now + known)),
-            )
-            for drive, known in more
+            Advice(one, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
+            for one, known in more
         ]
         best = max(range(len(more)), key=lambda k: len(offers[k].effects) + len(offers[k].parameters))
         if not (offers[best].effects or offers[best].parameters):
@@ -271,87 +210,76 @@ def advise(
     return tuple(found), tuple(sorted(possible - visible.keys()))
 
 
-def _probes(prepared: Prepared, nominal: Explanation) -> list[Probe]:
-    """Returns the probes of every effect of one size that can be extrapolated."""
-    base = nominal.model
-    few = [
-        one
-        for one in library_parts(base, prepared.coarse.signals)
-        if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
-    ]
-    return [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
-
-
-def _usual_sizes(probes: Sequence[Probe], base: Model) -> dict[str, float]:
-    """Returns effect -> a usual size on this vehicle: that of the catalogue, scaled to it."""
-    found = {}
-    for part in {probe.part.effect: probe.part for probe in probes}.values():
-        infos = catalogue.effect(part.effect).parameters
-        info = next(one for one in infos if one.name == part.free[0])
-        found[part.effect] = (info.preset or info.trial) * scale_of(info.unit, base)
-    return found
-
-
 @dataclass(frozen=True)
-class _Seen:
-    """What information shows: which effects at a usual size, and how well the parameters are known.
+class _Asked:
+    """What is asked of runs: how well they tell the nominal parameters, and which effects they show at a usual size.
+
+    What runs tell is their information, (parameters + probes, parameters + probes): the products of how the residual
+    changes with each parameter and with each probe. It adds up over runs.
 
     Attributes:
-        usual: effect -> its usual size.
-        prior: (p, p) information of what is stated of the parameters.
+        probes: of every effect of one size that can be extrapolated.
+        usual: effect, parameter -> a usual size on this vehicle: that of the catalogue, scaled to it.
+        prior: (parameters, parameters) information of what is stated of the parameters.
         gate: what an effect has to gain to be named.
     """
 
+    plan: Plan
     probes: Sequence[Probe]
-    usual: Mapping[str, float]
+    usual: Mapping[tuple[str, str], float]
     prior: Array
     gate: float
 
-    def shown(self, known: _Information) -> set[str]:
+    @classmethod
+    def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, gate: float) -> _Asked:
+        base = nominal.model
+        few = [
+            one
+            for one in library_parts(base, prepared.coarse.signals)
+            if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
+        ]
+        probes = [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
+        infos = {(one.effect, one.free[0]): _size_of(one) for one in few}
+        usual = {key: (info.preset or info.trial) * scale_of(info.unit, base) for key, info in infos.items()}
+        return cls(dataclasses.replace(nominal.plan, model=base), probes, usual, prior_slopes.T @ prior_slopes, gate)
+
+    def information(self, problem: Problem, point: Array) -> Array:
+        """Returns what the runs of `problem` tell, at the coordinates `point` of the nominal parameters."""
+        data = problem.data
+        plain = data.predict([self.plan.model])[0]
+        models = [probe.part.starting(self.plan, probe.values[0]).model for probe in self.probes]
+        changes = data.predict(models) - plain if models else np.empty((0, len(plain)))
+        changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
+        weight = data.weight()[:, np.newaxis]
+        moved = np.hstack([problem.sensitivity(point) * weight, changes.T * weight])
+        return np.asarray(moved.T @ moved)
+
+    def shown(self, known: Array) -> set[str]:
         """Returns the effects of which what the parameters cannot take up is large enough at a usual size.
 
-        It is extrapolated from the probe that needs least of it, as `conclude.smallest_sizes` does.
+        It is extrapolated as in `smallest_sizes`.
         """
-        taken = np.linalg.solve(known.parameters + self.prior, known.cross.T)
-        strength = np.maximum((known.own - np.sum(known.cross.T * taken, axis=0)) / 2, 1e-12)
-        nearest: dict[str, tuple[float, float]] = {}
-        for probe, one in zip(self.probes, strength, strict=True):
-            effect, factor = probe.part.effect, math.sqrt(self.gate / one)
-            size = abs(probe.values[0][probe.part.free[0]])
-            if size > 0 and (effect not in nearest or abs(math.log(factor)) < nearest[effect][0]):
-                nearest[effect] = (abs(math.log(factor)), size * factor)
-        return {effect for effect, (_, size) in nearest.items() if size <= self.usual[effect]}
+        count = len(self.prior)
+        cross = known[:count, count:]
+        taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
+        strength = np.maximum((np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2, 1e-12)
+        sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
+        tried = [
+            (probe.part, size, size * math.sqrt(self.gate / one))
+            for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
+        ]
+        return {part.effect for part, size in _nearest(tried) if size <= self.usual[part.effect, part.free[0]]}
 
-    def sd(self, known: _Information) -> Array:
-        """Returns (p,): the sd of the parameters' coordinates."""
-        return np.sqrt(np.diag(np.linalg.inv(known.parameters + self.prior)))
-
-
-def _information(problem: Problem, nominal: Explanation, probes: Sequence[Probe]) -> _Information:
-    """Returns what the runs of `problem` tell about the parameters of `nominal` and about each probe beside them."""
-    base = nominal.model
-    plan = dataclasses.replace(nominal.plan, model=base)
-    data = problem.data
-    slopes = problem.sensitivity(nominal.point) * data.weight()[:, np.newaxis]
-    plain = data.predict([base])[0]
-    models = [probe.part.starting(plan, probe.values[0]).model for probe in probes]
-    changes = (data.predict(models) - plain) * data.weight() if models else np.empty((0, len(plain)))
-    changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
-    return _Information(slopes.T @ slopes, changes @ slopes, np.sum(changes**2, axis=1))
+    def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
+        """Returns the parameters that are badly known by some information, and much better by more of it."""
+        count = len(self.prior)
+        wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
+        better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
+        return tuple(free.name for free, is_so in zip(self.plan.free, better, strict=True) if is_so)
 
 
-def _sharper(nominal: Explanation, told: Uncertainty, wide: Array, narrow: Array) -> tuple[str, ...]:
-    """Returns the parameters that were badly known and become much better known; sds before and after, (p,)."""
-    better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
-    return tuple(
-        one.name for one, is_so in zip(nominal.plan.free, better, strict=True) if is_so and one.name in told.estimates
-    )
-
-
-def _driven(
-    prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre, probes: Sequence[Probe]
-) -> _Information | None:
-    """Returns what a manoeuvre would tell in the measured signals; None where it tells nothing."""
+def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:
+    """Returns the nominal parameters beside a manoeuvre that is driven; None where no signal tells of them."""
     dataset = prepared.dataset
     driven = _as_run(manoeuvre, dataset.vehicle)
     sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")
@@ -371,11 +299,9 @@ def _driven(
     )
     alone = dataclasses.replace(dataset, runs=(run,), faults=(), notes=())
     if dataset.vehicle == "motor":
-        windows = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S)
-        alone = windows if windows is not None else alone
+        alone = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S) or alone
     if not alone.runs:
         return None
     names = [one.name for one in alone.runs]
     data = of_bins(alone, nominal.plan.model, names, width_s=numbers.BIN_S, coarse=True, threads=prepared.jobs)
-    problem = Problem(data.weighed_like(prepared.coarse), nominal.plan)
-    return _information(problem, nominal, probes)
+    return Problem(data.weighed_like(prepared.coarse), nominal.plan)

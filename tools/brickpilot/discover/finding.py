@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.data.gap import Gap, Place
 from brickpilot.discover import term_basis
 from brickpilot.discover.feedback import Loop, Period
 from brickpilot.fit.replay import Outputs
-from brickpilot.fit.uncertainty import Spread
+from brickpilot.fit.uncertainty import Combination, Spread
+from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -30,34 +32,24 @@ NOMINAL_VALUES = "nominal values"
 
 
 @dataclass(frozen=True)
-class Identified:
-    """A size in what the data identify, such as the voltage that makes up for a friction torque.
-
-    Attributes:
-        quantity: what it is, such as "voltage".
-        formula: how it follows from the parameter, in the paper's symbols.
-    """
-
-    quantity: str
-    formula: str
-    value: float
-    unit: str
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class Parameter:
     """A fitted value, SI.
 
     Attributes:
         ci95: (low, high); None if the data do not determine it.
-        identified: then, the form in which they do; None: in none.
+        identified: then, the form in which they do, such as the voltage that makes up for a friction torque, with the
+            sign of the value; None: in none.
     """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None
-    identified: Identified | None = None
+    identified: Combination | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the entry of verdict.json, where the form's name is its quantity."""
+        form = self.identified
+        return vars(self) | {"identified": form and _without(form, "name") | {"quantity": form.name}}
 
 
 @dataclass(frozen=True)
@@ -95,41 +87,11 @@ class Effect:
     mechanism: str
     law: str
     acts_on: str
-    equation: str
     confidence: float
     parameters: Mapping[str, Parameter]
     removed: float = 1.0
     claimed: bool = True
     equivalents: tuple[Equivalent, ...] = ()
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the gap was: a time span of one signal of one run.
-
-    Attributes:
-        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
-        when: what the vehicle was doing.
-    """
-
-    run: str
-    signal: str
-    from_s: float
-    to_s: float
-    share_of_gap: float
-    when: str
-
-
-@dataclass(frozen=True)
-class Gap:
-    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
-
-    before: float | None
-    after: float | None
-
-    @property
-    def grows(self) -> bool:
-        return self.before is not None and self.after is not None and self.after > self.before
 
 
 @dataclass(frozen=True)
@@ -268,16 +230,6 @@ class Whiteness:
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
-    """An experiment to run: break points (s, V) of each motor's command, linear between. A step repeats its time."""
-
-    name: str
-    duration_s: float
-    voltage_left: tuple[tuple[float, float], ...]
-    voltage_right: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
 class Experiment:
     """What to do next.
 
@@ -339,16 +291,16 @@ class Term:
     """A composed term.
 
     Attributes:
-        place: where it acts.
+        acts_on: where it acts.
         equation: as plain text, with the meaning of its symbols.
-        file_name: the name of its C file.
+        source: the name of its C file.
         law, settings: its parts with their coefficients, and the parameters that shape them, SI.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
-    place: str
+    acts_on: str
     equation: str
-    file_name: str
+    source: str
     law: tuple[term_basis.Term, ...]
     settings: Mapping[str, float]
     removed_held_out: float | None
@@ -446,57 +398,43 @@ class Finding:
         return brickpilot.to_html(self)
 
 
+_AS_THEY_ARE = (
+    "verdict", "mechanism", "law_differs", "explanations", "predictable_left", "closed_loop", "disturbances", "effects",
+    "where", "nominal", "spread", "nominal_findings", "run_values", "power", "ranking", "roles", "held_out_stretches",
+    "notes", "elapsed_s", "budget", "seed",
+)  # fmt: skip
+
+
 def verdict_json(found: Finding) -> dict[str, Any]:
     """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
-    evidence, term, predictor = found.evidence, found.term, found.predictor
-    figures = {
-        "verdict": found.verdict,
-        "mechanism": found.mechanism,
-        "law_differs": found.law_differs,
-        "evidence": None if evidence is None else evidence.kind,
-        "proof": evidence,
-        "fit_percent": found.yardstick.fit_json(),
-        "predictable": found.yardstick.predictable_json(),
-        "explanations": found.explanations,
-        "predictable_left": found.predictable_left,
-        "closed_loop": found.closed_loop,
-        "disturbances": found.disturbances,
-        "predictor": predictor and {"parts": predictor.parts, "fit_percent": predictor.fit_percent},
-        "effects": [_without(effect, "equation") for effect in found.effects],
-        "where": found.where,
-        "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
-        "nominal": found.nominal,
-        "spread": None if found.spread is None else found.spread.to_json(),
-        "nominal_findings": found.nominal_findings,
-        "run_values": [one.to_json() for one in found.run_values],
-        "data_faults": [fault.to_json() for fault in found.faults],
-        "next_experiment": _plain(found.next_experiment),
-        "term": term
-        and {
-            "acts_on": term.place,
-            "equation": term.equation,
-            "source": term.file_name,
-            "removed_held_out": term.removed_held_out,
-        },
-        "power": found.power,
-        "ranking": found.ranking,
-        "roles": found.roles,
-        "frame": {"values": "FRD", "dataset": found.dataset.frame},
-        "input_timing": found.dataset.input_timing,
-        "held_out_stretches": found.held_out_stretches,
-        "notes": found.notes,
-        "elapsed_s": found.elapsed_s,
-        "budget": found.budget,
-        "seed": found.seed,
-        "version": __version__,
-    }
-    made: dict[str, Any] = valid(figures)
+    experiment, manoeuvre = found.next_experiment, found.next_experiment and found.next_experiment.manoeuvre
+    made: dict[str, Any] = valid(
+        {name: getattr(found, name) for name in _AS_THEY_ARE}
+        | {
+            "evidence": found.evidence and found.evidence.kind,
+            "proof": found.evidence,
+            "fit_percent": found.yardstick.fit_json(),
+            "predictable": found.yardstick.predictable_json(),
+            "predictor": found.predictor and _without(found.predictor, "model"),
+            "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
+            "data_faults": found.faults,
+            # The manoeuvre's name and break points stand at the top level, ready for a script.
+            "next_experiment": experiment
+            and _without(experiment, "manoeuvre") | ({"name": None} if manoeuvre is None else vars(manoeuvre)),
+            "term": found.term and _without(found.term, "law", "settings"),
+            "frame": {"values": "FRD", "dataset": found.dataset.frame},
+            "input_timing": found.dataset.input_timing,
+            "version": __version__,
+        }
+    )
     return made
 
 
 def valid(value: Any) -> Any:
     """Returns `value` as JSON can hold it: records as objects, sequences as lists, and None for NaN and Infinity."""
-    if dataclasses.is_dataclass(value):
+    if hasattr(value, "to_json"):
+        value = value.to_json()
+    elif dataclasses.is_dataclass(value):
         value = vars(value)
     if isinstance(value, Mapping):
         return {key: valid(one) for key, one in value.items()}
@@ -507,14 +445,6 @@ def valid(value: Any) -> Any:
     return value
 
 
-def _without(record: object, name: str) -> dict[str, Any]:
-    """Returns the fields of a record but for one."""
-    return {key: value for key, value in vars(record).items() if key != name}
-
-
-def _plain(experiment: Experiment | None) -> dict[str, Any] | None:
-    """Returns the experiment with the manoeuvre's name and break points at its top level, ready for a script."""
-    if experiment is None:
-        return None
-    manoeuvre = {"name": None} if experiment.manoeuvre is None else vars(experiment.manoeuvre)
-    return _without(experiment, "manoeuvre") | manoeuvre
+def _without(record: object, *names: str) -> dict[str, Any]:
+    """Returns the fields of a record but for some."""
+    return {key: value for key, value in vars(record).items() if key not in names}

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -39,6 +39,7 @@ from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 Timing = Literal["held", "linear"]
+Kind = Literal["delay", "lag"]
 
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
@@ -46,48 +47,21 @@ _FOLLOWABLE_ROW_S = 0.008  # in a log with shorter rows bins hide what inputs do
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
 _MOTOR_STEP_S = 0.003  # as the residual at the measured samples has
 _PARTS = 8  # of a row, between two of which the inputs are followed
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first
+_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # of the best of these: where it is then looked for
+_TRIALS = 6  # there
+_SURELY = 0.999  # no test is said to be surer
 
 
 @dataclass(frozen=True)
 class Behind:
-    """What the inputs are behind: a delay in s, or a first-order lag with a time constant in s."""
+    """What the inputs are behind: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
 
-    delay: float = 0.0
-    lag: float = 0.0
+    kind: Kind = "delay"
+    seconds: float = 0.0
 
     def __str__(self) -> str:
-        return f"a lag of {1e3 * self.lag:.3g} ms" if self.lag else f"a delay of {1e3 * self.delay:.3g} ms"
-
-
-_NOTHING = Behind()
-_DELAYS, _LAGS = (0.5, 1.0, 2.0), (0.5, 1.0, 2.0, 4.0)  # rows: what is tried first
-_TRIALS = 6  # between two of these
-
-
-@dataclass(frozen=True)
-class FoundTiming:
-    """What the inputs do between two rows.
-
-    Attributes:
-        timing: what explains the runs better, or "held" where they do not tell.
-        sure: probability that the other one is not nearer to the truth, 0.5..1.
-        behind: the other one explains the runs as well behind this; None: it does not.
-    """
-
-    timing: Timing
-    sure: float
-    behind: Behind | None = None
-
-    @property
-    def note(self) -> str:
-        """Returns the sentence for the user."""
-        other = "linear" if self.timing == "held" else "held"
-        if self.sure < numbers.SURE:
-            return "whether the inputs hold or are linear between two rows, these runs do not tell: held is taken"
-        sure = f"{100 * min(self.sure, 0.999):.3g} % sure"
-        if self.behind is not None:
-            sure += f" if nothing delays them; {other} inputs behind {self.behind} explain as much"
-        return f"between two rows the inputs are {self.timing}, found from the runs, {sure}"
+        return f"a {self.kind} of {1e3 * self.seconds:.3g} ms"
 
 
 def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Dataset:
@@ -99,13 +73,11 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
     if dataset.input_timing != "unknown":
         return dataset
     row_s = float(np.median(np.concatenate([np.diff(run.time) for run in dataset.runs])))
+    timing: Timing = "held"
     if row_s < _FOLLOWABLE_ROW_S:
-        return _as(dataset, "held", f"the rows are {1e3 * row_s:.2g} ms apart, so the inputs are taken as held")
-    found = _found(prepare(_refined(dataset, row_s), model, seed=seed, jobs=jobs)[0], dataset, row_s)
-    return _as(dataset, found.timing, found.note)
-
-
-def _as(dataset: Dataset, timing: Timing, note: str) -> Dataset:
+        note = f"the rows are {1e3 * row_s:.2g} ms apart, so the inputs are taken as held"
+    else:
+        timing, note = _found(prepare(_refined(dataset, row_s), model, seed=seed, jobs=jobs)[0], dataset, row_s)
     notes = tuple(note if one == UNKNOWN_TIMING else one for one in dataset.notes)
     runs = tuple(with_linear_inputs(run) for run in dataset.runs) if timing == "linear" else dataset.runs
     return dataclasses.replace(dataset, runs=runs, notes=notes, input_timing=timing)
@@ -119,7 +91,7 @@ def _refined(dataset: Dataset, row_s: float) -> Dataset:
         row = np.repeat(np.arange(parts.size), parts)
         part = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[row]
         time = np.append(run.time[row] + part * np.diff(run.time)[row], run.time[-1])
-        runs.append(with_rows(run, time, _acting(run, time, "held", _NOTHING)))
+        runs.append(with_rows(run, time, _acting(run, time, "held", Behind())))
     return dataclasses.replace(dataset, runs=tuple(runs), input_timing="held")
 
 
@@ -129,10 +101,11 @@ def _acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict[str, 
     if timing == "linear":
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))
     values = np.column_stack(list(inputs.values()))
-    before = at[0] - behind.delay - 1.0  # what acts before the first row
-    means = mean_over_steps(np.append(before, at + behind.delay), np.vstack([values[:1], values]), time)
-    if behind.lag:
-        means = _lagged(time, means, behind.lag)
+    delay = behind.seconds if behind.kind == "delay" else 0.0
+    before = at[0] - delay - 1.0  # what acts before the first row
+    means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
+    if behind.kind == "lag":
+        means = _lagged(time, means, behind.seconds)
     return dict(zip(inputs, means.T, strict=True))
 
 
@@ -148,8 +121,12 @@ def _lagged(time: Array, values: Array, lag: float) -> Array:
     return means
 
 
-def _found(prepared: Prepared, logged: Dataset, row_s: float) -> FoundTiming:
-    """Returns what explains the fit runs of `prepared` better, which are those of `logged` with more rows."""
+def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, str]:
+    """Returns what the inputs do between two rows, "held" where the runs do not tell, and the sentence for the user.
+
+    Args:
+        prepared: the fit runs, which are those of `logged` with more rows.
+    """
     prepared, nominal = calibrate(prepared)
     stretch, _ = prepared.fine.stretches(CORRELATED_S)
 
@@ -161,46 +138,61 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> FoundTiming:
         loss = prepared.fine.with_inputs(Replay(compared, motor_step=_MOTOR_STEP_S)).losses(own.model)
         return np.bincount(stretch, loss).astype(np.float64)
 
-    plain = {timing: losses(timing, _NOTHING) for timing in TIMINGS}
-    best = {timing: _best(functools.partial(losses, timing), plain[timing], row_s) for timing in TIMINGS}
-    timing, sure = _nearer(best["held"][1], best["linear"][1])
-    if sure >= numbers.SURE:
-        return FoundTiming(timing, sure)
-    timing, sure = _nearer(plain["held"], plain["linear"])
+    held, linear = (_tried(functools.partial(losses, timing), row_s) for timing in TIMINGS)
+    certainty, condition = _certainty(held.least, linear.least), ""
+    if max(certainty, 1 - certainty) < numbers.SURE:
+        certainty = _certainty(held.plain, linear.plain)
+        other = f"linear inputs behind {linear.behind}" if certainty > 0.5 else f"held inputs behind {held.behind}"
+        condition = f" if nothing delays them; {other} explain as much"
+    timing, sure = TIMINGS[0 if certainty > 0.5 else 1], max(certainty, 1 - certainty)
     if sure < numbers.SURE:
-        return FoundTiming("held", sure)
-    return FoundTiming(timing, sure, best["linear" if timing == "held" else "held"][0])
+        return "held", "whether the inputs hold or are linear between two rows, these runs do not tell: held is taken"
+    return timing, f"between two rows the inputs are {timing}, found from the runs, {_percent(sure)} sure{condition}"
 
 
-def _best(losses: Callable[[Behind], Array], plain: Array, row_s: float) -> tuple[Behind, Array]:
-    """Returns the delay or lag behind which the inputs explain most, with its losses; `plain` are those behind none."""
-    tried = {_NOTHING: plain}
+@dataclass(frozen=True)
+class _Tried:
+    """What inputs of one kind explain.
 
-    def total(behind: Behind) -> float:
+    Attributes:
+        plain: (stretches,) the losses behind nothing.
+        behind: behind which delay or lag they explain most.
+        least: (stretches,) the losses behind that.
+    """
+
+    plain: Array
+    behind: Behind
+    least: Array
+
+
+def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
+    """Returns what inputs explain behind nothing, and behind delays and lags ever nearer to what explains most."""
+    tried = {Behind(): losses(Behind())}
+
+    def total(seconds: float, kind: Kind) -> float:
+        behind = Behind(kind, seconds)
         tried[behind] = losses(behind)
         return float(tried[behind].sum())
 
-    lag = row_s * min(_LAGS, key=lambda rows: total(Behind(lag=rows * row_s)))
-    delay = row_s * min(_DELAYS, key=lambda rows: total(Behind(delay=rows * row_s)))
-    _try_between(lambda x: total(Behind(lag=x)), lag / 2, 2 * lag)
-    _try_between(lambda x: total(Behind(delay=x)), delay / 2, 1.5 * delay)
-    best = min(tried, key=lambda one: tried[one].sum())
-    return best, tried[best]
+    for kind, rows in _ROWS.items():
+        _, near = min((total(one * row_s, kind), one * row_s) for one in rows)
+        bounds = (_LEAST * near, _MOST[kind] * near)
+        minimize_scalar(total, args=(kind,), bounds=bounds, method="bounded", options={"maxiter": _TRIALS})
+    best = min(tried, key=lambda one: float(tried[one].sum()))
+    return _Tried(tried[Behind()], best, tried[best])
 
 
-def _try_between(total: Callable[[float], float], low: float, high: float) -> None:
-    """Calls `total` at a few places, ever nearer to its minimum."""
-    minimize_scalar(total, bounds=(low, high), method="bounded", options={"maxiter": _TRIALS})
-
-
-def _nearer(held: Array, linear: Array) -> tuple[Timing, float]:
-    """Returns which leaves less, and the probability that this is so, from the losses of each stretch."""
-    apart = linear - held
+def _certainty(first: Array, second: Array) -> float:
+    """Returns the probability that the model of the first losses, (stretches,), is nearer to the truth, 0..1."""
+    apart = second - first
     scatter = float(np.std(apart, ddof=1)) * len(apart) ** 0.5 if len(apart) > 1 else 0.0
-    if scatter == 0.0:
-        return "held", 0.5
-    sure = float(student.cdf(abs(apart.sum()) / scatter, len(apart) - 1))
-    return ("held" if apart.sum() > 0 else "linear"), sure
+    if not scatter or not np.isfinite(apart).all():
+        return 0.5
+    return float(student.cdf(apart.sum() / scatter, len(apart) - 1))
+
+
+def _percent(sure: float) -> str:
+    return f"{100 * min(sure, _SURELY):.3g} %"
 
 
 def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Behind) -> Dataset:
@@ -216,10 +208,6 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
     return dataclasses.replace(prepared.compared, runs=tuple(runs))
 
 
-_ASSUMED: Sampling = "mean"
-_WORDS: dict[Sampling, str] = {"instant": "the instant", "mean": "the mean since the sample before it"}
-
-
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
     """Returns a data set that says that its accelerometers give the instant; None: they do not, or nobody can tell.
 
@@ -233,33 +221,21 @@ def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanati
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
     if not names or len(names) < len(measured):
         return None
-    losses = {
-        kind: _sampled_losses(prepared, nominal, _with_sampling(prepared.compared, names, kind)) for kind in _WORDS
-    }
-    likelier, sure = _likelier(losses)
-    if sure < numbers.SURE or likelier == _ASSUMED:
+    kinds: tuple[Sampling, Sampling] = ("instant", "mean")
+    instant, mean = (_sampled_losses(prepared, nominal, _sampled(prepared.compared, names, kind)) for kind in kinds)
+    sure = _certainty(instant, mean)
+    if sure < numbers.SURE:
         return None
     note = (
-        f"{', '.join(names)}: the data set does not state what a sample is. It is {_WORDS[likelier]}, "
-        f"{100 * min(sure, 0.999):.3g} % sure from the runs, and is taken as such."
+        f"{', '.join(names)}: the data set does not state what a sample is. It is the instant, {_percent(sure)} sure "
+        "from the runs, and is taken as such."
     )
-    return dataclasses.replace(_with_sampling(dataset, names, likelier), notes=(*dataset.notes, note))
+    return dataclasses.replace(_sampled(dataset, names, "instant"), notes=(*dataset.notes, note))
 
 
-def _likelier(losses: Mapping[Sampling, Array]) -> tuple[Sampling, float]:
-    """Returns which of the two leaves less, and the probability that this is so."""
-    if not all(np.isfinite(one).all() for one in losses.values()):
-        return _ASSUMED, 0.5
-    timing, sure = _nearer(losses["mean"], losses["instant"])
-    return ("mean" if timing == "held" else "instant"), sure
-
-
-def _with_sampling(dataset: Dataset, names: Sequence[str], kind: Sampling) -> Dataset:
-    described = dict(dataset.signals)
-    for name in names:
-        if name in described:
-            described[name] = dataclasses.replace(described[name], sampling=kind)
-    return dataclasses.replace(dataset, signals=described)
+def _sampled(dataset: Dataset, names: Sequence[str], kind: Sampling) -> Dataset:
+    own = {name: dataclasses.replace(dataset.signals[name], sampling=kind) for name in names if name in dataset.signals}
+    return dataclasses.replace(dataset, signals={**dataset.signals, **own})
 
 
 def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, motor_inputs
-from brickpilot.discover import locate, numbers
+from brickpilot.data.gap import Gap, gaps
+from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.finding import Evidence, EvidenceKind, Gap
+from brickpilot.discover.finding import Evidence, EvidenceKind
 from brickpilot.fit.comparable import Comparable
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
@@ -111,7 +112,7 @@ def prove(prepared: Prepared, sealed: Sealed, nominal: Model, written: Model) ->
     opened = sealed.open()
     outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
     simulated = dict(zip(("nominal", "augmented"), outputs, strict=True))
-    gap, by_signal = locate.gaps(opened.whole, simulated, prepared.roles, prepared.fine.sample_noise)
+    gap, by_signal = gaps(opened.whole, simulated, prepared.roles, prepared.fine.sample_noise)
     added = nominal.effects.keys() != written.effects.keys()
     evidence = _evidence(prepared, opened, nominal, written, grows=gap["held_out"].grows) if added else None
     return Proof(opened, evidence, simulated, gap, by_signal)

@@ -8,16 +8,15 @@ that it has not seen, and how far repeats of the same inputs differ. It is measu
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.agreement import Agreement
-from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.agreement import Agreement, together
+from brickpilot.data.facts import repeats
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by
@@ -26,8 +25,7 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.errors import SimulationError
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, Track, headline, headline_of, simulated_at, track
-from brickpilot.fit.replay import Replay
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Track, headline, headline_of, simulated_at, track
 from brickpilot.fit.residual import of_bins
 from brickpilot.vehicle.model import Model
 
@@ -36,12 +34,7 @@ Array = NDArray[np.float64]
 HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
 """Name -> s, how far a prediction reaches, beside the free run."""
 
-_SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
-_LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
-_GRID_S = 0.02
-
-
-_NOTHING = Agreement(0, 0.0, 0.0, 0.0, 0.0)
+_NOTHING = together([])
 
 
 @dataclass(frozen=True)
@@ -64,14 +57,14 @@ class Fit:
     numbers_after: Agreement = _NOTHING
 
     def to_json(self) -> dict[str, Any]:
-        first, last = self.numbers_before, self.numbers_after
+        pair = {"before": self.numbers_before, "after": self.numbers_after}
         return {
             "before": self.before,
             "after": self.after,
             "attainable": self.attainable,
-            "r2": {"before": first.r2, "after": last.r2},
-            "rms_error": {"before": first.rms_error, "after": last.rms_error},
-            "rms_signal": last.rms_signal,
+            "r2": {when: one.r2 for when, one in pair.items()},
+            "rms_error": {when: one.rms_error for when, one in pair.items()},
+            "rms_signal": self.numbers_after.rms_signal,
         }
 
 
@@ -89,7 +82,7 @@ class SignalFit:
     repeatability: float | None
 
     def to_json(self) -> dict[str, Any]:
-        return {**self.fit.to_json(), "repeatability": self.repeatability, "held_out": self.held_out.to_json()}
+        return self.fit.to_json() | {"repeatability": self.repeatability, "held_out": self.held_out.to_json()}
 
 
 @dataclass(frozen=True)
@@ -154,17 +147,19 @@ def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) 
     before, after = (headline_of(compared, one, prepared.roles) for one in simulated)
     shares = _unseen_shares(prepared, proof, nominal)
     repeated = _repeatability(compared, simulated[0][FREE_RUN]) if FREE_RUN in simulated[0] else {}
-    signals: dict[str, dict[str, SignalFit]] = {}
-    for horizon in simulated[0]:
-        free = horizon == FREE_RUN
-        for signal in compared.signals:
-            fits = [
-                _fit(before, after, signal, role, horizon, shares.get((signal, role), 0.0) if free else 0.0)
-                for role in ("fit", "held_out")
-            ]
-            kept = repeated.get(signal) if free else None
-            signals.setdefault(signal, {})[horizon] = SignalFit(fits[0], fits[1], kept)
-    return Yardstick(signals, {FREE_RUN: _predictable(signals)} if signals else {}, compared.notes)
+
+    def fit(signal: str, role: str, horizon: str) -> Fit:
+        share = shares.get((signal, role), 0.0) if horizon == FREE_RUN else 0.0
+        return _fit(before.of(signal, role, horizon), after.of(signal, role, horizon), share)
+
+    def both(signal: str, horizon: str) -> SignalFit:
+        kept = repeated.get(signal) if horizon == FREE_RUN else None
+        return SignalFit(fit(signal, "fit", horizon), fit(signal, "held_out", horizon), kept)
+
+    if not simulated[0] or not compared.signals:
+        return Yardstick(notes=compared.notes)
+    signals = {name: {horizon: both(name, horizon) for horizon in simulated[0]} for name in compared.signals}
+    return Yardstick(signals, {FREE_RUN: _predictable(signals)}, compared.notes)
 
 
 def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
@@ -176,33 +171,34 @@ def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
     return Predictor(found.model, found.explanation.names, fits)
 
 
-def _fit(before: Headline, after: Headline, signal: str, role: str, horizon: str, share: float) -> Fit:
+def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
     """Returns the figures of a signal; `share`: of its squared error, predicted by the black box."""
-    first, last = before.of(signal, role, horizon), after.of(signal, role, horizon)
-    known = [one for one in (first.fit_percent, last.fit_percent) if one is not None]
+    known = [one.fit_percent for one in (before, after) if one.fit_percent is not None]
     if not known:
         return Fit(None, None, None)
-    if first.fit_percent is not None:
-        known.append(100 - (100 - first.fit_percent) * math.sqrt(1 - share))
-    return Fit(first.fit_percent, last.fit_percent, round(max(known), 3), first, last)
+    if before.fit_percent is not None:
+        known.append(100 - (100 - before.fit_percent) * math.sqrt(1 - share))
+    return Fit(before.fit_percent, after.fit_percent, round(max(known), 3), before, after)
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
     """Returns the shares over all signals, each in units of its own variance, from their fits."""
-    found: list[float | None] = []
-    for role in ("fit", "held_out"):
-        fits = [getattr(one[FREE_RUN], role) for one in signals.values() if FREE_RUN in one]
-        known = [fit for fit in fits if None not in (fit.before, fit.after, fit.attainable)]
-        if not known:
-            found += [None, None]
-            continue
-        error, left, least = (
-            sum((1 - getattr(fit, which) / 100) ** 2 for fit in known) for which in ("before", "after", "attainable")
-        )
-        gone = error - least
-        share = round(gone / error, 4) if error > 0 else 0.0
-        found += [share, round(min(1.0, (error - left) / gone), 4) if gone > 0 else None]
-    return Predictable(found[0], found[2], found[1], found[3])
+    free = [one[FREE_RUN] for one in signals.values() if FREE_RUN in one]
+    share, removed = _shares([one.fit for one in free])
+    held_out, removed_held_out = _shares([one.held_out for one in free])
+    return Predictable(share, held_out, removed, removed_held_out)
+
+
+def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
+    """Returns the share of the squared error that is predictable, and that of it which the augmented model removes."""
+    known = np.array([(one.before, one.after, one.attainable) for one in fits], dtype=np.float64).reshape(-1, 3)
+    known = known[np.isfinite(known).all(axis=1)]
+    if not len(known):
+        return None, None
+    error, left, least = np.sum((1 - known / 100) ** 2, axis=0).tolist()
+    gone = error - least
+    removed = round(min(1.0, (error - left) / gone), 4) if gone > 0 else None
+    return round(gone / error, 4) if error > 0 else 0.0, removed
 
 
 def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tuple[str, str], float]:
@@ -223,10 +219,9 @@ def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tup
         fitted = np.concatenate([_is_fit(prepared, one.run, one.middle) for one in blocks])
         if not np.isfinite(target).all() or fitted.sum() < 2:
             continue
-        numbers_of = folds_of(
-            [one.run for one in blocks for _ in one.middle], np.concatenate([one.middle for one in blocks])
-        )
-        inside = out_of_fold(columns[fitted], target[fitted], numbers_of[fitted], prepared.seed)
+        runs = [one.run for one in blocks for _ in one.middle]
+        folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
+        inside = out_of_fold(columns[fitted], target[fitted], folds[fitted], prepared.seed)
         found[signal, "fit"] = _share(target[fitted], inside.value)
         if not fitted.all():
             outside = taught_by(columns[fitted], target[fitted], prepared.seed)(columns[~fitted])[:, inside.best]
@@ -252,50 +247,22 @@ def _repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]
     that what little the inputs and the start states differ is allowed for.
     """
     pairs = repeats(compared.dataset)
-    runs = {run.name: run for run in compared.dataset.runs}
+    clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}
     found = {}
     for signal in compared.signals if pairs else ():
-        apart, size = [], []
+        apart, size = [np.empty(0)], [np.empty(0)]
         for first, second, seconds in pairs:
             one, other = (compared.measured[name].get(signal) for name in (first, second))
             if one is None or other is None:
                 continue
-            errors = [values - simulated[name][signal] for name, values in ((first, one), (second, other))]
-            clocks = [runs[name].time - runs[name].time[0] for name in (first, second)]
-            known = np.isfinite(errors[1])
-            there = np.interp(clocks[0], clocks[1][known], errors[1][known])
-            apart.append((errors[0] - there)[clocks[0] <= seconds])
+            error, again = one - simulated[first][signal], other - simulated[second][signal]
+            known = np.isfinite(again)
+            there = np.interp(clocks[first], clocks[second][known], again[known])
+            apart.append((error - there)[clocks[first] <= seconds])
             size.append(one)
-        left, whole = (np.concatenate(parts) if parts else np.empty(0) for parts in (apart, size))
+        left, whole = (np.concatenate(parts) for parts in (apart, size))
         left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
         rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
         if len(left) and rms > 0:
             found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
     return found
-
-
-def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
-    inputs = Replay(dataset).inputs
-    found = []
-    for one, other in combinations(dataset.runs, 2):
-        seconds = _same_for(one, other, inputs)
-        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
-        if seconds >= max(_LEAST_S, _LEAST_SHARE * shorter):
-            found.append((one.name, other.name, seconds))
-    return tuple(found)
-
-
-def _same_for(one: Run, other: Run, inputs: Mapping[str, Array]) -> float:
-    grid = np.arange(0.0, min(float(run.time[-1] - run.time[0]) for run in (one, other)), _GRID_S)
-    given = []
-    for run in (one, other):
-        held = np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1
-        given.append(inputs[run.name][held])
-    if len(grid) == 0 or not np.array_equal(np.isnan(given[0]), np.isnan(given[1])):
-        return 0.0
-    first, second = (np.nan_to_num(values) for values in given)
-    apart = np.cumsum(np.sum((first - second) ** 2, axis=1))
-    size = np.cumsum(np.sum(first**2 + second**2, axis=1) / 2)
-    same = (apart <= _SAME_SHARE**2 * size) & (size > 0)
-    return float(grid[np.flatnonzero(same)[-1]]) if same.any() else 0.0

@@ -98,8 +98,8 @@ def of_finding(found: finding.Finding) -> dict[str, str]:
     term = found.term
     if term is None:
         return {}
-    name = term.file_name.removesuffix(".c")
-    return {term.file_name: render(term.law, term.settings, name=name, vehicle=found.dataset.vehicle)}
+    name = term.source.removesuffix(".c")
+    return {term.source: render(term.law, term.settings, name=name, vehicle=found.dataset.vehicle)}
 
 
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:

@@ -6,8 +6,9 @@ from typing import Any
 
 from markupsafe import Markup
 
+from brickpilot.data.gap import Gap
 from brickpilot.data.own_units import own_unit
-from brickpilot.discover.finding import Finding, Gap
+from brickpilot.discover.finding import Finding
 from brickpilot.report import composed_law, discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import OVER_NOISE, explanation, left_predictable, listed, say, verdict, words

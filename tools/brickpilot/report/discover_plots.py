@@ -8,8 +8,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from brickpilot.discover.finding import Manoeuvre, Whiteness
+from brickpilot.discover.finding import Whiteness
 from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
+from brickpilot.vehicle.manoeuvres import Manoeuvre
 
 Array = NDArray[np.float64]
 

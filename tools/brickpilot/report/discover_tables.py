@@ -9,7 +9,8 @@ import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
-from brickpilot.discover.finding import Effect, Finding, Parameter, Place, Rank, RunValues, Share
+from brickpilot.data.gap import Place
+from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
 from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words
@@ -33,13 +34,13 @@ def place(one: Place, finding: Finding) -> dict[str, str]:
 
 def effect(one: Effect) -> dict[str, Any]:
     """Returns an effect with a row for each of its parameters."""
-    source = next((info.source for info in catalogue.effects() if info.name == one.name), "")
+    known = catalogue.effects_of((one.name,))
     return {
         "name": one.name,
         "words": words(one.name),
         "acts_on": one.acts_on,
-        "equation": one.equation,
-        "source": source,
+        "equation": known[0].equation if known else "",
+        "source": known[0].source if known else "",
         "confidence": percent(one.confidence),
         "rows": [_parameter(name, parameter) for name, parameter in one.parameters.items()],
     }

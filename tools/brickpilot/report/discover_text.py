@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
+from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Gap, Identified, Parameter, Share
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
 from brickpilot.fit.replay import RUN_KINDS
+from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
 from brickpilot.report.own_words import shown_finding, told
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
@@ -72,10 +74,10 @@ def shown_size(one: Parameter) -> Shown:
     return quantity(known.value, known.unit, known.ci95)
 
 
-def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Identified]:
+def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]:
     """Returns a parameter's name and size; "torque, as voltage" with the voltage where the data identify only that."""
     if one.ci95 is None and one.identified is not None:
-        return f"{name}, as {one.identified.quantity}", one.identified
+        return f"{name}, as {one.identified.name}", one.identified
     return name, one
 
 

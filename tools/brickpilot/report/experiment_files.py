@@ -8,9 +8,9 @@ import io
 import numpy as np
 import tomlkit
 
-from brickpilot.discover.experiment import commands
-from brickpilot.discover.finding import Finding, Manoeuvre
+from brickpilot.discover.finding import Finding
 from brickpilot.report.template import render_plain
+from brickpilot.vehicle.manoeuvres import Manoeuvre, commands
 
 SCENARIO, TABLE, ARRAY = (f"next_experiment.{ending}" for ending in ("toml", "csv", "h"))
 

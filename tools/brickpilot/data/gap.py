@@ -1,8 +1,9 @@
-"""Where simulation and measurement disagree: in which runs, signals and times, and how much."""
+"""The gap: how far measured and simulated signals of free runs are apart, in sd of noise; how much, and where."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,25 +11,47 @@ from numpy.typing import NDArray
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
-from brickpilot.discover.finding import Gap, Place, Whiteness
-from brickpilot.discover.numbers import BIN_S
-from brickpilot.fit.replay import Outputs
-from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
+Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # a difference is an rms over windows of this length
 _BRIDGED_S = 0.3  # a shorter break in a span is part of it
 _CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers less is not reported
 _CONDITION_LIFT = 1.3  # the condition covers so many times more of the gap than of the time
-_LAGS = 20
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the gap was: a time span of one signal of one run.
+
+    Attributes:
+        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
+        when: what the vehicle was doing.
+    """
+
+    run: str
+    signal: str
+    from_s: float
+    to_s: float
+    share_of_gap: float
+    when: str
+
+
+@dataclass(frozen=True)
+class Gap:
+    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
+
+    before: float | None
+    after: float | None
+
+    @property
+    def grows(self) -> bool:
+        return self.before is not None and self.after is not None and self.after > self.before
 
 
 def gaps(
-    dataset: Dataset,
-    simulated: Mapping[str, Mapping[str, Outputs]],
-    roles: Roles,
-    noise_sd: Mapping[str, float],
+    dataset: Dataset, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles, noise_sd: Mapping[str, float]
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
 
@@ -36,33 +59,23 @@ def gaps(
     is taken from its first sample. All signals have the same weight, and so have all samples of a signal.
     """
 
-    def gap(runs: Sequence[Run], signals: Sequence[str]) -> Gap:
-        return Gap(*(_rms(runs, simulated[model], signals, noise_sd) for model in ("nominal", "augmented")))
+    def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:
+        squares = []
+        for signal in signals:
+            both = [run for run in runs if signal in run.outputs and signal in outputs[run.name]]
+            left = np.concatenate([np.empty(0), *(residual(run, signal, outputs[run.name][signal]) for run in both)])
+            known = left[np.isfinite(left)]
+            squares += [float(np.mean(known**2)) / noise_sd[signal] ** 2] if len(known) else []
+        return float(np.sqrt(np.mean(squares))) if squares else None
+
+    def gap(runs: Sequence[Run], signals: Iterable[str]) -> Gap:
+        return Gap(rms(runs, simulated["nominal"], signals), rms(runs, simulated["augmented"], signals))
 
     by_role = {
-        role: gap([roles.samples(run, role) for run in dataset.runs if run.name in names], list(noise_sd))
+        role: gap([roles.samples(run, role) for run in dataset.runs if run.name in names], noise_sd)
         for role, names in (("fit", roles.fit()), ("held_out", roles.tested()))
     }
     return by_role, {signal: gap(dataset.runs, [signal]) for signal in noise_sd}
-
-
-def _rms(
-    runs: Sequence[Run],
-    simulated: Mapping[str, Outputs],
-    signals: Sequence[str],
-    noise_sd: Mapping[str, float],
-) -> float | None:
-    squares = []
-    for signal in signals:
-        parts = [
-            residual(run, signal, simulated[run.name][signal])
-            for run in runs
-            if signal in run.outputs and signal in simulated[run.name]
-        ]
-        left = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.empty(0)
-        if len(left):
-            squares.append(float(np.mean(left**2)) / noise_sd[signal] ** 2)
-    return float(np.sqrt(np.mean(squares))) if squares else None
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
@@ -98,16 +111,14 @@ def places(
                 square = np.nan_to_num(apart - apart[0] if signal in SUMMED else apart) ** 2
                 found += [(run, signal, span, square) for span in _spans(run.time, square, above)]
     total = sum(float(square[span].sum()) for _, _, span, square in found)
-    made = [_place(run, signal, span, square, motion[run.name], total) for run, signal, span, square in found]
+    made = []
+    for run, signal, span, square in found:
+        part = np.zeros(len(square))
+        part[span] = square[span]
+        first, last = (round(float(run.time[index]), 3) for index in (span.start, span.stop - 1))
+        when = _condition(run.time, motion[run.name], part)
+        made.append(Place(run.name, signal, first, last, float(part.sum()) / total, when))
     return tuple(sorted(made, key=lambda one: -one.share_of_gap))
-
-
-def _place(run: Run, signal: str, span: slice, square: Array, motion: Outputs, total: float) -> Place:
-    part = np.zeros(len(square))
-    part[span] = square[span]
-    first, last = (float(run.time[index]) for index in (span.start, span.stop - 1))
-    when = _condition(run, motion, run.time, part)
-    return Place(run.name, signal, round(first, 3), round(last, 3), float(part.sum()) / total, when)
 
 
 def _spans(time: Array, square: Array, above: float) -> list[slice]:
@@ -125,13 +136,19 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
     return spans
 
 
-def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
-    """Returns what the vehicle was doing where the gap was: the narrowest condition that covers most of it."""
-    held = {name: np.interp(middle, run.time, np.nan_to_num(values)) for name, values in outputs.items()}
-    speed = next((held[name] for name in ("surge", "velocity", "speed") if name in held), np.zeros(len(middle)))
-    turn = held.get("yaw_rate", np.zeros(len(middle)))
+def _condition(time: Array, outputs: Outputs, part: Array) -> str:
+    """Returns what the vehicle was doing where the gap was: the narrowest condition that covers most of it.
+
+    Args:
+        part: (n,) squares of the gap, 0 outside its place.
+    """
+    still = np.zeros(len(time))
+    speed, turn = (
+        np.nan_to_num(next((outputs[name] for name in names if name in outputs), still))
+        for names in (("surge", "velocity", "speed"), ("yaw_rate",))
+    )
     fast, turning = 0.5 * float(np.abs(speed).max()), 0.2 * float(np.abs(turn).max())
-    change = np.abs(np.gradient(speed, middle)) if len(middle) > 2 else np.zeros(len(middle))
+    change = np.abs(np.gradient(speed, time)) if len(time) > 2 else still
     conditions = {
         "speed > 0": speed > 0.1 * fast,
         "speed < 0": speed < -0.1 * fast,
@@ -143,24 +160,10 @@ def _condition(run: Run, outputs: Outputs, middle: Array, part: Array) -> str:
         "while the speed changes": change > 0.2 * float(change.max()),
     }
     best, lift = "throughout", _CONDITION_LIFT
+    if float(np.ptp(speed) + np.ptp(turn)) == 0:
+        return best
     for text, mask in conditions.items():
-        inside, time = float(part[mask].sum() / part.sum()), float(mask.mean())
-        if inside >= _CONDITION_SHARE and time > 0 and inside / time > lift and float(np.ptp(speed) + np.ptp(turn)) > 0:
-            best, lift = text, inside / time
+        inside, share = float(part[mask].sum() / part.sum()), float(mask.mean())
+        if inside >= _CONDITION_SHARE and share > 0 and inside / share > lift:
+            best, lift = text, inside / share
     return best
-
-
-def whiteness(error: Residual, whitened: Array) -> dict[str, Whiteness]:
-    """Returns the autocorrelation of `whitened` (samples,), a residual, by signal and over the bins."""
-    found = {}
-    for signal in error.signals:
-        parts = [whitened[block.place] for block in error.blocks if block.signal == signal]
-        parts = [part - part.mean() for part in parts if len(part) > 2 * _LAGS]
-        if not parts:
-            continue
-        power = sum(float(part @ part) for part in parts) or 1.0
-        rho = [sum(float(part[lag:] @ part[:-lag]) for part in parts) / power for lag in range(1, _LAGS + 1)]
-        bound = 1.96 / float(np.sqrt(sum(len(part) for part in parts)))
-        outside = sum(abs(value) > bound for value in rho)
-        found[signal] = Whiteness(BIN_S, tuple(rho), bound, outside <= _LAGS // 5)
-    return found

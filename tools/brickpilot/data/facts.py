@@ -1,0 +1,122 @@
+"""What a log shows before any model: timing, manoeuvre and repeats of runs; size, noise and blanks of signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.holdout import manoeuvre
+from brickpilot.data.noise import Noise, noise_of, step_of
+from brickpilot.data.signals import SIGNALS
+
+Array = NDArray[np.float64]
+
+_LATE = 0.99  # quantile of the steps between samples that is reported beside their median
+_SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
+_LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
+_GRID_S = 0.02
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """One run.
+
+    Attributes:
+        role: "fit" or "held_out", as discovery takes it.
+        manoeuvre: what is driven, such as "straight step forward".
+        step_s: median time between samples, s; `late_s`: 99 of 100 are no longer.
+    """
+
+    name: str
+    role: str
+    manoeuvre: str
+    samples: int
+    duration_s: float
+    step_s: float
+    late_s: float
+
+
+@dataclass(frozen=True)
+class SignalFacts:
+    """One measured signal, over all runs.
+
+    Attributes:
+        rms, noise_sd: in `unit`, of a sample.
+        colour: of the noise; see `data.noise.Noise`.
+        resolution: the converter's step in `unit`; 0: none shows.
+        missing: share of the samples that are blank or left out as damaged, 0..1.
+    """
+
+    name: str
+    unit: str
+    rms: float
+    noise_sd: float
+    colour: str
+    resolution: float
+    missing: float
+
+
+def of_run(run: Run, role: str, inputs: Array) -> RunFacts:
+    """Returns the facts of a run. `inputs`: what its motors got, (n, 1) or (n, 2) V."""
+    time = run.time[_logged(run)]
+    steps = np.diff(time)
+    late = float(np.quantile(steps, _LATE))
+    driven = manoeuvre(np.nan_to_num(inputs))
+    return RunFacts(run.name, role, driven, len(time), float(time[-1] - time[0]), float(np.median(steps)), late)
+
+
+def of_signals(dataset: Dataset) -> tuple[SignalFacts, ...]:
+    """Returns the facts of every signal that was measured."""
+    return tuple(
+        _of_signal(dataset, name) for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs)
+    )
+
+
+def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
+    parts = [run.outputs[name][_logged(run)] for run in dataset.runs if name in run.outputs]
+    known = [part[np.isfinite(part)] for part in parts]
+    values, unit = np.concatenate(known), SIGNALS[name].unit
+    if len(values) == 0:
+        return SignalFacts(name, unit, 0.0, 0.0, Noise(0.0).colour, 0.0, 1.0)
+    stated = dataset.signals.get(name)
+    resolution = (stated.resolution if stated is not None else None) or step_of(known)
+    noise = noise_of(parts, resolution)
+    sd = (stated.noise_sd if stated is not None else None) or noise.sd
+    missing = 1 - len(values) / sum(len(part) for part in parts)
+    return SignalFacts(name, unit, float(np.sqrt(np.mean(values**2))), sd, noise.colour, resolution, missing)
+
+
+def _logged(run: Run) -> NDArray[np.bool_]:
+    """Returns which rows the log had: those with an output, and the ends; others were added where an input changes."""
+    rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
+    rows[[0, -1]] = True
+    return rows
+
+
+def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
+    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
+    inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
+    found = []
+    for one, other in combinations(dataset.runs, 2):
+        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
+        seconds = _same_for(one, other, inputs, np.arange(0.0, shorter, _GRID_S))
+        if seconds >= max(_LEAST_S, _LEAST_SHARE * shorter):
+            found.append((one.name, other.name, seconds))
+    return tuple(found)
+
+
+def _same_for(one: Run, other: Run, inputs: Mapping[str, Array], grid: Array) -> float:
+    """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
+    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (one, other))
+    first, second = (inputs[run.name][held] for run, held in zip((one, other), rows, strict=True))
+    if not np.array_equal(np.isnan(first), np.isnan(second)):
+        return 0.0
+    apart = np.cumsum(np.nansum((first - second) ** 2, axis=1))
+    size = np.cumsum(np.nansum(first**2 + second**2, axis=1) / 2)
+    same = np.flatnonzero((apart <= _SAME_SHARE**2 * size) & (size > 0))
+    return float(grid[same[-1]]) if len(same) else 0.0
