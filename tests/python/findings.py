@@ -11,7 +11,7 @@ from brickpilot.data import dataset
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
-from brickpilot.discover import locate, term_basis
+from brickpilot.discover import locate
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
@@ -32,6 +32,7 @@ from brickpilot.discover.finding import (
 )
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
+from brickpilot.vehicle import composed_terms
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
@@ -60,7 +61,7 @@ TERM = Term(
     "wheel torque",
     f"ΔT = {MINUS}0.006 sgn(w)",
     "composed_bench.c",
-    term_basis.terms_of({"wheel_dry_constant": 0.006}),
+    composed_terms.terms_of({"wheel_dry_constant": 0.006}),
     {},
     0.923,
 )

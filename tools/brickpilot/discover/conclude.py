@@ -13,7 +13,6 @@ from brickpilot.discover import locate, numbers
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
-from brickpilot.discover.feedback import Period, own_period
 from brickpilot.discover.finding import (
     NOMINAL_VALUES,
     Effect,
@@ -34,18 +33,18 @@ from brickpilot.discover.finding import (
     Visible,
 )
 from brickpilot.discover.parts import Part, RunPart, library_parts
-from brickpilot.discover.periods import resolved_order
+from brickpilot.discover.periods import Period, own_period, resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
-from brickpilot.discover.term_basis import PLACES, equation
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.fit.residual import Problem
 from brickpilot.fit.uncertainty import Estimate, assess
+from brickpilot.vehicle.composed_terms import PLACES, equation
 from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal

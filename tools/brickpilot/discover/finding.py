@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
-from brickpilot.discover import term_basis
-from brickpilot.discover.feedback import Loop, Period
+from brickpilot.discover.feedback import Loop
+from brickpilot.discover.periods import Period
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Spread
+from brickpilot.vehicle import composed_terms
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -349,7 +350,7 @@ class Term:
     place: str
     equation: str
     file_name: str
-    law: tuple[term_basis.Term, ...]
+    law: tuple[composed_terms.Term, ...]
     settings: Mapping[str, float]
     removed_held_out: float | None
 
