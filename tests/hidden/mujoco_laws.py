@@ -1,4 +1,4 @@
-"""Laws of `other_laws`, and an oddity that remembers, that act from step to step on the vehicle that MuJoCo moves: see `mujoco_effects`.
+"""Laws of `other_laws`, and an oddity that remembers, from step to step on the vehicle that MuJoCo moves.
 
 Each function takes a law's parameters and the number of the run, and returns what changes a `Step`. It may remember.
 """

@@ -12,7 +12,6 @@ from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.gap import Place, gaps
 from brickpilot.data.holdout import Roles
-from brickpilot.discover import term_basis
 from brickpilot.discover.finding import (
     Effect,
     Equivalent,
@@ -31,6 +30,7 @@ from brickpilot.discover.finding import (
 )
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
 from brickpilot.fit.replay import RUN_KINDS, Replay
+from brickpilot.vehicle import composed_terms
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from synthetic import robot, write
 
@@ -58,7 +58,7 @@ TERM = Term(
     "wheel torque",
     f"ΔT = {MINUS}0.006 sgn(w)",
     "composed_bench.c",
-    term_basis.terms_of({"wheel_dry_constant": 0.006}),
+    composed_terms.terms_of({"wheel_dry_constant": 0.006}),
     {},
     0.923,
 )

@@ -9,7 +9,8 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.discover.feedback import follows_outputs, noise_model, own_period, whitening
+from brickpilot.discover.feedback import follows_outputs, noise_model, whitening
+from brickpilot.discover.periods import own_period
 from brickpilot.importers.wpilib import import_wpilib
 from scipy.signal import lfilter
 

@@ -21,12 +21,12 @@ from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
 from brickpilot.discover.term_atoms import Atom, atom, find_atoms, with_terms
-from brickpilot.discover.term_basis import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
+from brickpilot.vehicle.composed_terms import EFFECT, Term, basis, equation, parameters, settings_of, terms_of
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import motor, robot

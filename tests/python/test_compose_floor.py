@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from brickpilot.discover.periods import Segment
 from brickpilot.discover.term_atoms import atom, find_atoms
-from brickpilot.discover.term_basis import equation
 from brickpilot.report.composed_law import mathml
+from brickpilot.vehicle.composed_terms import equation
 from test_compose import BASIS, by_plant, coefficient, terms
 
 

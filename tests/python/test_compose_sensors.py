@@ -10,9 +10,9 @@ import pytest
 from brickpilot.data.signals import SIGNALS as MEASURABLE
 from brickpilot.discover.periods import Segment
 from brickpilot.discover.term_atoms import find_atoms
-from brickpilot.discover.term_basis import equation
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import plant
+from brickpilot.vehicle.composed_terms import equation
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import robot
 from test_compose import BASIS, by_plant, coefficient, data_of, terms

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import brickpilot
 import pytest
-from brickpilot.discover.term_basis import Term, basis, settings_of
 from brickpilot.report import composed_law
+from brickpilot.vehicle.composed_terms import Term, basis, settings_of
 from test_compose import terms
 
 ROOT = Path(__file__).resolve().parents[2]

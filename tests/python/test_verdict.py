@@ -15,7 +15,7 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import joined, refine
 from brickpilot.discover.parts import RunPart, library_parts
 from brickpilot.discover.prepare import calibrate, prepare
-from brickpilot.discover.term_basis import basis
+from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
 from synthetic import robot, write
 

@@ -7,16 +7,15 @@ the same evidence.
 
 from __future__ import annotations
 
-import dataclasses
+import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.discover import periods
 from brickpilot.discover.deadline import COMPOSED, Deadline
-from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
 from brickpilot.discover.periods import Segment
@@ -24,10 +23,9 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Trial
 from brickpilot.discover.search import Found, Search
 from brickpilot.discover.term_atoms import Atom, family, find_atoms, strip_atom, with_terms
-from brickpilot.discover.term_basis import EFFECT, OF_A_MOTOR, Basis, Term, basis
 from brickpilot.discover.verdict import Verdict, weigh
-from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Projection, Residual
+from brickpilot.vehicle.composed_terms import EFFECT, OF_A_MOTOR, Basis, Term, basis
 from brickpilot.vehicle.model import Model
 
 Tell = Callable[[str], None]
@@ -40,6 +38,8 @@ _SIZES = (1.0, 0.3)  # of the linear estimate, at which they are: few terms are 
 _NEARBY = 8  # atoms at and beside a fitted period that are fitted
 _ALIKE = 2  # trials of the same terms with different settings, at most
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
+_CELLS, _LEAST_CELL = 24, 4e-3  # cells of the travel, to look for strips, and the least of one, m
+_STRIPS = 2  # that are tried
 _MOST_TERMS = 3  # the basis is large, and a law that a reader can check is short
 
 
@@ -85,13 +85,8 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
     sure = [(found, one) for found, one in tried if one.kind in ("named", "ambiguous")]
     if not sure:
         return None
-    found, best = max(sure, key=lambda pair: _score(pair[0], pair[1].best))
+    _, best = max(sure, key=lambda pair: pair[0].table[pair[1].best.key].log_weight(pair[0].temperature))
     return _composed(best.best, alone=best.nominal.key == verdict.nominal.key)
-
-
-def _score(found: Found, one: Explanation) -> float:
-    known: Evidence = found.table[one.key]
-    return known.log_weight(found.temperature)
 
 
 def _composed(found: Explanation, *, alone: bool) -> Composed:
@@ -104,7 +99,7 @@ def _composed(found: Explanation, *, alone: bool) -> Composed:
 
 def refitted(found: Composed, explanation: Explanation) -> Composed:
     """Returns the law with the values of a later fit of the same parts."""
-    return dataclasses.replace(_composed(explanation, alone=found.alone))
+    return _composed(explanation, alone=found.alone)
 
 
 class TermSource:
@@ -165,38 +160,33 @@ class TermSource:
         return _diverse(sorted((one for one in trials if np.isfinite(one.left)), key=lambda one: one.left))
 
     def _add(self, atoms: Sequence[Atom]) -> None:
-        """Simulates each term that is new."""
-        new = [one for one in atoms if one not in self._changes and one.joins(self._base.effects.get(EFFECT, {}))]
-        pairs = [(one, term) for one in dict.fromkeys(new) for term in one.terms]
-        changes = self._changes_by(pairs)
-        for one in dict.fromkeys(new):
-            self._changes[one] = changes[:, [k for k, (other, _) in enumerate(pairs) if other is one]]
+        """Simulates each term of the atoms that are new."""
+        table = self._base.effects.get(EFFECT, {})
+        self._changes |= self._changes_by([one for one in atoms if one not in self._changes and one.joins(table)])
 
     def _add_strips(self, projection: Projection, rest: Array) -> None:
         """Adds terms on a strip across x, on those strips that a loss in narrow cells points at."""
-        cells = periods.cells(self._segments)
-        for name in _STRIP_TERMS if cells else ():
-            narrow = [strip_atom(name, *cell) for cell in cells]
-            if self._base.vehicle == "motor" and narrow[0].place not in OF_A_MOTOR:
+        narrow = _cells(self._segments)
+        for name in _STRIP_TERMS if narrow else ():
+            alone = [strip_atom(name, *cell) for cell in narrow]
+            if self._base.vehicle == "motor" and alone[0].place not in OF_A_MOTOR:
                 continue
-            signatures = projection.signatures(self._changes_by([(one, one.terms[0]) for one in narrow]).T)
-            for first, last in periods.best_windows(signatures, rest):
-                middle, half_width = (cells[first][0] + cells[last][0]) / 2, cells[first][1] * (last - first + 1)
+            changes = self._changes_by(alone)
+            signatures = projection.signatures([changes[one][:, 0] for one in alone])
+            for first, last in _best_windows(signatures, rest):
+                middle, half_width = (narrow[first][0] + narrow[last][0]) / 2, narrow[first][1] * (last - first + 1)
                 strip = strip_atom(name, middle, half_width)
                 self._add(family(strip, dict(strip.settings), self._base.vehicle, self._segments))
 
-    def _changes_by(self, terms: Sequence[tuple[Atom, Basis]]) -> Array:
-        """Returns (samples, terms): change of the simulated signals, in scales, per unit of each coefficient."""
-        sizes = [_TINY * term.info.maximum for _, term in terms]
-        tiny = [
-            with_terms(self._base, {**dict(one.settings), term.name: size})
-            for (one, term), size in zip(terms, sizes, strict=True)
-        ]
-        moved = self._data.scaled_by(tiny)
-        changes = np.array([(self._residual - one) / size for one, size in zip(moved, sizes, strict=True)])
-        changes = changes.reshape(len(terms), len(self._residual))
-        changes[~np.isfinite(changes).all(axis=1)] = 0.0
-        return changes.T
+    def _changes_by(self, atoms: Sequence[Atom]) -> dict[Atom, Array]:
+        """Returns (samples, terms) of each atom: change of the simulated signals, in scales, per coefficient."""
+        own = [(one, term, _TINY * term.info.maximum) for one in dict.fromkeys(atoms) for term in one.terms]
+        tiny = [with_terms(self._base, {**dict(one.settings), term.name: size}) for one, term, size in own]
+        changes: dict[Atom, list[Array]] = {}
+        for (one, _, size), moved in zip(own, self._data.scaled_by(tiny), strict=True):
+            change = (self._residual - moved) / size
+            changes.setdefault(one, []).append(change if np.isfinite(change).all() else np.zeros_like(change))
+        return {one: np.column_stack(columns) for one, columns in changes.items()}
 
 
 def _best_coefficients(one: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
@@ -226,33 +216,47 @@ def _diverse(trials: Sequence[Trial]) -> list[Trial]:
     return list(found.values())
 
 
+def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
+    """Returns middle and half width, m, of cells that divide the travel; none if the vehicle hardly moves."""
+    travels = [one.at[name] for one in segments for name in ("x", "position") if name in one.at]
+    if not travels:
+        return []
+    low, high = min(float(np.min(travel)) for travel in travels), max(float(np.max(travel)) for travel in travels)
+    width = (high - low) / _CELLS
+    return [(low + width * (k + 0.5), width / 2) for k in range(_CELLS)] if width > _LEAST_CELL else []
+
+
+def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
+    """Returns the first and last cell of the strips that explain most; none overlaps a better one.
+
+    Args:
+        slopes: (N, cells): what each cell does to `residual` (N,).
+    """
+    own, along = slopes.T @ slopes, slopes.T @ residual
+    gains = {
+        (first, end - 1): float(along[first:end].sum()) ** 2 / max(float(own[first:end, first:end].sum()), 1e-300)
+        for first, end in itertools.combinations(range(slopes.shape[1] + 1), 2)
+    }
+    found: list[tuple[int, int]] = []
+    for window in sorted(gains, key=lambda one: -gains[one]):
+        if gains[window] > 0 and all(window[1] < other[0] or window[0] > other[1] for other in found):
+            found.append(window)
+        if len(found) == _STRIPS:
+            break
+    return found
+
+
 def segments(data: Residual, model: Model) -> list[Segment]:
     """Returns the blocks of a residual with the outputs of `model`, that terms may depend on, at their times."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
-    grids = {run.name: run.time for run in data.replay.dataset.runs}
-    ages = _ages(data.replay)
-    return [
-        Segment(
-            block.run,
-            block.signal,
-            block.place,
-            block.middle - grids[block.run][0],
-            ages[block.run],
-            {
-                name: np.interp(block.middle, grids[block.run], outputs[block.run][name])
-                for name in _OUTPUTS
-                if name in outputs[block.run]
-            },
-        )
-        for block in data.blocks
-    ]
-
-
-def _ages(replay: Replay) -> dict[str, float]:
-    """Returns run -> s from power-on to its start."""
-    ages, age = dict[str, float](), 0.0
-    for run in replay.dataset.runs:
-        age += run.gap_s
-        ages[run.name] = age
-        age += float(run.time[-1] - run.time[0])
-    return ages
+    times, ages, age = dict[str, Array](), dict[str, float](), 0.0
+    for run in data.replay.dataset.runs:
+        times[run.name], ages[run.name] = run.time, age + run.gap_s
+        age = ages[run.name] + float(run.time[-1] - run.time[0])
+    found = []
+    for block in data.blocks:
+        time, simulated = times[block.run], outputs[block.run]
+        at = {name: np.interp(block.middle, time, simulated[name]) for name in _OUTPUTS if name in simulated}
+        since = block.middle - time[0]
+        found.append(Segment(block.run, block.signal, block.place, since, ages[block.run], at))
+    return found

@@ -19,20 +19,19 @@ from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.experiment import smallest_sizes
 from brickpilot.discover.explanation import Explanation
-from brickpilot.discover.feedback import Period, own_period
 from brickpilot.discover.finding import Experiment, Finding, Parameter, Predictor, VerdictKind
 from brickpilot.discover.parts import Part, RunPart
-from brickpilot.discover.periods import resolved_order
+from brickpilot.discover.periods import Period, own_period, resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
-from brickpilot.discover.term_basis import PLACES, equation
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.uncertainty import Estimate
+from brickpilot.vehicle.composed_terms import PLACES, equation
 from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal

@@ -1,8 +1,7 @@
 """A feedback loop around the data: whether the commands follow the outputs, and how a fit is right where they do.
 
 A simulation from the commands alone is biased there: noise of the outputs comes back in the commands, so that a model
-can explain it, by a delay that no machine has. `noise_model` models what disturbs the outputs, and `own_period` finds
-a disturbance with a period of its own in time; both work on what a model leaves.
+can explain it, by a delay that no machine has. `noise_model` models what disturbs the outputs, in what a model leaves.
 Sources: Granger (1969), Econometrica 37; Gustavsson, Ljung and Soederstroem (1977), Automatica 13; Ljung (1999), System
 Identification, 2nd ed., ch. 13.
 """
@@ -12,14 +11,13 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, lombscargle
+from scipy.signal import lfilter
 from scipy.sparse import csr_array, dia_array
-from scipy.stats import f as fisher
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
@@ -34,6 +32,7 @@ _PER_UNKNOWN = 10  # decisions for each coefficient: the usual least for a regre
 _PAST = (1, 2, 4, 8, 16, 32)  # decisions: how many of the past ones tell the next; the best of these is taken
 _SMOOTHED = 8  # means of the command over 2, 4 ... 256 rows: what a plan or the machine keeps of it
 _READINGS = 3  # at the decisions before: a PID law that is written for the change of the command needs three
+_SHOWN = 3 + _READINGS  # columns of what the output showed: before, and its change up to the same row
 _HUBER = 1.345  # sd, beyond which a residual counts less: 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # sd of normal noise over its median absolute deviation
 _EXACT = 1e-6  # of the rms change: a plan that its own past tells so well has no room for a loop
@@ -66,85 +65,6 @@ class Loop:
             f"{self.command} follows {self.output}, {late}: it tells {100 * self.gain:.2g} % of what the command's own "
             "past leaves open. A feedback loop is around the data, and a fit without a model of the noise is biased"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Decisions:
-    """The rows of a run in which a command changes, all in units of its rms change.
-
-    Attributes:
-        change: (n,).
-        planned: (n, p), what the commands before tell of it.
-        read: (n, r), what the output showed before.
-        now: (n, 1), the change of the output up to the same row.
-        ages: (r,), s from a reading to the command, by column of `read`.
-    """
-
-    change: Array
-    planned: Array
-    read: Array
-    now: Array
-    ages: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Weighted:
-    """Decisions of some runs, over the sd of what the plan leaves there; those far from it count less.
-
-    Attributes:
-        change: (n,).
-        table: (n, c), `planned`, `read` and `now` side by side, each column over its rms.
-        squares: (_BLOCKS, c, c) and `products` (_BLOCKS, c): of the table, and with the change.
-        plans: the number of columns of `planned`.
-        log_sd: mean logarithm of the sd.
-        ages: as in `_Decisions`.
-    """
-
-    change: Array
-    table: Array
-    squares: Array
-    products: Array
-    plans: int
-    log_sd: float
-    ages: Array
-
-    def errors(self, *chosen: int) -> Array:
-        """Returns (_BLOCKS,): the mean square error of each block, predicted by a fit of columns to the others."""
-        columns = np.array(chosen)
-        squares, products = self.squares[:, columns[:, np.newaxis], columns], self.products[:, columns]
-        others = squares.sum(axis=0) - squares + len(self.table) * len(columns) * _RIDGE * np.eye(len(columns))
-        fitted = np.linalg.solve(others, (products.sum(axis=0) - products)[..., np.newaxis])[..., 0]
-        each = zip(_blocks(len(self.table)), fitted, strict=True)
-        return np.array([np.mean((self.change[one] - self.table[one][:, columns] @ found) ** 2) for one, found in each])
-
-    def last_coefficient(self) -> float:
-        squares = self.squares.sum(axis=0) + len(self.table) * self.table.shape[1] * _RIDGE * np.eye(
-            self.table.shape[1]
-        )
-        return float(np.linalg.solve(squares, self.products.sum(axis=0))[-1])
-
-
-def _blocks(rows: int) -> list[slice]:
-    return [slice(*pair) for pair in itertools.pairwise(block * rows // _BLOCKS for block in range(_BLOCKS + 1))]
-
-
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    """What some runs tell of a command: mean square errors (blocks,) by what it is predicted from.
-
-    Attributes:
-        planned: from commands alone.
-        read: and from the readings before.
-        now: and from that of the same row.
-        feedback: the last coefficient; below 0: the command opposes the reading.
-        lag: s, the age of the reading that tells most.
-    """
-
-    planned: Array
-    read: Array
-    now: Array
-    feedback: float
-    lag: float
 
 
 def follows_outputs(dataset: Dataset) -> Loop | None:
@@ -195,19 +115,18 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
     """Returns what `output` tells of the first of `commands`, and the chance for both questions."""
     runs = [run for run in runs if output in run.outputs]
-    own = [_answer([run], commands, output) for run in runs]
-    pooled = _answer([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
-    answers = [one for one in (*own, pooled) if one is not None]
-    if not answers:
+    own = [_told([run], commands, output) for run in runs]
+    pooled = _told([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
+    told = [one for one in (*own, pooled) if one is not None]
+    if not told:
         return None
-    past = np.concatenate([np.log(one.planned / one.read) for one in answers])
-    now = np.concatenate([np.log(one.planned / one.now) for one in answers])
-    opposes = sum(one.feedback for one in answers) * _sign(commands[0], output) < 0.0
+    past, now = np.concatenate([one.past for one in told]), np.concatenate([one.now for one in told])
+    opposes = sum(one.feedback for one in told) * _sign(commands[0], output) < 0.0
     of_past, of_now = _chance(past), _chance(now) if opposes else 1.0
-    told = now if of_now < of_past else past
-    late = told is past or past.mean() > (now - past).mean()
-    lag = float(np.median([one.lag for one in answers])) if late else 0.0
-    gain = 1.0 - math.exp(-float(told.mean()))
+    most = now if of_now < of_past else past
+    late = most is past or past.mean() > (now - past).mean()
+    lag = float(np.median([one.lag for one in told])) if late else 0.0
+    gain = 1.0 - math.exp(-float(most.mean()))
     return Loop(commands[0], output, gain, lag, min(2.0 * min(of_past, of_now), 1.0))
 
 
@@ -230,49 +149,86 @@ def _sign(command: str, output: str) -> float:
     return 1.0 if command == "duty_mean" or len(set(sides)) < 2 else 0.0
 
 
-def _answer(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Answer | None:
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What the readings of some runs tell of a command.
+
+    Attributes:
+        past: (blocks,) log of the squared error from commands alone over that with the readings before.
+        now: the same, and with the reading of the same row.
+        feedback: the coefficient of that; below 0: the command opposes the reading.
+        lag: s, the age of the reading that tells most.
+    """
+
+    past: Array
+    now: Array
+    feedback: float
+    lag: float
+
+
+def _told(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Told | None:
     """Returns what runs of one controller tell; None: their decisions are too few, or a plan tells them exactly."""
-    best, least = None, math.inf
-    for past in _PAST:
-        parts = [one for run in runs if (one := _decisions(run, commands, output, past)) is not None]
-        unknowns = parts[0].planned.shape[1] + len(parts[0].ages) + 1 if parts else 0
-        if not parts or sum(len(one.change) for one in parts) < _PER_UNKNOWN * unknowns:
+    best, ages, least = None, np.empty(0), math.inf
+    for number in _PAST:
+        found = [one for run in runs if (one := _decisions(run, commands, output, number)) is not None]
+        columns = found[0][0].shape[1] if found else 0
+        if not found or sum(len(table) for table, _ in found) < _PER_UNKNOWN * (columns - 1):
             break
-        if (tried := _weighted(parts)) is None:
+        weighed = _weighted([table for table, _ in found])
+        if weighed is None:
             return None
-        likelihood = tried.log_sd + 0.5 * math.log(tried.errors(*range(tried.plans)).mean())
+        table, log_sd = weighed
+        likelihood = log_sd + 0.5 * math.log(_errors(table, range(1, columns - _SHOWN)).mean())
         if likelihood < least:
-            best, least = tried, likelihood
+            best, ages, least = table, found[0][1], likelihood
     if best is None:
         return None
-    now = best.table.shape[1] - 1
-    planned, read, both = (best.errors(*range(end)) for end in (best.plans, now, now + 1))
-    single = [best.errors(*range(best.plans), column).sum() for column in range(best.plans, now)]
-    return _Answer(planned, read, both, best.last_coefficient(), float(best.ages[int(np.argmin(single))]))
+    now = best.shape[1] - 1
+    planned, shown = range(1, now - len(ages)), range(now - len(ages), now)
+    alone = _errors(best, planned)
+    past, both = (np.log(alone / _errors(best, range(1, end))) for end in (now, now + 1))
+    feedback = float(np.linalg.lstsq(best[:, 1:], best[:, 0])[0][-1])
+    single = [_errors(best, [*planned, column]).sum() for column in shown]
+    return _Told(past, both, feedback, float(ages[int(np.argmin(single))]))
 
 
-def _weighted(parts: Sequence[_Decisions]) -> _Weighted | None:
-    """Returns the decisions of runs as one table, each run in its own scale; None: a plan tells them exactly."""
-    change = np.concatenate([one.change for one in parts])
-    table = np.concatenate([np.hstack([one.planned, one.read, one.now]) for one in parts])
-    plans = parts[0].planned.shape[1]
-    left = np.abs(change - table[:, :plans] @ np.linalg.lstsq(table[:, :plans], change)[0])
-    run_of = np.repeat(np.arange(len(parts)), [len(one.change) for one in parts])
-    sd = np.array([_NORMAL_MAD * np.median(left[run_of == run]) for run in range(len(parts))])[run_of]
+def _errors(table: Array, columns: Sequence[int]) -> Array:
+    """Returns (blocks,): the mean square error of the first column in each block of rows, as a fit of `columns` to the
+    others predicts it."""
+    rows = len(table)
+    blocks = np.split(table[:, [0, *columns]], [block * rows // _BLOCKS for block in range(1, _BLOCKS)])
+    products = np.array([one.T @ one for one in blocks])
+    others = products.sum(axis=0) - products + rows * len(columns) * _RIDGE * np.eye(len(columns) + 1)
+    fitted = np.linalg.solve(others[:, 1:, 1:], others[:, 1:, :1])[..., 0]
+    return np.array([np.mean((one[:, 0] - one[:, 1:] @ found) ** 2) for one, found in zip(blocks, fitted, strict=True)])
+
+
+def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
+    """Returns the decisions of runs in one table, and the mean log of the sd; None: a plan tells them exactly.
+
+    Each run's rows stand over the sd of what the plan leaves there, those far from it count less, and each column but
+    the first stands over its rms.
+    """
+    table = np.concatenate(tables)
+    change, planned = table[:, 0], table[:, 1:-_SHOWN]
+    left = np.abs(change - planned @ np.linalg.lstsq(planned, change)[0])
+    run_of = np.repeat(np.arange(len(tables)), [len(one) for one in tables])
+    sd = np.array([_NORMAL_MAD * np.median(left[run_of == run]) for run in range(len(tables))])[run_of]
     if np.median(sd) < _EXACT:
         return None
     sd = np.maximum(sd, _EXACT)
-    weight = 1.0 / (sd * np.sqrt(np.maximum(left / (_HUBER * sd), 1.0)))
-    change, table = weight * change, weight[:, np.newaxis] * table
+    table = table / (sd * np.sqrt(np.maximum(left / (_HUBER * sd), 1.0)))[:, np.newaxis]
     size = np.sqrt(np.mean(table**2, axis=0))
-    table = table / np.where(size > 0.0, size, 1.0)
-    squares = np.array([table[one].T @ table[one] for one in _blocks(len(table))])
-    products = np.array([table[one].T @ change[one] for one in _blocks(len(table))])
-    return _Weighted(change, table, squares, products, plans, float(np.log(sd).mean()), parts[0].ages)
+    size[0] = 1.0
+    return table / np.where(size > 0.0, size, 1.0), float(np.log(sd).mean())
 
 
-def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> _Decisions | None:
-    """Returns a run's decisions with so many `past` ones before each; None: there are none, or no change among them."""
+def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tuple[Array, Array] | None:
+    """Returns a run's rows in which the first command changes, with so many of them before each; None: there are none.
+
+    The table (n, columns) is in units of the rms change. Its columns are the change; what the commands before tell of
+    it; what the output showed before; and its change up to the same row. Behind it the ages, s, of what it showed.
+    """
     inputs, reading = np.column_stack([run.inputs[name] for name in commands]), run.outputs[output]
     with np.errstate(invalid="ignore"):
         row = 1 + np.flatnonzero(np.abs(np.diff(inputs[:, 0])) > 0.0)
@@ -292,16 +248,8 @@ def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> _De
     table = table[np.isfinite(table).all(axis=1)]
     if not len(table):
         return None
-    table = table / np.sqrt(np.mean(table[:, 0] ** 2))
-    end = table.shape[1] - 1
     ages = np.array([np.median(run.time[k] - run.time[one]) for one in before])
-    return _Decisions(
-        table[:, 0], table[:, 1 : end - len(shown)], table[:, end - len(shown) : end], table[:, end:], ages
-    )
-
-
-_NEIGHBOURS = 8  # frequencies on either side: 32 degrees of freedom a piece know the background to a fourth
-_FINER = 20  # frequencies between two multiples, where a peak is read off
+    return table / np.sqrt(np.mean(table[:, 0] ** 2)), ages
 
 
 def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
@@ -361,85 +309,3 @@ def whitening(coefficients: Array, length: int) -> csr_array:
                 if row >= lag:
                     bands[lag, row - lag] = -scale * lower[lag - 1]
     return csr_array(dia_array((bands, -np.arange(order + 1)), shape=(length, length)))
-
-
-@dataclass(frozen=True)
-class Period:
-    """A disturbance with a period of its own in time.
-
-    Attributes:
-        frequency: Hz.
-        amplitude: of the sine, in the residual's unit, rms over the pieces.
-        share: 0..1, of the residual's power.
-        chance: probability of so high a peak at any frequency without a period.
-    """
-
-    frequency: float
-    amplitude: float
-    share: float
-    chance: float
-
-    @property
-    def sentence(self) -> str:
-        """Returns the sentence for the user."""
-        return (
-            f"a disturbance of {self.frequency:.3g} Hz that no command makes holds {100 * self.share:.2g} % of what is "
-            f"left, with an amplitude of {self.amplitude:.3g}"
-        )
-
-
-def own_period(residuals: Sequence[tuple[Array, Array]]) -> Period | None:
-    """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
-
-    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each (Scargle 1982, Astrophys. J.
-    263), over its piece's variance, is added up at the multiples of one over a piece's duration, and compared with the
-    mean of eight frequencies on either side, without the nearest, which a peak between two fills too: where the
-    background is smooth their ratio is Fisher's F, with two degrees of freedom a piece and frequency. So a period must
-    repeat ten times in a piece. A lightly damped resonance looks the same.
-
-    Args:
-        residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.
-    """
-    known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
-    if not known:
-        return None
-    duration = float(np.median([time[-1] - time[0] for time, _ in known]))
-    pieces = [piece for time, left in known for piece in _pieces(time, left, duration)]
-    if not pieces:
-        return None
-    row_s = float(np.median(np.concatenate([np.diff(time) for time, _ in pieces])))
-    multiples = np.arange(1, int(0.5 * duration / row_s))
-    tested = multiples[_NEIGHBOURS + 1 : len(multiples) - _NEIGHBOURS - 1]
-    if not len(tested):
-        return None
-    power = _power(pieces, multiples / duration)
-    around = [one for one in range(-_NEIGHBOURS - 1, _NEIGHBOURS + 2) if abs(one) > 1]
-    background = np.mean([power[tested - 1 + one] for one in around], axis=0)
-    ratio = power[tested - 1] / background
-    chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
-    best = int(np.argmin(chances))
-    if not chances[best] < numbers.STRICT:
-        return None
-    near = (tested[best] + np.linspace(-1.0, 1.0, 2 * _FINER + 1)) / duration
-    frequency = float(near[int(np.argmax(_power(pieces, near)))])
-    squares = [(2.0 * float(_power([one], np.array([frequency]))[0]), float(np.mean(one[1] ** 2))) for one in pieces]
-    sine = sum(share / len(left) * size for (share, size), (_, left) in zip(squares, pieces, strict=True))
-    total = sum(size for _, size in squares)
-    return Period(frequency, math.sqrt(2.0 * sine / len(pieces)), sine / total, float(chances[best]))
-
-
-def _pieces(time: Array, left: Array, duration: float) -> Iterator[tuple[Array, Array]]:
-    """Yields the pieces of a run of that `duration` in s, each without its mean and slope."""
-    for start in np.arange(time[0], time[-1] - duration * (1.0 - 1e-9), duration):
-        inside = (time >= start) & (time <= start + duration)
-        if np.count_nonzero(inside) > 2 * _NEIGHBOURS and np.ptp(left[inside]) > 0.0:
-            line = np.polyval(np.polyfit(time[inside] - start, left[inside], 1), time[inside] - start)
-            yield time[inside] - start, left[inside] - line
-
-
-def _power(pieces: Sequence[tuple[Array, Array]], frequencies: Array) -> Array:
-    """Returns the sum of the pieces' Lomb-Scargle power over their variance at `frequencies` in Hz."""
-    power = np.zeros(len(frequencies))
-    for time, left in pieces:
-        power += np.asarray(lombscargle(time, left, 2.0 * math.pi * frequencies)) / np.mean(left**2)
-    return power

@@ -12,10 +12,11 @@ import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
 from brickpilot.data.gap import Gap, Place
-from brickpilot.discover import term_basis
-from brickpilot.discover.feedback import Loop, Period
+from brickpilot.discover.feedback import Loop
+from brickpilot.discover.periods import Period
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Combination, Spread
+from brickpilot.vehicle import composed_terms
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
 
@@ -301,7 +302,7 @@ class Term:
     acts_on: str
     equation: str
     source: str
-    law: tuple[term_basis.Term, ...]
+    law: tuple[composed_terms.Term, ...]
     settings: Mapping[str, float]
     removed_held_out: float | None
 

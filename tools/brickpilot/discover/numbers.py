@@ -46,8 +46,8 @@ UNEXPLAINED_NATS = 0.3
 noise."""
 
 EXPLAINED = 1 / 3
-"""Effects that remove less than this share of the squared error above noise do not explain the machine, if more than the
-above is left."""
+"""Effects that remove less than this share of the squared error above noise do not explain the machine, if more than
+the above is left."""
 
 RULER, BENCH, ESTIMATE, GUESS = 0.03, 0.05, 0.1, 0.3
 """The sd of a nominal value that is stated without one, as a share of it: lengths, masses and voltages are read off a

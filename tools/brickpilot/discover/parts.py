@@ -1,6 +1,6 @@
 """The parts that an explanation is made of: effects of the library, and values that each run has of its own.
 
-Terms that are composed where no effect has a name are parts too: see `terms.atoms`.
+Terms that are composed where no effect has a name are parts too: see `term_atoms`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from brickpilot import catalogue
-from brickpilot.catalogue import EffectInfo, ParameterInfo
+from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover import numbers
 from brickpilot.fit.parameters import DECADE, Free, Plan
@@ -47,6 +47,15 @@ class Part:
         return "order" in self.free
 
     @property
+    def infos(self) -> dict[str, ParameterInfo]:
+        """Name -> row of the table, of all parameters of its effect."""
+        return {one.name: one for one in catalogue.effect(self.effect).parameters}
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Returns the least and the largest value that a parameter may have."""
+        return self.infos[name].minimum, self.infos[name].maximum
+
+    @property
     def log_odds(self) -> float:
         """The log of the prior odds that a machine has it and its simulator lacks it."""
         return math.log(_ODDS[catalogue.effect(self.effect).prior])
@@ -68,13 +77,12 @@ class Part:
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         """Returns `base` with this part at `values`. Its free parameters come last."""
-        infos = catalogue.effect(self.effect).parameters
-        table = {one.name: values.get(one.name, self.fixed.get(one.name, one.preset)) for one in infos}
+        table = {name: values.get(name, self.fixed.get(name, one.preset)) for name, one in self.infos.items()}
         model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
         added = tuple(
-            Free(f"{self.effect}.{one.name}", one, None, natural=natural_size(one, base.model))
-            for one in infos
-            if one.name in self.free
+            Free(f"{self.effect}.{name}", one, None, natural=_natural_size(one, base.model))
+            for name, one in self.infos.items()
+            if name in self.free
         )
         return Plan(model, (*base.free, *added), ())
 
@@ -95,6 +103,13 @@ class Part:
 @dataclass(frozen=True)
 class RunPart(Part):
     """A value of one kind that each fit run has of its own; `effect` is its kind and `free` the runs."""
+
+    @property
+    def infos(self) -> dict[str, ParameterInfo]:
+        return {}
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        return RUN_KINDS[self.effect].low, RUN_KINDS[self.effect].high
 
     @property
     def log_odds(self) -> float:
@@ -140,8 +155,11 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
         measured: the signals that are compared; an effect on sensors that gave none of them is no part. None: all.
     """
     found = []
+    has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
     for info in catalogue.effects():
-        if info.name in base.effects or info.composed or (info.acts_on == "supply" and _has_current_loop(base)):
+        if info.name in base.effects or info.composed:
+            continue
+        if info.acts_on == "supply" and has_current_loop:  # it makes up for the supply
             continue
         if info.acts_on == "sensor" and measured is not None and not readings_of(info.name, base.vehicle) & {*measured}:
             continue
@@ -179,11 +197,6 @@ def readings_of(effect: str, vehicle: str) -> frozenset[str]:
     return frozenset(name for name in plain.keys() & changed.keys() if np.any(plain[name] != changed[name]))
 
 
-def _has_current_loop(base: Model) -> bool:
-    """Returns whether the drive commands a force or a torque: its current loop makes up for the supply."""
-    return base.parameters.get("force_per_volt", 0) + base.parameters.get("torque_per_volt", 0) != 0
-
-
 def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     """Returns the sets of an effect's parameters that are freed together.
 
@@ -201,10 +214,8 @@ def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
 
 def sizes_of(part: Part) -> list[str]:
     """Returns its free parameters that say how large it is and may be zero."""
-    if isinstance(part, RunPart):
-        return []
-    infos = {one.name: one for one in catalogue.effect(part.effect).parameters}
-    return [name for name in part.free if infos[name].role != "shape" and infos[name].minimum <= 0]
+    sizes = {name for name, one in part.infos.items() if one.role != "shape" and one.minimum <= 0}
+    return [name for name in part.free if name in sizes]
 
 
 def is_signed(one: ParameterInfo) -> bool:
@@ -214,28 +225,25 @@ def is_signed(one: ParameterInfo) -> bool:
 
 def read_limits(part: Part) -> list[tuple[str, str]]:
     """Returns the parameters of a part that limit what a sensor reads, each with the signal."""
-    if isinstance(part, RunPart):
-        return []
-    infos = catalogue.effect(part.effect).parameters
-    return [(one.name, one.limits) for one in infos if one.limits not in ("", _COMMAND)]
+    return [(name, one.limits) for name, one in part.infos.items() if one.limits not in ("", _COMMAND)]
 
 
 def limit_of(part: Part) -> ParameterInfo | None:
     """Returns the parameter that is the end of a range; None if the effect has none."""
-    return next((one for one in catalogue.effect(part.effect).parameters if one.role == "limit"), None)
+    return next((one for one in part.infos.values() if one.role == "limit"), None)
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
     """Returns the parameter whose sizes are tried one by one, because the effect comes and goes with it; or None."""
-    return next((one for one in catalogue.effect(part.effect).parameters if one.scan), None)
+    return next((one for one in part.infos.values() if one.scan), None)
 
 
-def switch_settings(effect: EffectInfo) -> list[dict[str, float]]:
-    """Returns the settings of an effect's switches that are tried: all off, and each one on alone."""
-    return [{}, *({one.name: one.maximum} for one in effect.parameters if one.role == "switch")]
+def switch_settings(part: Part) -> list[dict[str, float]]:
+    """Returns the settings of a part's switches that are tried: all off, and each one on alone."""
+    return [{}, *({name: one.maximum} for name, one in part.infos.items() if one.role == "switch")]
 
 
-def natural_size(info: ParameterInfo, model: Model) -> float:
+def _natural_size(info: ParameterInfo, model: Model) -> float:
     """Returns a usual size of an effect's parameter on this vehicle, SI; 0 where there is none to speak of."""
     if info.role == "place" and not info.arm_of:
         return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not within a decade of that

@@ -1,22 +1,27 @@
-"""Where data are periodic: the wheels' speeds as measured, and a residual over time, wheel angle and position.
+"""Where data are periodic: the wheels' speeds as measured, and a residual along time, a wheel's angle and the position.
 
-An order is a number of periods per turn. Strips of the floor, which a vehicle crosses again and again, stand here too.
+An order is a number of periods per turn.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lombscargle
+from scipy.stats import f as fisher
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.discover import numbers
 from brickpilot.fit.start_state import HOLE_S, wheel_angles
 
 Array = NDArray[np.float64]
+Spectrum = NDArray[np.complex128]
+Settings = tuple[tuple[str, float], ...]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
@@ -40,7 +45,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     is needed, because an effect repeats more often per turn than the drive does.
     """
     alone = np.zeros(_LONGEST * _PADDING // 2 + 1)
-    together: dict[tuple[str, bool], NDArray[np.complex128]] = {}
+    plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
     for whole in dataset.runs:
         run, rows = _measured(whole)
         driven = np.nan_to_num(motor_inputs(whole, dataset))[rows]
@@ -49,17 +54,17 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
         for wheel, (name, angle) in enumerate((wheel_angles(run) or {}).items()):
             speed = np.gradient(angle, run.time)
             jerked = np.gradient(speed, run.time) * np.gradient(run.time)
+            jerked -= jerked.mean()
             volts = driven[:, min(wheel, driven.shape[1] - 1)]
             current = volts - speed * float(volts @ speed) / max(float(speed @ speed), 1e-300)
-            sums = _sums(angle, jerked - jerked.mean())
+            sums = _sums(angle, jerked)
             alone += np.abs(sums) ** 2
-            for key, one in (((name, False), sums), ((name, True), _sums(angle, (jerked - jerked.mean()) * current))):
-                together[key] = together.get(key, 0.0) + one
-    coherent = [
-        sum((np.abs(one) ** 2 for key, one in together.items() if key[1] is by_current), np.zeros_like(alone))
-        for by_current in (False, True)
-    ]
+            plain[name] = plain.get(name, 0.0) + sums
+            by_current[name] = by_current.get(name, 0.0) + _sums(angle, jerked * current)
     found: list[float] = []
+    coherent = [
+        sum((np.abs(one) ** 2 for one in wheels.values()), np.zeros_like(alone)) for wheels in (plain, by_current)
+    ]
     for power in (*coherent, alone):
         found += [one for one in _peaks(power) if all(abs(one - other) > _SAME for other in found)]
     return tuple(found)
@@ -91,35 +96,46 @@ def resolved_order(dataset: Dataset) -> float | None:
 
 
 def _peaks(power: Array) -> list[float]:
-    """Returns the orders at which `power` (orders,) has a peak, the strongest first."""
-    if not power.any():
-        return []
-    order = np.arange(len(power)) * _RESOLUTION
+    """Returns the orders at which `power` (orders,) stands out of its neighbourhood, the strongest first."""
+    order = np.asarray(np.arange(len(power)) * _RESOLUTION, dtype=np.float64)
+
+    def stands_out(index: int) -> bool:
+        away = np.abs(order - order[index])
+        return bool(power[index] > _PROMINENCE * np.median(power[(away < _NEIGHBOURHOOD) & (away > 0.25)]))
+
+    inside = np.flatnonzero((order > _LOWEST) & (order < _HIGHEST) & (power > 0.0))
+    strongest = inside[np.argsort(-power[inside])][: 50 * _PEAKS]
+    return _separate(order, strongest, _NEIGHBOURHOOD, stands_out)
+
+
+def _separate(
+    places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
+) -> list[float]:
+    """Returns the first few of `places` at `indices` that count and lie `apart` from those before them."""
     found: list[float] = []
-    inside = (order > _LOWEST) & (order < _HIGHEST)
-    for index in np.argsort(np.where(inside, -power, 0.0))[: 50 * _PEAKS].tolist():
-        if not inside[index] or any(abs(order[index] - one) < _NEIGHBOURHOOD for one in found):
-            continue
-        neighbours = (np.abs(order - order[index]) < _NEIGHBOURHOOD) & (np.abs(order - order[index]) > 0.25)
-        if power[index] > _PROMINENCE * float(np.median(power[neighbours])):
-            found.append(float(order[index]))
+    for index in indices.tolist():
+        if all(abs(places[index] - other) >= apart for other in found) and counts(index):
+            found.append(float(places[index]))
         if len(found) == _PEAKS:
             break
     return found
 
 
-def _sums(angle: Array, values: Array) -> NDArray[np.complex128]:
+def _sums(angle: Array, values: Array) -> Spectrum:
     """Returns (orders,): the Fourier sum over the angle of `values` (n,) at `angle` (n,)."""
-    bins = np.zeros(_LONGEST * _PADDING)
-    np.add.at(bins, np.round(angle / _STEP).astype(np.int64) % len(bins), values)
-    return np.asarray(np.fft.rfft(bins))
+    length = _LONGEST * _PADDING
+    bins = np.round(angle / _STEP).astype(np.intp) % length
+    return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_ANGLE_STEP, _POSITION_STEP = 2 * math.pi / 100, 0.005  # rad, m: of the spectra
-_CELLS, _STRIPS = 24, 2  # cells of the travel, to look for strips; strips that are tried
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
+_LEAST_STEPS = 20  # of a spectrum, that a coordinate has to move by
 
-_ANGLES = ("wheel_angle_left", "wheel_angle_right", "angle")
-_POSITIONS = ("x", "position")
+# What a period along it is called -> names of the coordinate, its step in a spectrum, rad or m, and what is one turn.
+_COORDINATES = {
+    "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
+    "wavelength": (("x", "position"), 0.005, 1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -142,125 +158,179 @@ class Segment:
     at: Mapping[str, Array]
 
 
-def angle_orders(segments: Sequence[Segment], residual: Array) -> list[float]:
-    """Returns the periods per turn of a wheel at which `residual` (N,) is strongest; none if no angle is known."""
-    return _peaks_over(segments, residual, _ANGLES, _ANGLE_STEP, 2 * math.pi)
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A coordinate along which a residual may repeat: time, a wheel's angle or the position.
 
-
-def wavelengths(segments: Sequence[Segment], residual: Array) -> list[float]:
-    """Returns the wavelengths in x, m, at which `residual` (N,) is strongest."""
-    return [1 / f for f in _peaks_over(segments, residual, _POSITIONS, _POSITION_STEP, 1.0)]
-
-
-def angle_resolution(segments: Sequence[Segment]) -> float:
-    """Returns the difference of periods per turn that the longest run resolves."""
-    return 2 * math.pi / _extent(segments, _ANGLES)
-
-
-def position_resolution(segments: Sequence[Segment]) -> float:
-    """Returns the difference of wave numbers, 1/m, that the longest run resolves."""
-    return 1 / _extent(segments, _POSITIONS)
-
-
-def time_resolution(segments: Sequence[Segment], clock: float) -> float:
-    """Returns the difference of frequencies, Hz, that the longest run resolves, or for clock 1 all runs together."""
-    return 1 / max(float(one.time[-1]) + clock * one.age for one in segments)
-
-
-def _extent(segments: Sequence[Segment], names: Sequence[str]) -> float:
-    """Returns the longest travel of a run."""
-    return max(float(np.ptp(one.at[name])) for one in segments for name in names if name in one.at)
-
-
-def frequencies(segments: Sequence[Segment], residual: Array, clock: float) -> list[float]:
-    """Returns the frequencies, Hz, at which `residual` (N,) is strongest.
-
-    Time counts from the start of each run for clock 0, from power-on for clock 1.
+    Attributes:
+        setting: what holds a period along it: a frequency in Hz, an order, or a wavelength in m.
+        clock: of time: ("clock", 0) where it counts from the start of each run, ("clock", 1) from power-on.
+        tracks: the segments with their coordinate (n,), once for each name that it has.
+        step: of the spectrum, in the coordinate's unit.
+        turn: what one period is counted for, in the coordinate's unit.
+        extent: the longest way along it that has one phase.
     """
+
+    setting: str
+    clock: Settings
+    tracks: Sequence[Sequence[tuple[Segment, Array]]]
+    step: float
+    turn: float
+    extent: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the settings that a period along it has."""
+        return (self.setting, *(name for name, _ in self.clock))
+
+    @property
+    def resolution(self) -> float:
+        """The difference of periods per turn, m or s that the runs resolve."""
+        return self.turn / self.extent
+
+    @property
+    def least(self) -> float:
+        """The least frequency: what repeats less than once in all time is a drift."""
+        return self.resolution if self.clock else 0.0
+
+    def peaks(self, residual: Array) -> list[float]:
+        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along it."""
+        found: set[float] = set()
+        for track in self.tracks:
+            places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
+            longest = max(float(np.ptp(coordinate)) for _, coordinate in track)
+            inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (places[1:-1] >= 1.5 / longest)
+            indices = np.flatnonzero(inner) + 1
+            strongest = indices[np.argsort(-power[indices], kind="stable")]
+            found |= {one * self.turn for one in _separate(places, strongest, 0.5 / longest)}
+        return sorted(found)
+
+    def at(self, count: float) -> Settings:
+        """Returns the settings of so many periods per turn, m or s."""
+        return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
+
+    def beside(self, settings: Settings) -> list[Settings]:
+        """Returns settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
+        count = dict(settings)[self.setting]
+        count = 1 / count if self.setting == "wavelength" else count
+        near = [count + k * self.resolution for k in _NEIGHBOURS]
+        return [self.at(one) for one in near if one > 0 and one >= self.least]
+
+
+def axes(segments: Sequence[Segment]) -> list[Axis]:
+    """Returns the coordinates that are known: time first, from power-on too if the runs differ in age."""
     step = min(float(np.median(np.diff(one.time))) for one in segments if len(one.time) > 1)
-    longest = max(float(one.time[-1]) for one in segments)
-    found = _spectrum([(one, one.time + clock * one.age) for one in segments], residual, step, coherent=True)
-    return _separate_peaks(*found, least=1.5 / longest, apart=0.5 / longest)
-
-
-def _peaks_over(
-    segments: Sequence[Segment], residual: Array, names: Sequence[str], step: float, turn: float
-) -> list[float]:
-    """Returns peaks in periods per `turn` of the coordinates `names`."""
-    found: list[float] = []
-    for name in names:
-        known = [one for one in segments if name in one.at and np.ptp(one.at[name]) > 20 * step]
-        if not known:
-            continue
-        longest = _extent(known, [name])
-        spectrum = _spectrum([(one, one.at[name]) for one in known], residual, step, coherent=False)
-        found += [f * turn for f in _separate_peaks(*spectrum, least=1.5 / longest, apart=0.5 / longest)]
-    return sorted(set(found))
+    found = []
+    for clock in (0.0, 1.0) if len({one.age for one in segments}) > 1 else (0.0,):
+        track = [(one, one.time + clock * one.age) for one in segments]
+        extent = max(float(time[-1]) for _, time in track)
+        found.append(Axis("frequency", (("clock", clock),), [track], step, 1.0, extent))
+    for setting, (names, step, turn) in _COORDINATES.items():
+        known = [[(one, one.at[name]) for one in segments if name in one.at] for name in names]
+        ways = [float(np.ptp(coordinate)) for track in known for _, coordinate in track]
+        moved = [[pair for pair in track if np.ptp(pair[1]) > _LEAST_STEPS * step] for track in known]
+        if ways:
+            found.append(Axis(setting, (), [track for track in moved if track], step, turn, max(ways)))
+    return found
 
 
 def _spectrum(
-    coordinates: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
+    track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
     """Returns frequencies and power over each segment's coordinate. Coherent: runs are added with their phases."""
-    low = min(float(np.min(coordinate)) for _, coordinate in coordinates)
-    high = max(float(np.max(coordinate)) for _, coordinate in coordinates)
+    low = min(float(np.min(coordinate)) for _, coordinate in track)
+    high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(_PADDING * (high - low) / step, 8)))
-    power = np.zeros(length // 2 + 1)
-    sums: dict[str, NDArray[np.complex128]] = {}
-    for one, coordinate in coordinates:
+    sums: dict[tuple[str, ...], Spectrum] = {}
+    for one, coordinate in track:
         values = residual[one.place]
         bins = ((coordinate - low) / step).astype(np.intp)
-        spectrum = np.fft.rfft(np.bincount(bins, values - values.mean(), length)[:length])
-        if coherent:
-            sums[one.signal] = sums.get(one.signal, 0.0) + spectrum
-        else:
-            power += np.abs(spectrum) ** 2
-    for spectrum in sums.values():
-        power += np.abs(spectrum) ** 2
+        key = (one.signal,) if coherent else (one.signal, one.run)
+        sums[key] = sums.get(key, 0.0) + np.fft.rfft(np.bincount(bins, values - values.mean(), length)[:length])
+    power = sum((np.abs(one) ** 2 for one in sums.values()), np.zeros(length // 2 + 1))
     return np.arange(length // 2 + 1) / (length * step), power
 
 
-def _separate_peaks(places: Array, power: Array, *, least: float, apart: float) -> list[float]:
-    inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (places[1:-1] >= least)
-    found: list[float] = []
-    for index in sorted((np.flatnonzero(inner) + 1).tolist(), key=lambda k: -float(power[k])):
-        if all(abs(places[index] - other) > apart for other in found):
-            found.append(float(places[index]))
-        if len(found) == _PEAKS:
-            break
-    return found
+_AROUND = 8  # frequencies on either side: 32 degrees of freedom a piece know the background to a fourth
+_FINER = 20  # frequencies between two multiples, where a peak is read off
 
 
-def cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
-    """Returns middle and half width, m, of cells that divide the travel; none if the vehicle hardly moves."""
-    travels = [one.at[name] for one in segments for name in _POSITIONS if name in one.at]
-    if not travels:
-        return []
-    low, high = min(float(np.min(travel)) for travel in travels), max(float(np.max(travel)) for travel in travels)
-    width = (high - low) / _CELLS
-    if width <= 4e-3:
-        return []
-    middles = low + width * (np.arange(_CELLS) + 0.5)
-    return [(float(middle), width / 2) for middle in middles]
+@dataclass(frozen=True)
+class Period:
+    """A disturbance with a period of its own in time.
+
+    Attributes:
+        frequency: Hz.
+        amplitude: of the sine, in the residual's unit, rms over the pieces.
+        share: 0..1, of the residual's power.
+        chance: probability of so high a peak at any frequency without a period.
+    """
+
+    frequency: float
+    amplitude: float
+    share: float
+    chance: float
+
+    @property
+    def sentence(self) -> str:
+        """Returns the sentence for the user."""
+        return (
+            f"a disturbance of {self.frequency:.3g} Hz that no command makes holds {100 * self.share:.2g} % of what is "
+            f"left, with an amplitude of {self.amplitude:.3g}"
+        )
 
 
-def best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
-    """Returns the first and last cell of the strips that explain most; none overlaps a better one.
+def own_period(residuals: Sequence[tuple[Array, Array]]) -> Period | None:
+    """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
+
+    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each (Scargle 1982, Astrophys. J.
+    263), over its piece's variance, is added up at the multiples of one over a piece's duration, and compared with the
+    mean of eight frequencies on either side, without the nearest, which a peak between two fills too: where the
+    background is smooth their ratio is Fisher's F, with two degrees of freedom a piece and frequency. So a period must
+    repeat ten times in a piece. A lightly damped resonance looks the same.
 
     Args:
-        slopes: (N, cells): what each cell does to `residual` (N,).
+        residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.
     """
-    gains = {}
-    for first in range(slopes.shape[1]):
-        column = np.zeros_like(residual)
-        for last in range(first, slopes.shape[1]):
-            column = column + slopes[:, last]
-            strength = float(column @ column)
-            gains[first, last] = float(column @ residual) ** 2 / strength if strength > 0 else 0.0
-    found: list[tuple[int, int]] = []
-    for window in sorted(gains, key=lambda one: -gains[one]):
-        if gains[window] > 0 and all(window[1] < other[0] or window[0] > other[1] for other in found):
-            found.append(window)
-        if len(found) == _STRIPS:
-            break
-    return found
+    known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
+    if not known:
+        return None
+    duration = float(np.median([time[-1] - time[0] for time, _ in known]))
+    pieces = [piece for time, left in known for piece in _pieces(time, left, duration)]
+    if not pieces:
+        return None
+    row_s = float(np.median(np.concatenate([np.diff(time) for time, _ in pieces])))
+    multiples = np.arange(1, int(0.5 * duration / row_s))
+    tested = multiples[_AROUND + 1 : len(multiples) - _AROUND - 1]
+    if not len(tested):
+        return None
+    power = _power(pieces, multiples / duration).sum(axis=0)
+    around = [one for one in range(-_AROUND - 1, _AROUND + 2) if abs(one) > 1]
+    background = np.mean([power[tested - 1 + one] for one in around], axis=0)
+    ratio = power[tested - 1] / background
+    chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
+    best = int(np.argmin(chances))
+    if not chances[best] < numbers.STRICT:
+        return None
+    near = (tested[best] + np.linspace(-1.0, 1.0, 2 * _FINER + 1)) / duration
+    shares = _power(pieces, near)
+    peak = int(np.argmax(shares.sum(axis=0)))
+    sizes = np.array([np.mean(left**2) for _, left in pieces])
+    sines = 2.0 * shares[:, peak] / [len(left) for _, left in pieces] * sizes
+    amplitude, share = math.sqrt(2.0 * sines.mean()), float(sines.sum() / sizes.sum())
+    return Period(float(near[peak]), amplitude, share, float(chances[best]))
+
+
+def _pieces(time: Array, left: Array, duration: float) -> Iterator[tuple[Array, Array]]:
+    """Yields the pieces of a run of that `duration` in s, each without its mean and slope."""
+    for start in np.arange(time[0], time[-1] - duration * (1.0 - 1e-9), duration):
+        inside = (time >= start) & (time <= start + duration)
+        if np.count_nonzero(inside) > 2 * _AROUND and np.ptp(left[inside]) > 0.0:
+            line = np.polyval(np.polyfit(time[inside] - start, left[inside], 1), time[inside] - start)
+            yield time[inside] - start, left[inside] - line
+
+
+def _power(pieces: Sequence[tuple[Array, Array]], frequencies: Array) -> Array:
+    """Returns (pieces, frequencies): the Lomb-Scargle power of each piece over its variance, at `frequencies` in Hz."""
+    angular = 2.0 * math.pi * frequencies
+    return np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])

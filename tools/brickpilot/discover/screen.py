@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.parts import (
@@ -47,6 +46,7 @@ _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # the same where the sign is fixed
 
 _USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside those that the wheels show
 _PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span the others
+_WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these
 _LARGE = (1.0, 3.0)  # sizes at which a periodic effect holds the wheels or throws them over: not linear
 _PHASES_A_WHEEL = 6
 _GRID_OF_PHASES = tuple(
@@ -98,40 +98,25 @@ def screen(
     """
     residual, probed = _probed(problem, point, chosen, excitation, deadline)
     trials = []
-    for probe, signatures in _of_runs_joined(probed, residual):
-        amplitudes = fit_amplitudes(probe, signatures, residual)
-        after = residual - signatures @ amplitudes
-        values = values_at(probe, amplitudes)
-        trials.append(Trial.of(probe.part, values, residual, after, len(problem.data.measured)))
+    for part, tried in itertools.groupby(probed, key=lambda one: one[0].part):
+        for probe, signatures in [_of_runs(part, list(tried), residual)] if isinstance(part, RunPart) else tried:
+            amplitudes = _fit_amplitudes(probe, signatures, residual)
+            after = residual - signatures @ amplitudes
+            values = _values_at(probe, amplitudes.tolist())
+            trials.append(Trial.of(part, values, residual, after, len(problem.data.measured)))
     return sorted(trials, key=lambda one: one.left)
 
 
-def _of_runs_joined(probed: list[tuple[Probe, Array]], residual: Array) -> list[tuple[Probe, Array]]:
-    """Returns the probes, those of one kind of values of runs as one: each run at the value that explains it best.
+def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
+    """Returns the probes of one kind of values of runs as one: each run at the value that alone explains it best.
 
     At a small value a late start shows nothing, and a fit from there would lead nowhere.
     """
-    kinds: dict[str, list[tuple[Probe, Array]]] = {}
-    others = []
-    for probe, signatures in probed:
-        if isinstance(probe.part, RunPart):
-            kinds.setdefault(probe.part.name, []).append((probe, signatures))
-        else:
-            others.append((probe, signatures))
-    for tried in kinds.values():
-        gains = np.array([_gains(signatures, residual) for _, signatures in tried])
-        best = np.argmax(gains, axis=0)
-        part = tried[0][0].part
-        values = {run: tried[k][0].values[0][run] for run, k in zip(part.free, best.tolist(), strict=True)}
-        columns = np.column_stack([tried[k][1][:, index] for index, k in enumerate(best.tolist())])
-        others.append((Probe(part, (values,), True), columns))
-    return others
-
-
-def _gains(signatures: Array, residual: Array) -> Array:
-    """Returns (columns,): by how much each signature alone, in its own direction, lowers the squared residual."""
-    along = np.maximum(signatures.T @ residual, 0.0)
-    return np.asarray(along**2 / np.maximum(np.sum(signatures**2, axis=0), 1e-300))
+    signatures = np.array([one for _, one in tried])
+    along = np.maximum(residual @ signatures, 0.0)
+    best = np.argmax(along**2 / np.maximum(np.sum(signatures**2, axis=1), 1e-300), axis=0)
+    values = {run: tried[k][0].values[0][run] for run, k in zip(part.free, best.tolist(), strict=True)}
+    return Probe(part, (values,) * len(best), True, part.free), signatures[best, :, np.arange(len(best))].T
 
 
 def signature_strengths(
@@ -184,11 +169,13 @@ class Probe:
     Attributes:
         values: each is simulated, and its signature taken a_k times.
         free_sign: whether a_k may be negative.
+        moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not say where they are.
     """
 
     part: Part
     values: tuple[Values, ...]
     free_sign: bool
+    moved: tuple[str, ...] = ()
 
 
 def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
@@ -200,68 +187,59 @@ def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
     if isinstance(part, RunPart):
         starts = RUN_KINDS[part.effect].tried or (RUN_KINDS[part.effect].sd,)
         return [Probe(part, (dict.fromkeys(part.free, value),), True) for value in starts]
-    effect = catalogue.effect(part.effect)
-    infos = {one.name: one for one in effect.parameters if one.name in part.free}
     if limit := limit_of(part):
         largest = excitation.largest.get(limit.limits, 0.0)
         tried = [share * largest for share in _LIMIT_SHARES if limit.minimum <= share * largest <= limit.maximum]
         return [Probe(part, ({limit.name: size},), False) for size in tried if size > 0]
     if scanned := scanned_parameter(part):
-        settings = switch_settings(effect)
-        return [Probe(part, ({scanned.name: v, **on},), False) for v in scanned.scan for on in settings]
+        return [Probe(part, ({scanned.name: v, **on},), False) for v in scanned.scan for on in switch_settings(part)]
+    infos = {name: one for name, one in part.infos.items() if name in part.free}
     natural = {name: (one.preset or one.trial) * scale_of(one.unit, base) for name, one in infos.items()}
-    if "order" in infos:
+    if part.is_periodic:
         return _periodic(part, natural, excitation)
     if all(is_signed(one) for one in infos.values()):
         zero = dict.fromkeys(infos, 0.0)
-        return [Probe(part, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True)]
+        return [Probe(part, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True, tuple(infos))]
     return _at_several_sizes(part, natural, infos)
 
 
 def _at_several_sizes(part: Part, natural: Values, infos: Mapping[str, ParameterInfo]) -> list[Probe]:
     """Returns probes at every size, with every combination of signs and every setting of switches."""
-    effect = catalogue.effect(part.effect)
-    sized = [name for name in infos if infos[name].role not in ("shape", "place")]
+    signs_of = {name: (1.0, -1.0, 0.0) if one.role == "place" else (1.0, -1.0) for name, one in infos.items()}
     signed = [name for name in infos if is_signed(infos[name])]
     probes = []
-    for size in _SIZES:
-        for signs in itertools.product(
-            *((1.0, -1.0, 0.0) if infos[n].role == "place" else (1.0, -1.0) for n in signed)
-        ):
-            start = {**natural, **{name: natural[name] * size for name in sized}}
-            start |= {name: natural[name] * sign for name, sign in zip(signed, signs, strict=True)}
-            settings = switch_settings(effect)
-            probes += [Probe(part, (_within_range(effect.name, {**start, **on}),), False) for on in settings]
+    for size, signs in itertools.product(_SIZES, itertools.product(*(signs_of[name] for name in signed))):
+        start = {name: one * (1.0 if infos[name].role in ("shape", "place") else size) for name, one in natural.items()}
+        start |= {name: natural[name] * sign for name, sign in zip(signed, signs, strict=True)}
+        for on in switch_settings(part):
+            probes.append(Probe(part, (_within_range(part, {**start, **on}),), False, part.free[:1]))
     return probes
 
 
 def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe]:
     """Returns probes at every order, linear in the phases; in windows also at large sizes, phase by phase."""
+    size, names = part.free[0], ("phase", "phase_difference")
+
+    def at(order: float, share: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:
+        """Returns the values at each phase and, where it is free, each phase difference."""
+        begin = {**natural, size: share * natural[size], "order": order}
+        if names[1] not in part.free:
+            return tuple(_within_range(part, {**begin, "phase": phase}) for phase, apart in phases if apart == 0)
+        return tuple(_within_range(part, {**begin, **dict(zip(names, one, strict=True))}) for one in phases)
+
     orders = [order for order in (*excitation.orders, *_USUAL_ORDERS) if order >= excitation.least_order]
-    linear = [Probe(part, _at_phases(part, natural, order, _PHASES), True) for order in orders]
-    size = part.free[0]
-    large = [
-        Probe(part, (one,), False)
-        for order in (excitation.orders if excitation.windowed else ())
-        if order in orders
-        for share in _LARGE
-        for one in _at_phases(part, {**natural, size: share * natural[size]}, order, _GRID_OF_PHASES)
+    large = itertools.product([one for one in excitation.orders if excitation.windowed and one in orders], _LARGE)
+    return [
+        *(Probe(part, at(order, 1.0, _PHASES), True) for order in orders),
+        *(
+            Probe(part, (values,), False, (size,))
+            for order, share in large
+            for values in at(order, share, _GRID_OF_PHASES)
+        ),
     ]
-    return [*linear, *large]
 
 
-def _at_phases(part: Part, natural: Values, order: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:
-    """Returns the values of a periodic effect at each phase and, where it is free, each phase difference."""
-    two_phases = "phase_difference" in part.free
-    shifted = (
-        {**natural, "order": order, "phase": phase} | ({"phase_difference": difference} if two_phases else {})
-        for phase, difference in phases
-        if two_phases or difference == 0
-    )
-    return tuple(_within_range(part.effect, one) for one in shifted)
-
-
-def fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
+def _fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
     """Returns (simulations,): how many times each signature explains the residual best.
 
     Args:
@@ -275,47 +253,21 @@ def fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
     return np.clip(found, _LEAST_STEP, _LARGEST_STEP)
 
 
-def values_at(probe: Probe, amplitudes: Array) -> dict[str, float]:
+def _values_at(probe: Probe, amplitudes: Sequence[float]) -> dict[str, float]:
     """Returns the parameters that the amplitudes of a probe's signatures stand for, within their ranges."""
-    part, values = probe.part, dict(probe.values[0])
-    if isinstance(part, RunPart):
-        kind = RUN_KINDS[part.effect]
-        return {
-            run: min(max(values[run] * share, kind.low), kind.high)
-            for run, share in zip(part.free, amplitudes.tolist(), strict=True)
-        }
-    if "order" in values and probe.free_sign:
-        values |= _wave_at(part, values, amplitudes)
-    elif limit_of(part) or scanned_parameter(part):
-        pass  # a tighter limit changes more, so an amplitude does not say where the limit is
-    elif probe.free_sign:
-        for one, amplitude in zip(probe.values, amplitudes, strict=True):
-            moved = next(name for name, value in one.items() if value != 0)
-            values[moved] = one[moved] * float(amplitude)
-    elif part.free[0] in values:
-        values[part.free[0]] *= float(amplitudes[0])
-    return _within_range(part.effect, values)
+    values = dict(probe.values[0])
+    if probe.part.is_periodic and probe.free_sign:
+        phasors = _WHEELS[:, : len(amplitudes)] @ amplitudes
+        left, right = np.angle(phasors)
+        difference = float(np.angle(np.exp(1j * (left - right))))
+        values[probe.part.free[0]] *= float(np.mean(np.abs(phasors)))
+        values["phase"] = float(np.angle(np.exp(1j * (right + difference / 2))))
+        if "phase_difference" in values:
+            values["phase_difference"] = difference
+    for name, one, amplitude in zip(probe.moved, probe.values, amplitudes, strict=False):
+        values[name] = one[name] * amplitude
+    return _within_range(probe.part, values)
 
 
-def _wave_at(part: Part, values: Values, amplitudes: Array) -> dict[str, float]:
-    """Returns size and phases of a periodic effect from the amplitudes at `_PHASES`."""
-    phasors = _wheel_phasors(amplitudes)
-    left, right = np.angle(phasors)
-    difference = float(np.angle(np.exp(1j * (left - right))))
-    size = part.free[0]
-    wave = {
-        size: values[size] * float(np.mean(np.abs(phasors))),
-        "phase": float(np.angle(np.exp(1j * (right + difference / 2)))),
-    }
-    return wave | ({"phase_difference": difference} if "phase_difference" in values else {})
-
-
-def _wheel_phasors(amplitudes: Array) -> NDArray[np.complex128]:
-    """Returns the phasors of the left and the right wheel from the amplitudes at `_PHASES`."""
-    a, b, c, d = np.append(amplitudes, np.zeros(4 - len(amplitudes)))
-    return np.array([a - d + 1j * (b + c), a + d + 1j * (b - c)])
-
-
-def _within_range(effect: str, values: Values) -> dict[str, float]:
-    infos = {one.name: one for one in catalogue.effect(effect).parameters}
-    return {name: float(np.clip(value, infos[name].minimum, infos[name].maximum)) for name, value in values.items()}
+def _within_range(part: Part, values: Values) -> dict[str, float]:
+    return {name: float(np.clip(value, *part.range_of(name))) for name, value in values.items()}

@@ -14,20 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.discover import numbers, periods
+from brickpilot.discover import numbers
 from brickpilot.discover.parts import Part
-from brickpilot.discover.periods import Segment
-from brickpilot.discover.term_basis import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
+from brickpilot.discover.periods import Segment, Settings, axes
 from brickpilot.fit.parameters import Free, Plan
+from brickpilot.vehicle.composed_terms import EFFECT, OF_A_MOTOR, Basis, basis, parameters, settings_of, terms_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
-Settings = tuple[tuple[str, float], ...]
 
 _SLOWEST_SWING_HZ = 0.5  # a pendulum of a metre swings so, and no robot here carries a longer one
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # tried for a sprung mass, beside the peaks of the spectrum
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
-_STRIP = ("patch_x", "patch_half_width")
 _SENSOR_SIGNALS = {
     "encoder": {
         f"wheel_{kind}_{side}" for kind in ("speed", "angle", "travel", "velocity") for side in ("left", "right")
@@ -59,14 +56,6 @@ class Atom(Part):
     def log_odds(self) -> float:
         """The log of the prior odds: each term is a statement, and so is each setting, picked from many."""
         return math.log(numbers.RARE) * (len(self.terms) + len(self.tuned))
-
-    @property
-    def contains(self) -> tuple[str, ...]:
-        return ()
-
-    @property
-    def made_of(self) -> tuple[str, ...]:
-        return ()
 
     @property
     def mechanism(self) -> str:
@@ -139,78 +128,47 @@ def with_terms(model: Model, values: Mapping[str, float]) -> Model:
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
     """Returns every term, the periodic ones at the periods that `residual` (N,), a projected one, shows.
 
-    Terms on a strip of the floor are left out: see `source.TermSource`.
+    Terms on a strip of the floor are left out: see `compose.TermSource`.
     """
-    several_ages = len({segment.age for segment in segments}) > 1
-    clocks = (0.0, 1.0) if several_ages else (0.0,)
-    frequencies = {clock: periods.frequencies(segments, residual, clock) for clock in clocks}
-    sprung = sorted({*_SPRUNG_HZ, *(round(f, 6) for f in frequencies[0.0] if f > _SLOWEST_SWING_HZ)})
-    orders = periods.angle_orders(segments, residual)
-    settings: dict[tuple[str, ...], list[Settings]] = {
-        (): [()],
-        ("clock",): [(("clock", clock),) for clock in clocks],
-        ("frequency", "clock"): [(("frequency", f), ("clock", c)) for c in clocks for f in frequencies[c]],
-        ("frequency", "damping"): [(("frequency", f), ("damping", 0.1)) for f in sprung],
-        ("order",): [(("order", k),) for k in orders],
-        ("wavelength",): [(("wavelength", length),) for length in periods.wavelengths(segments, residual)],
-        _STRIP: [],
+    time, *others = axes(segments)
+    clocks = [time, *(one for one in others if one.clock)]
+    # Names of settings -> settings that are tried, each with the least frequency.
+    tried: dict[tuple[str, ...], list[tuple[Settings, float]]] = {
+        (): [((), 0.0)],
+        ("clock",): [(one.clock, 0.0) for one in clocks],
     }
-    return [
-        atom(terms, one, _slowest(one, segments))
-        for terms in _visible_groups(vehicle, segments)
-        for one in settings[terms[0].tuned]
-    ]
+    for axis in (time, *others):
+        tried.setdefault(axis.names, []).extend((axis.at(one), axis.least) for one in axis.peaks(residual))
+    sprung = {*_SPRUNG_HZ, *(round(one, 6) for one in time.peaks(residual) if one > _SLOWEST_SWING_HZ)}
+    slowest = max(_SLOWEST_SWING_HZ, time.least)
+    tried["frequency", "damping"] = [((("frequency", one), ("damping", 0.1)), slowest) for one in sorted(sprung)]
+    groups = _visible_groups(vehicle, segments)
+    return [atom(terms, one, least) for terms in groups for one, least in tried.get(terms[0].tuned, ())]
 
 
 def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
     """Returns all atoms that the same settings shape, and this one at neighbouring settings."""
     kept = tuple((name, settings[name]) for name, _ in near.settings)
-    found = [(terms, kept) for terms in _visible_groups(vehicle, segments) if terms[0].tuned == near.terms[0].tuned]
-    found += [(near.terms, other) for other in _neighbours(dict(kept), segments)]
-    return [atom(terms, one, near.slowest) for terms, one in found]
+    groups = _visible_groups(vehicle, segments)
+    found = [atom(terms, kept, near.slowest) for terms in groups if terms[0].tuned == near.terms[0].tuned]
+    for axis in axes(segments):
+        if axis.names == near.terms[0].tuned and {*axis.clock} <= {*kept}:
+            found += [atom(near.terms, other, near.slowest) for other in axis.beside(kept)]
+    return found
 
 
 def strip_atom(name: str, middle: float, half_width: float) -> Atom:
     """Returns the atom of a term that acts on a strip across x, m."""
     term = next(one for one in basis() if one.name == name)
-    return atom((term,), tuple(zip(_STRIP, (middle, half_width), strict=True)))
-
-
-def _slowest(settings: Settings, segments: Sequence[Segment]) -> float:
-    shaping = dict(settings)
-    if "frequency" not in shaping:
-        return 0.0
-    swings = _SLOWEST_SWING_HZ if "damping" in shaping else 0.0
-    return max(swings, periods.time_resolution(segments, shaping.get("clock", 0.0)))
-
-
-def _neighbours(settings: dict[str, float], segments: Sequence[Segment]) -> list[Settings]:
-    """Returns the settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
-    if "wavelength" in settings:
-        step = periods.position_resolution(segments)
-        found = [1 / settings["wavelength"] + k * step for k in _NEIGHBOURS]
-        return [tuple((settings | {"wavelength": 1 / f}).items()) for f in found if f > 0]
-    if "order" in settings:
-        step = periods.angle_resolution(segments)
-        found = [settings["order"] + k * step for k in _NEIGHBOURS]
-        return [tuple((settings | {"order": order}).items()) for order in found if order > 0]
-    if "frequency" in settings and "damping" not in settings:
-        step = periods.time_resolution(segments, settings["clock"])
-        found = [settings["frequency"] + k * step for k in _NEIGHBOURS]
-        return [tuple((settings | {"frequency": frequency}).items()) for frequency in found if frequency >= step]
-    return []
+    return atom((term,), (("patch_x", middle), ("patch_half_width", half_width)))
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
     """Returns the groups of terms whose place the vehicle has and, for a sensor, whose signal was logged."""
-    signals = {segment.signal for segment in segments}
-    return [terms for terms in _groups() if _is_visible(terms[0], vehicle, signals)]
-
-
-def _is_visible(term: Basis, vehicle: str, signals: set[str]) -> bool:
     if vehicle == "motor":
-        return term.place in OF_A_MOTOR and not term.sided
-    return bool(_SENSOR_SIGNALS.get(term.place, signals) & signals)
+        return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
+    signals = {segment.signal for segment in segments}
+    return [terms for terms in _groups() if _SENSOR_SIGNALS.get(terms[0].place, signals) & signals]
 
 
 def _groups() -> list[tuple[Basis, ...]]:

@@ -10,8 +10,18 @@ from typing import Any
 
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover import finding
-from brickpilot.discover.term_basis import EFFECT, MINUS, OF_A_MOTOR, Term, Writer, equation, parameters, sums, symbol
 from brickpilot.report.template import render_plain
+from brickpilot.vehicle.composed_terms import (
+    EFFECT,
+    MINUS,
+    OF_A_MOTOR,
+    Term,
+    Writer,
+    equation,
+    parameters,
+    sums,
+    symbol,
+)
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")

@@ -1,7 +1,7 @@
-"""The basis of composed terms, read from the plant's table of effects, and terms written as equations.
+"""The terms of a model's composed effect: their basis, read from the plant's table, and terms written as equations.
 
-The composed effect of the plant's table has one coefficient c for each term, whose meaning reads
-``X += -c * [fabs(u)] * u``. The expression in brackets is C, and Python as well: it is parsed, not listed here again.
+The composed effect of the table has one coefficient c for each term, whose meaning reads ``X += -c * [fabs(u)] * u``.
+The expression in brackets is C, and Python as well: it is parsed, not listed here again.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import ast
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
@@ -52,29 +52,40 @@ class Basis:
         place: key of `PLACES`.
         kind: how it acts there: gain, add, dry, loss or push.
         sided: its sign differs between left and right.
-        expression: C, in the symbols that ``sim_host/effects`` lists.
-        target, sign, factor: parts of its meaning, ``target += sign [expression] factor``. The sign holds c.
-        tuned: names of the other parameters of the effect that shape it.
+        target, sign, expression, factor: parts of its meaning, ``target += sign [expression] factor``, in the symbols
+            that ``sim_host/effects`` lists. The sign holds c.
     """
 
     info: ParameterInfo
     place: str
     kind: str
     sided: bool
-    expression: str
     target: str
     sign: str
+    expression: str
     factor: str
-    tuned: tuple[str, ...]
 
     @property
     def name(self) -> str:
         return self.info.name
 
+    @cached_property
+    def tuned(self) -> tuple[str, ...]:
+        """The names of the other parameters of the effect that shape it."""
+        symbols = _symbols_in(self.expression)
+        named = [one.name for one in parameters() if one.name in symbols]
+        shaping = [name for symbol, names in _SHAPED_BY.items() if symbol in symbols for name in names]
+        return tuple(dict.fromkeys([*named, *shaping]))
+
+    @property
+    def product(self) -> ast.expr:
+        """What is added to the target, with the coefficient as the name ``c``."""
+        return ast.parse(f"{self.sign}({self.expression}){self.factor}", mode="eval").body
+
     @property
     def symbols(self) -> frozenset[str]:
         """The symbols of its expression and of its factors."""
-        return symbols_in(f"{self.sign}({self.expression}){self.factor}") - {"c"}
+        return _symbols_in(f"{self.sign}({self.expression}){self.factor}") - {"c"}
 
     @property
     def mechanism(self) -> str:
@@ -95,29 +106,12 @@ class Term:
 @cache
 def basis() -> tuple[Basis, ...]:
     """Returns every term, in the order of the table."""
-    found = []
-    for info in parameters():
-        name, meaning = _NAME.fullmatch(info.name), _MEANING.fullmatch(info.meaning)
-        if name is None or meaning is None:
-            continue
-        expression = meaning[3]
-        symbols = symbols_in(expression)
-        tuned = [p.name for p in parameters() if p.name in symbols]
-        tuned += [tuner for symbol, tuners in _SHAPED_BY.items() if symbol in symbols for tuner in tuners]
-        found.append(
-            Basis(
-                info,
-                name[1],
-                name[2],
-                name[3] is not None,
-                expression,
-                meaning[1],
-                meaning[2],
-                meaning[4],
-                tuple(dict.fromkeys(tuned)),
-            )
-        )
-    return tuple(found)
+    rows = [(info, _NAME.fullmatch(info.name), _MEANING.fullmatch(info.meaning)) for info in parameters()]
+    return tuple(
+        Basis(info, name[1], name[2], name[3] is not None, *meaning.groups())
+        for info, name, meaning in rows
+        if name is not None and meaning is not None
+    )
 
 
 @cache
@@ -137,11 +131,12 @@ def settings_of(chosen: Iterable[Basis], values: Mapping[str, float]) -> dict[st
     return {p.name: values.get(p.name, p.preset) for p in parameters() if p.name in needed}
 
 
-def symbols_in(expression: str) -> frozenset[str]:
+@cache
+def _symbols_in(expression: str) -> frozenset[str]:
     """Returns the variables of a C expression."""
-    tree = ast.parse(expression.replace("[", "(").replace("]", ")").strip(), mode="eval")
-    called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
-    return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - called
+    nodes = list(ast.walk(ast.parse(expression.strip(), mode="eval")))
+    called = {node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    return frozenset(node.id for node in nodes if isinstance(node, ast.Name)) - called
 
 
 MINUS = "\u2212"
@@ -165,7 +160,6 @@ _SYMBOLS = {
     "patch": "P(x)",
     "sprung": "q",
     "side": "s",
-    "K_t": "K_t",
     "i_left": "i_l",
     "i_right": "i_r",
     "slope": "S_x",
@@ -207,8 +201,17 @@ def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
 
 def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
     """Returns where the terms act, in the plant's symbol, and what they add there as `out` writes it."""
-    targets = dict.fromkeys(term.basis.target for term in terms)
-    return [(to, _joined([_signed(one) for one in terms if one.basis.target == to], settings, out)) for to in targets]
+    written: dict[str, str] = {}
+    for term in terms:
+        negative, factors = _factors(term.basis.product)
+        negative ^= term.coefficient < 0
+        factors = [one for one in factors if not (isinstance(one, ast.Name) and one.id == "c")]
+        added = out.product([out.number(abs(term.coefficient)), *_powers(factors, settings, out)])
+        if (before := written.get(term.basis.target)) is None:
+            written[term.basis.target] = (out.minus() if negative else "") + added
+        else:
+            written[term.basis.target] = before + out.operator(MINUS if negative else "+") + added
+    return list(written.items())
 
 
 def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
@@ -229,27 +232,6 @@ def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
 def symbol(name: str) -> str:
     """Returns how a symbol of the plant's table is written."""
     return _SYMBOLS.get(name, name)
-
-
-def _signed(term: Term) -> tuple[bool, float, list[ast.expr]]:
-    """Returns whether the term is subtracted, the size of its coefficient, and its other factors."""
-    one = term.basis
-    negative = one.sign.startswith("-") != (term.coefficient < 0)
-    factors = _factors(ast.parse(f"{one.sign.lstrip('-')}({one.expression}){one.factor}", mode="eval").body)
-    rest = []
-    for factor in factors:
-        if isinstance(factor, ast.UnaryOp):
-            negative, factor = not negative, factor.operand
-        if not (isinstance(factor, ast.Name) and factor.id == "c"):
-            rest.append(factor)
-    return negative, abs(term.coefficient), rest
-
-
-def _factors(node: ast.expr) -> list[ast.expr]:
-    """Returns the factors of a product, without ones."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
-        return [*_factors(node.left), *_factors(node.right)]
-    return [] if isinstance(node, ast.Constant) and node.value == 1 else [node]
 
 
 class Writer:
@@ -286,22 +268,23 @@ class Writer:
         return MINUS
 
 
-def _joined(signed: Sequence[tuple[bool, float, list[ast.expr]]], settings: Mapping[str, float], out: Writer) -> str:
-    written = ""
-    for number, (negative, size, rest) in enumerate(signed):
-        written += (out.minus() if negative else "") if number == 0 else out.operator(MINUS if negative else "+")
-        written += out.product([out.number(size), *_powers(rest, settings, out)])
-    return written
-
-
-def _is_sum(node: ast.expr) -> bool:
-    return isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub))
+def _factors(node: ast.expr) -> tuple[bool, list[ast.expr]]:
+    """Returns whether a product is negative, and its factors without ones."""
+    if isinstance(node, ast.UnaryOp):
+        negative, factors = _factors(node.operand)
+        return not negative, factors
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+        (left, before), (right, behind) = _factors(node.left), _factors(node.right)
+        return left != right, before + behind
+    return False, [] if isinstance(node, ast.Constant) and node.value == 1 else [node]
 
 
 def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: Writer) -> list[str]:
     """Returns the factors as text. Equal factors become a power where the first of them stands; ones are left out."""
+    written = [_write(one, settings, out) for one in factors]
     written = [
-        out.bracket(_write(one, settings, out)) if _is_sum(one) else _write(one, settings, out) for one in factors
+        out.bracket(text) if isinstance(one, ast.BinOp) and isinstance(one.op, (ast.Add, ast.Sub)) else text
+        for one, text in zip(factors, written, strict=True)
     ]
     return [
         one if written.count(one) == 1 else out.power(one, written.count(one))
@@ -320,11 +303,12 @@ def _write(node: ast.expr, settings: Mapping[str, float], out: Writer) -> str:
             size, of = node.args
             return out.product([_write(size, settings, out), out.call("sign", _write(of, settings, out))])
         return out.call(node.func.id, _write(node.args[0], settings, out))
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-        return out.over(_write(node.left, settings, out), _write(node.right, settings, out))
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
-        return out.product(_powers(_factors(node), settings, out))
     if isinstance(node, ast.BinOp):
-        sign = "+" if isinstance(node.op, ast.Add) else MINUS
-        return _write(node.left, settings, out) + out.operator(sign) + _write(node.right, settings, out)
+        if isinstance(node.op, ast.Mult):
+            negative, factors = _factors(node)
+            return (out.minus() if negative else "") + out.product(_powers(factors, settings, out))
+        left, right = _write(node.left, settings, out), _write(node.right, settings, out)
+        if isinstance(node.op, ast.Div):
+            return out.over(left, right)
+        return left + out.operator("+" if isinstance(node.op, ast.Add) else MINUS) + right
     raise ValueError(f"no way to write {ast.dump(node)}")
