@@ -41,7 +41,7 @@ from brickpilot.discover.finding import Budget, Finding, VerdictKind
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
 from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
-from brickpilot.discover.search import Found, Library, Search, runs_of
+from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
 from brickpilot.discover.settle import Settled, best_predictor, settle
 from brickpilot.discover.verdict import Verdict, best_so_far, weigh
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
@@ -147,10 +147,10 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     return dataclasses.replace(finding, elapsed_s=elapsed_s, budget=budget)
 
 
-def _explain(prepared: Prepared, nominal: Explanation, tell: Stages) -> Explained:
+def _explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Searches on the coarse grid for explanations beside the nominal model, weighs them, and looks at what is left."""
     judge = Judge.of(prepared.coarse, prepared.seed)
-    library = Library(prepared.excitation, runs_of(prepared.coarse))
+    library = Library(prepared.excitation, runs_of(prepared.coarse), most)
     search = Search(
         prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.until(SEARCHED), tell
     )
@@ -175,7 +175,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
         return whole
     tell("searching again in short windows")
     ready, nominal = calibrate(windows)
-    again = _explain(ready, nominal, tell)
+    again = _explain(ready, nominal, tell, PARTS_IN_WINDOWS)
     periodic = again.verdict.kind in ("named", "ambiguous") and again.verdict.best.is_periodic
     return again if periodic else whole
 

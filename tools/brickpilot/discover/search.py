@@ -46,7 +46,8 @@ _LEAST_FINE = 3  # but so many are
 _STARTS = 3  # of a periodic part, at so many orders
 _PAIRED, _PAIRS_REFINED = 5, 3  # best singles of which all pairs are fitted, and the pairs that are fitted to the end
 _BEAM = 2
-_MOST_PARTS = 4
+MOST_PARTS = 4
+PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
 _LOWER = 0.98  # of the cost: another order is worth a descent below it
 _WORSE = 0.5  # of the cost: an explanation that is worse than what it contains by more has a failed fit
@@ -75,10 +76,10 @@ class Source(Protocol):
 class Library:
     """The effects of the library and the values of runs, as a `Source`."""
 
-    word, most, pairs = "effect", _MOST_PARTS, True
+    word, pairs = "effect", True
 
-    def __init__(self, excitation: Excitation, runs: Sequence[str]) -> None:
-        self._excitation, self._runs = excitation, runs
+    def __init__(self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS) -> None:
+        self._excitation, self._runs, self.most = excitation, runs, most
 
     def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
         """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
