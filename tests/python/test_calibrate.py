@@ -307,7 +307,7 @@ def test_a_value_stated_at_the_edge_of_what_is_physical_is_taken(tmp_path):
 
 def diverges_where(monkeypatch, condition):
     """Makes the plant diverge for some models. Returns the list of those it was asked for."""
-    simulate, asked = Replay._simulate, []
+    simulate, asked = Replay._simulated, []
 
     def some(self, models, *options):
         found = [model for model in models if condition(model)]
@@ -316,7 +316,7 @@ def diverges_where(monkeypatch, condition):
             raise SimulationError("the state diverged", 0, -5)
         return simulate(self, models, *options)
 
-    monkeypatch.setattr(Replay, "_simulate", some)
+    monkeypatch.setattr(Replay, "_simulated", some)
     return asked
 
 

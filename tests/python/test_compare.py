@@ -334,13 +334,13 @@ def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypat
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     gaps = [0.0, 100.0, 7.0, 20.0]
     runs = tuple(dataclasses.replace(run, gap_s=gap) for run, gap in zip(data.runs, gaps, strict=True))
-    ages, simulate = [], plant.simulate
+    ages, simulate = [], plant.simulate_into
 
-    def recorded(jobs, threads=1, signals=None):
+    def recorded(values, starts, jobs, *options):
         ages.extend(run.initial.age for _, run in jobs)
-        return simulate(jobs, threads=threads, signals=signals)
+        return simulate(values, starts, jobs, *options)
 
-    monkeypatch.setattr(plant, "simulate", recorded)
+    monkeypatch.setattr(plant, "simulate_into", recorded)
     Replay(dataclasses.replace(data, runs=runs)).simulate([robot()])
     lasts = 1.99
     assert ages == pytest.approx([0.0, lasts + 100.0, 2 * lasts + 107.0, 3 * lasts + 127.0])
@@ -355,11 +355,11 @@ def test_what_the_reader_found_is_in_the_report(tmp_path):
 
 
 def test_a_model_under_which_the_plant_diverges_is_one_failure(tmp_path, monkeypatch):
-    def diverging(jobs, threads=1, signals=None):
+    def diverging(*_):
         raise SimulationError("the state diverged")
 
     data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
-    monkeypatch.setattr(plant, "simulate", diverging)
+    monkeypatch.setattr(plant, "simulate_into", diverging)
     with pytest.raises(SimulationError, match="the state diverged"):
         compare(data, robot())
 

@@ -413,7 +413,7 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
     monkeypatch.setattr(evidence, "Problem", Line)
     monkeypatch.setattr(Line, "slopes", slopes)
     loss = SimpleNamespace(pseudo_huber=lambda x: SimpleNamespace(value=x, slope=np.ones_like(x)))
-    monkeypatch.setattr("brickpilot.fit.residual.pseudo_huber", loss.pseudo_huber)
+    monkeypatch.setattr("brickpilot.fit.robust.pseudo_huber", loss.pseudo_huber)
 
     def fitted(rows: NDArray[np.bool_]) -> Array:
         """Returns the coordinates of a ridge regression on some of the values."""
@@ -546,7 +546,7 @@ def test_weighing_and_judging_twice_gives_the_same_bytes(bench: tuple[Judge, Exp
     scales = dict(judge.data.scales)
     first = judge.of_explanation(found)
     weight = evidence.weigh([first, first], 3.0)
-    other = judge.data.rescaled(found.model).with_raised_floors(found.model)
+    other = judge.data.weighed_by_size(found.model).with_raised_floors(found.model)
     refined = refine(judge.data, [found], 1)[0]
     Judge.of(other, 1).of_explanation(found)
     again = judge.of_explanation(found)

@@ -50,6 +50,11 @@ class Agreement:
         """
         return self.percent_of(self.error)
 
+    @property
+    def share(self) -> float | None:
+        """The norm of the error over that of the signal: 1 - `fit_percent` / 100. None: as for that."""
+        return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
+
     def percent_of(self, error: float) -> float | None:
         """Returns `fit_percent` of a model that leaves another sum of squares."""
         return None if not self._exceeds_noise(self.signal) else _percent(error / self.signal)

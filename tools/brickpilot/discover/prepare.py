@@ -26,7 +26,7 @@ from brickpilot.discover.seal import Sealed
 from brickpilot.errors import InputError
 from brickpilot.fit import parameters
 from brickpilot.fit.comparable import Comparable, contradictions, started
-from brickpilot.fit.descent import Counter, search
+from brickpilot.fit.descent import counted, search
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual, of_bins
 from brickpilot.fit.start_state import cut_into_windows, run_of
@@ -174,8 +174,8 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
     """Returns the residual of windows that know the inputs of their whole runs, for values of runs."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
-    replay = data.replay.with_whole({run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs})
-    return dataclasses.replace(data, replay=replay)
+    of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
+    return data.with_inputs(dataclasses.replace(data.replay, whole=of))
 
 
 def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
@@ -190,7 +190,7 @@ def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
     plan, problem = prepared.plan, Problem(prepared.coarse, prepared.plan)
     start = plan.start()
     if any(one.known is None for one in plan.free):
-        start, _ = search(problem, np.random.default_rng(prepared.seed), Counter(None, 1))
+        start, _ = search(problem, np.random.default_rng(prepared.seed), counted(None, 1))
     rough = fit(problem, (), plan, start, FINE)
     if rough is None:
         raise InputError(

@@ -15,24 +15,14 @@ import brickpilot
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit import descent
 from brickpilot.fit.comparable import Comparable, comparable, compared_signals
-from brickpilot.fit.descent import (
-    FINE,
-    FOLLOWED,
-    ROUGH,
-    VISIBLE,
-    Counter,
-    Progress,
-    Start,
-    descend,
-    search,
-    search_sizes,
-)
+from brickpilot.fit.descent import Count, Progress, Start
 from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
-from brickpilot.fit.uncertainty import Combination, Estimate, Spread, Uncertainty, assess
+from brickpilot.fit.uncertainty import NOTHING_FITTED, Combination, Estimate, Spread, Uncertainty, assess
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -211,11 +201,11 @@ def calibrate(
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
     data = _residual(ready, chosen, threads)
     notes.extend(data.notes)
-    count = Counter(progress, total=3 + FOLLOWED + _ROUNDS + (2 * len(VISIBLE) if effects else 0))
+    count = descent.counted(progress, descent.most_starts(with_effects=bool(effects)) + _ROUNDS + 1)
     best, starts = _coarse_fit(ready, (nominal, chosen), np.random.default_rng(seed), threads, count)
     count("refining")
-    data = data.rescaled(chosen.at(best))
-    best = descend(Problem(data, chosen), best, FINE)
+    data = data.weighed_by_size(chosen.at(best), correlated=True)
+    best = descent.descend(Problem(data, chosen), best, descent.FINE)
     model = chosen.at(best)
     known = assess(data, model, chosen.free)
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
@@ -231,11 +221,7 @@ def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float =
 
 
 def _coarse_fit(
-    ready: Comparable,
-    plans: tuple[Plan, Plan],
-    random: np.random.Generator,
-    threads: int,
-    count: Counter,
+    ready: Comparable, plans: tuple[Plan, Plan], random: np.random.Generator, threads: int, count: Count
 ) -> tuple[Array, tuple[Start, ...]]:
     """Fits with a coarse motor step: first the nominal plan, then the one with effects where it has more parameters.
 
@@ -243,14 +229,14 @@ def _coarse_fit(
     """
     nominal, chosen = plans
     rough = _residual(ready, nominal, threads, _COARSE_STEP)
-    best, starts = search(Problem(rough, nominal, holds_priors=False), random, count)
+    best, starts = descent.search(Problem(rough, nominal, holds_priors=False), random, count)
     if len(chosen.free) > len(nominal.free):
         rough = _residual(ready, chosen, threads, _COARSE_STEP)
-        best, starts = search_sizes(Problem(rough, chosen, holds_priors=False), best, count)
+        best, starts = descent.search_sizes(Problem(rough, chosen, holds_priors=False), best, count)
     for number in range(_ROUNDS):
         count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
-        rough = rough.rescaled(chosen.at(best))
-        best = descend(Problem(rough, chosen, holds_priors=number == _ROUNDS - 1), best, ROUGH)
+        rough = rough.weighed_by_size(chosen.at(best), correlated=True)
+        best = descent.descend(Problem(rough, chosen, holds_priors=number == _ROUNDS - 1), best, descent.ROUGH)
     return best, starts
 
 
@@ -276,16 +262,15 @@ def _result(
     chosen: Plan,
     after: Model,
     notes: list[str],
-    known: Uncertainty | None = None,
+    known: Uncertainty = NOTHING_FITTED,
     scales: Mapping[str, Scale] = MappingProxyType({}),
     starts: tuple[Start, ...] = (),
 ) -> Calibration:
-    """Returns the result; `known` is what the fit tells, None: nothing was fitted."""
-    before = chosen.model
+    """Returns the result; `known` is what the fit tells."""
     compared = track(ready.measured, ready.started, after)
     (fitted,) = simulated_at(compared, [after])
     try:
-        unfitted = fitted if before is after else simulated_at(compared, [before])[0]
+        unfitted = fitted if chosen.model is after else simulated_at(compared, [chosen.model])[0]
     except SimulationError:
         unfitted = {}
     first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
@@ -294,16 +279,16 @@ def _result(
     for run in ready.measured.runs:
         begun, ended = unfitted.get(FREE_RUN, {}).get(run.name), fitted[FREE_RUN][run.name]
         for signal, measured in compared.measured[run.name].items():
-            shares = (_share(one, run.name, signal) for one in (first, last))
+            shares = (one.of_run(run.name, signal).share for one in (first, last))
             gaps.append(Gap(run.name, roles[run.name], signal, *shares))
             begins = None if begun is None else begun[signal]
             traces.append(FitTrace(run.name, signal, run.time, measured, begins, ended[signal]))
     return Calibration(
         dataset=ready.measured.name,
         model=after,
-        parameters={} if known is None else known.estimates,
-        cannot_tell_apart=() if known is None else known.groups,
-        combinations=() if known is None else known.combinations,
+        parameters=known.estimates,
+        cannot_tell_apart=known.groups,
+        combinations=known.combinations,
         gaps=tuple(gaps),
         starts=starts,
         scales=scales,
@@ -315,11 +300,6 @@ def _result(
         frame=frame_text(ready.measured),
         traces=tuple(traces),
         stated={one.name: one.known for one in chosen.free if one.known is not None},
-        correlation=() if known is None else tuple(tuple(row) for row in known.correlation.tolist()),
-        spread=None if known is None else known.spread,
+        correlation=tuple(tuple(row) for row in known.correlation.tolist()),
+        spread=known.spread,
     )
-
-
-def _share(numbers: Headline, run: str, signal: str) -> float | None:
-    found = numbers.of_run(run, signal).fit_percent
-    return None if found is None else round(1 - found / 100, 8)

@@ -14,6 +14,7 @@ from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 
 Values = Mapping[str, float]
+_Rule = Callable[[Values], float]
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Formula:
     name: str
     text: str
     unit: str
-    value_at: Callable[[Values], float]
+    value_at: _Rule
 
 
 def _steady(p: Values) -> float:
@@ -45,16 +46,13 @@ def _turn(p: Values) -> float:
     return p["wheel_radius"] / p["half_track"]
 
 
-def _straight_time(p: Values) -> float:
-    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / 2) / _steady(p)
+def _inertia(p: Values, wheels: int) -> float:
+    """Returns what one of so many wheels accelerates when the vehicle drives straight, as an inertia."""
+    return p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / wheels
 
 
 def _spin_time(p: Values) -> float:
     return p["resistance"] * (p["wheel_inertia"] + p["yaw_inertia"] * _turn(p) ** 2 / 2) / _steady(p)
-
-
-def _motor_time(p: Values) -> float:
-    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2) / _steady(p)
 
 
 def _volts_per_speed(p: Values) -> float:
@@ -62,13 +60,13 @@ def _volts_per_speed(p: Values) -> float:
     return _steady(p) / p["torque_constant"]
 
 
-def _straight_volts(p: Values) -> float:
-    """Returns kA of the same for a vehicle that drives straight."""
-    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / 2) / p["torque_constant"]
+def _time(wheels: int) -> _Rule:
+    return lambda p: p["resistance"] * _inertia(p, wheels) / _steady(p)
 
 
-def _motor_volts(p: Values) -> float:
-    return p["resistance"] * (p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2) / p["torque_constant"]
+def _volts_per_acceleration(wheels: int) -> _Rule:
+    """Returns the rule of kA of the same, for a vehicle that drives straight."""
+    return lambda p: p["resistance"] * _inertia(p, wheels) / p["torque_constant"]
 
 
 def _in_volts(effect: str, torque: ParameterInfo) -> Formula:
@@ -86,24 +84,25 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
     "diff_drive": (
         Formula("speed per volt", "r K_t / D", "m/s/V", lambda p: p["wheel_radius"] * _wheel_gain(p)),
         Formula("wheel speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
-        Formula("straight time constant", "R (J + m r^2 / 2) / D", "s", _straight_time),
+        Formula("straight time constant", "R (J + m r^2 / 2) / D", "s", _time(2)),
         Formula("spin rate per volt", "r K_t / (half_track D)", "rad/s/V", lambda p: _turn(p) * _wheel_gain(p)),
         Formula("spin time constant", "R (J + J_z (r / half_track)^2 / 2) / D", "s", _spin_time),
         Formula("kV", "D / K_t", "V s/rad", _volts_per_speed),
-        Formula("kA", "R (J + m r^2 / 2) / K_t", "V s^2/rad", _straight_volts),
+        Formula("kA", "R (J + m r^2 / 2) / K_t", "V s^2/rad", _volts_per_acceleration(2)),
         *_TORQUES,
     ),
     "motor": (
         Formula("speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
-        Formula("time constant", "R (J + m r^2) / D", "s", _motor_time),
+        Formula("time constant", "R (J + m r^2) / D", "s", _time(1)),
         Formula("kV", "D / K_t", "V s/rad", _volts_per_speed),
-        Formula("kA", "R (J + m r^2) / K_t", "V s^2/rad", _motor_volts),
+        Formula("kA", "R (J + m r^2) / K_t", "V s^2/rad", _volts_per_acceleration(1)),
         *_TORQUES,
     ),
 }
 
 
-_Factor = Callable[[Values], float]
+def _over(name: str) -> _Rule:
+    return lambda p: 1 / p[name]
 
 
 def _volts_per_torque(p: Values) -> float:
@@ -118,44 +117,31 @@ def _volts_per_moment(p: Values) -> float:
     return p["wheel_radius"] / (2 * p["half_track"]) * _volts_per_torque(p)
 
 
-# (what the effect acts on, unit of the parameter) -> (what it becomes, formula beside the parameter, unit, factor).
+def _slip_per_volt(p: Values) -> float:
+    return 1 / (p["wheel_radius"] * _volts_per_torque(p))
+
+
+_TORQUE, _FORCE = ("R / K_t", _volts_per_torque), ("r R / (2 K_t)", _volts_per_force)
+_MOMENT = ("r R / (2 half_track K_t)", _volts_per_moment)
+_BY_INERTIA, _BY_MASS = ("1 / J", _over("wheel_inertia")), ("1 / m", _over("mass"))
+_BY_YAW_INERTIA, _SLIP = ("1 / J_z", _over("yaw_inertia")), ("K_t / (R r)", _slip_per_volt)
+
+# (what the effect acts on, unit of the parameter) -> (what it becomes, unit, formula beside the parameter and factor).
 # The first one that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
-_FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, str, _Factor], ...]] = {
-    ("wheel", "N m"): (
-        ("voltage", "R / K_t", "V", _volts_per_torque),
-        ("angular acceleration", "1 / J", "rad/s^2", lambda p: 1 / p["wheel_inertia"]),
-    ),
-    ("wheel", "N m s/rad"): (
-        ("voltage per speed", "R / K_t", "V s/rad", _volts_per_torque),
-        ("inverse time constant", "1 / J", "1/s", lambda p: 1 / p["wheel_inertia"]),
-    ),
-    ("wheel", "m/(N s)"): (
-        ("slip speed per volt", "K_t / (R r)", "m/s/V", lambda p: 1 / (p["wheel_radius"] * _volts_per_torque(p))),
-    ),
-    ("body", "N"): (
-        ("voltage", "r R / (2 K_t)", "V", _volts_per_force),
-        ("acceleration", "1 / m", "m/s^2", lambda p: 1 / p["mass"]),
-    ),
-    ("body", "N m"): (
-        ("voltage", "r R / (2 half_track K_t)", "V", _volts_per_moment),
-        ("angular acceleration", "1 / J_z", "rad/s^2", lambda p: 1 / p["yaw_inertia"]),
-    ),
-    ("body", "N s/m"): (
-        ("voltage per speed", "r R / (2 K_t)", "V s/m", _volts_per_force),
-        ("inverse time constant", "1 / m", "1/s", lambda p: 1 / p["mass"]),
-    ),
+_FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]] = {
+    ("wheel", "N m"): (("voltage", "V", _TORQUE), ("angular acceleration", "rad/s^2", _BY_INERTIA)),
+    ("wheel", "N m s/rad"): (("voltage per speed", "V s/rad", _TORQUE), ("inverse time constant", "1/s", _BY_INERTIA)),
+    ("wheel", "m/(N s)"): (("slip speed per volt", "m/s/V", _SLIP),),
+    ("body", "N"): (("voltage", "V", _FORCE), ("acceleration", "m/s^2", _BY_MASS)),
+    ("body", "N m"): (("voltage", "V", _MOMENT), ("angular acceleration", "rad/s^2", _BY_YAW_INERTIA)),
+    ("body", "N s/m"): (("voltage per speed", "V s/m", _FORCE), ("inverse time constant", "1/s", _BY_MASS)),
     ("body", "N m s/rad"): (
-        ("voltage per yaw rate", "r R / (2 half_track K_t)", "V s/rad", _volts_per_moment),
-        ("inverse time constant", "1 / J_z", "1/s", lambda p: 1 / p["yaw_inertia"]),
+        ("voltage per yaw rate", "V s/rad", _MOMENT),
+        ("inverse time constant", "1/s", _BY_YAW_INERTIA),
     ),
-    ("body", "N s^2/m^2"): (
-        ("voltage per speed squared", "r R / (2 K_t)", "V s^2/m^2", _volts_per_force),
-        ("inverse length", "1 / m", "1/m", lambda p: 1 / p["mass"]),
-    ),
-    ("body", "kg"): (("share of the mass", "1 / m", "1", lambda p: 1 / p["mass"]),),
-    ("body", "m/(N s)"): (
-        ("slip speed per volt", "K_t / (R r)", "m/s/V", lambda p: 1 / (p["wheel_radius"] * _volts_per_torque(p))),
-    ),
+    ("body", "N s^2/m^2"): (("voltage per speed squared", "V s^2/m^2", _FORCE), ("inverse length", "1/m", _BY_MASS)),
+    ("body", "kg"): (("share of the mass", "1", _BY_MASS),),
+    ("body", "m/(N s)"): (("slip speed per volt", "m/s/V", _SLIP),),
 }
 
 
@@ -164,9 +150,9 @@ def forms(name: str) -> Iterator[Formula]:
     head, _, tail = name.partition(".")
     effect = catalogue.effect(head)
     unit = next(one.unit for one in effect.parameters if one.name == tail)
-    for words, text, found, factor in _FORMS.get((effect.acts_on, unit), ()):
+    for words, found, (text, factor) in _FORMS.get((effect.acts_on, unit), ()):
         yield Formula(words, f"{tail} {text}", found, _scaled(name, factor))
 
 
-def _scaled(name: str, factor: _Factor) -> Callable[[Values], float]:
+def _scaled(name: str, factor: _Rule) -> _Rule:
     return lambda p: abs(p[name]) * factor(p)

@@ -111,19 +111,18 @@ def compared_signals(dataset: Dataset, model: Model) -> ComparedSignals:
     given = output_names(model)
     measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)
     names = tuple(name for name in measured if is_compared(name, given, model))
-    largest = -1.0
-    for run in dataset.runs:
-        for name in (one for one in names if one in run.outputs):
-            known = np.abs(run.outputs[name][np.isfinite(run.outputs[name])])
-            largest = max(largest, float(known.max(initial=-1.0)))
-            if largest > _LARGEST:
-                raise InputError(f"{largest:g} is too large to be a measurement", file=run.file, field=name)
-    others = [name for name in measured if name not in given]
-    if largest < 0:
-        reason = f"; the model of this vehicle does not give {', '.join(others)}" if others else ""
+    found = [(run, name) for run in dataset.runs for name in names if name in run.outputs]
+    values = [np.abs(run.outputs[name]) for run, name in found]
+    largest = [float(one[np.isfinite(one)].max(initial=-1.0)) for one in values]
+    for (run, name), one in zip(found, largest, strict=True):
+        if one > _LARGEST:
+            raise InputError(f"{one:g} is too large to be a measurement", file=run.file, field=name)
+    others = ", ".join(name for name in measured if name not in given)
+    if max(largest, default=-1.0) < 0:
+        reason = f"; the model of this vehicle does not give {others}" if others else ""
         message = f"nothing to compare: no signal that the model gives has a value{reason}"
         raise InputError(message, file=dataset.path, field="signals")
-    note = f"Not compared, because the model of this vehicle does not give it: {', '.join(others)}."
+    note = f"Not compared, because the model of this vehicle does not give it: {others}."
     return ComparedSignals(names, (note,) if others else ())
 
 
@@ -227,6 +226,7 @@ class Bins:
     """How blocks average: over bins of `width` s from each run's start.
 
     Attributes:
+        width: 0: samples are compared as they are.
         grids: run -> time of the simulated samples, s, where they are not the measured ones.
         means: run -> s; a measured acceleration is the mean over this time before its sample.
         changes: signals that are compared by their change from bin to bin.
@@ -240,12 +240,14 @@ class Bins:
     as_measured: bool = False
 
 
-def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None = None) -> tuple[list[Block], list[str]]:
+SAMPLES = Bins(0.0, changes=frozenset())
+
+
+def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLES) -> tuple[list[Block], list[str]]:
     """Returns the blocks of the fit runs, and a note on each signal that is left out.
 
     Args:
         fitted: names of the fit runs.
-        bins: averages are compared, and of some signals their change from bin to bin; None: samples.
 
     Raises:
         InputError: the fit runs hold nothing that the model gives.
@@ -253,67 +255,58 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins | None =
     names = compared_signals(dataset, model).names
     found: list[Block] = []
     notes, start = [], 0
-    for run in dataset.runs:
-        if run.name not in fitted:
-            continue
+    for run in (one for one in dataset.runs if one.name in fitted):
         rates = measured_rates(run)
         for signal, measured in _fitted_signals(run, names, rates, bins).items():
-            known = np.isfinite(measured)
-            if np.count_nonzero(known) < 2:
+            rows = np.flatnonzero(np.isfinite(measured))
+            if len(rows) < 2:
                 continue
-            if _frozen(measured[known], rates.get(MOTOR_RATE_OF.get(signal, ""))):
+            if _frozen(measured[rows], rates.get(MOTOR_RATE_OF.get(signal, ""))):
                 notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
                 continue
             described = dataset.signals.get(signal)
-            instant = described is not None and described.sampling == "instant"
-            block = _block(run, signal, measured, known, start, bins, instant=instant)
-            if len(block.measured) < 2:
+            reach = _reach(run, signal, rows, bins, instant=described is not None and described.sampling == "instant")
+            mean, middle, count = _means(run.time[rows], float(run.time[0]), bins, change=signal in bins.changes)
+            values = np.asarray(mean @ measured[rows])
+            if len(values) < 2:
                 continue
-            found.append(block)
-            start = block.place.stop
+            place = slice(start, start := start + len(values))
+            found.append(Block(run.name, signal, place, values, middle, csr_array(mean @ reach), count))
     if not found:
         raise InputError("nothing to compare in the fit runs", file=dataset.path, field="signals")
     return found, notes
 
 
-def _block(
-    run: Run,
-    signal: str,
-    measured: Array,
-    known: NDArray[np.bool_],
-    start: int,
-    bins: Bins | None,
-    *,
-    instant: bool,
-) -> Block:
-    rows = np.flatnonzero(known)
-    time = run.time[rows]
-    samples = _instants(time, run.time, _jumps(run)) if instant else _selection(rows, len(run.time))
-    if bins is None:
-        return Block(run.name, signal, slice(start, start + len(rows)), measured[rows], time, samples)
-    number = np.floor((time - run.time[0]) / bins.width + 1e-9).astype(np.intp)
-    filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
-    mean = csr_array((1 / counts[place], (place, np.arange(len(rows)))))
-    middle = np.asarray(mean @ time)
-    if signal in bins.changes:
-        apart = np.diff(filled)
-        later = np.flatnonzero(apart <= _LONGEST_HOLE * np.median(apart)) if len(apart) else np.empty(0, dtype=np.intp)
-        rows_of, shape = np.arange(len(later)), (len(later), len(filled))
-        change = csr_array((np.ones_like(later), (rows_of, later + 1)), shape=shape)
-        change = change - csr_array((np.ones_like(later), (rows_of, later)), shape=shape)
-        mean, middle = csr_array(change @ mean), middle[later + 1]
-    values = np.asarray(mean @ measured[rows])
-    grid = bins.grids.get(run.name)
+def _reach(run: Run, signal: str, rows: NDArray[np.intp], bins: Bins, *, instant: bool) -> csr_array:
+    """Returns (rows, simulated samples): what takes a simulated signal to the measured samples `rows`."""
+    time, grid = run.time[rows], bins.grids.get(run.name)
+    if instant:
+        return _instants(time, run.time, _jumps(run)) if grid is None else _instants(time, grid)
     if grid is None:
-        reach = samples
-    elif instant:
-        reach = _instants(time, grid)
-    elif signal.startswith("accel"):
-        reach = _overlap(time, bins.means[run.name], grid)
-    else:
-        reach = _interpolation(time, grid)
-    rows_here = slice(start, start + len(values))
-    return Block(run.name, signal, rows_here, values, middle, csr_array(mean @ reach), float(counts.mean()))
+        return _selection(rows, len(run.time))
+    if signal.startswith("accel"):
+        return _overlap(time, bins.means[run.name], grid)
+    return _interpolation(time, grid)
+
+
+def _means(time: Array, start: float, bins: Bins, *, change: bool) -> tuple[csr_array, Array, float]:
+    """Returns the matrix (values, samples) that averages over bins, the time of each value, and the samples in one.
+
+    `change`: a value is the change from bin to bin.
+    """
+    rows = np.arange(len(time))
+    if bins.width == 0:
+        return _selection(rows, len(rows)), time, 1.0
+    number = np.floor((time - start) / bins.width + 1e-9).astype(np.intp)
+    filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
+    mean = csr_array((1 / counts[place], (place, rows)))
+    middle = np.asarray(mean @ time)
+    if change:
+        apart = np.diff(filled)
+        later = np.flatnonzero(apart <= _LONGEST_HOLE * np.median(apart)) if len(apart) else rows[:0]
+        step = _selection(later + 1, len(filled)) - _selection(later, len(filled))
+        mean, middle = csr_array(step @ mean), middle[later + 1]
+    return mean, middle, float(counts.mean())
 
 
 def _selection(rows: NDArray[np.intp], length: int) -> csr_array:
@@ -370,13 +363,13 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
     return _between(last - 1, 1 - share, share, len(grid))
 
 
-def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins | None) -> dict[str, Array]:
+def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins) -> dict[str, Array]:
     """Returns the measured signals that are compared; of a motor's position, its velocity, unless `as_measured`.
 
     A position sums up the velocity's error over the run: the same data, with an error that only grows.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
-    if bins is not None and bins.as_measured:
+    if bins.as_measured:
         return fitted
     for summed, rate in MOTOR_RATE_OF.items():
         if summed in fitted and rate not in fitted:

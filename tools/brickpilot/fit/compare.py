@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import brickpilot
-from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.dataset import Dataset
 from brickpilot.data.ils import SignalError, signal_error
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
 from brickpilot.fit.comparable import Comparable, comparable, compared_signals, enough_to_fit, is_compared
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Course, Headline, headline_of, simulated_at, track
+from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import plan
 from brickpilot.fit.replay import Array, Outputs
 from brickpilot.fit.start_state import MOTOR_RATE_OF
@@ -93,8 +93,7 @@ class Comparison:
 
         It is 1 - `fit_percent` / 100; None where that has no value. See `data.agreement`.
         """
-        found = self.headline.of(signal, role, self.horizon if windows else FREE_RUN).fit_percent
-        return None if found is None else round(1 - found / 100, 8)
+        return self.headline.of(signal, role, self.horizon if windows else FREE_RUN).share
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each signal of each run at each horizon: what the model explains, and its error in SI.
@@ -214,24 +213,27 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
     lengths = {**AHEAD, **({horizon_name(window_s): window_s} if window_s else {})}
     compared = track(ready.measured, ready.started, model, lengths)
     simulated = simulated_at(compared, [model], threads=threads)[0]
-    windows = [one for one in compared.courses if window_s and one.horizon == horizon_name(window_s)]
+    windows = next((one for one in compared.courses if window_s and one.horizon == horizon_name(window_s)), None)
     runs = []
     for number, run in enumerate(ready.measured.runs):
-        made = _run(run, model, ready.roles.by_run[run.name], simulated[FREE_RUN][run.name])
-        for course in windows if windows and windows[0].horizon in simulated else ():
-            rates = {name: compared.measured[run.name].get(name) for name in MOTOR_RATE_OF.values()}
-            measured = {name: values for name, values in rates.items() if values is not None}
-            made = _with_windows(made, run.time, course, number, measured, simulated[course.horizon][run.name])
-        runs.append(made)
-    numbers = headline_of(compared, simulated, ready.roles)
+        outputs = simulated[FREE_RUN][run.name]
+        measured = {name: values for name, values in run.outputs.items() if is_compared(name, outputs, model)}
+        signals, traces = _errors(run.time, measured, outputs)
+        errors: dict[str, SignalError] = {}
+        if windows is not None and windows.horizon in simulated:
+            own, within = compared.measured[run.name], windows.stretches[number].within
+            rates = {name: own[name] for name in MOTOR_RATE_OF.values() if name in own}
+            there = simulated[windows.horizon][run.name]
+            errors, drawn = _errors(run.time, rates, {name: np.where(within, there[name], np.nan) for name in rates})
+            traces |= {f"{name} in windows": one for name, one in drawn.items()}
+        runs.append(RunComparison(run.name, ready.roles.by_run[run.name], signals, errors, traces))
     shown = dict.fromkeys([*compared.signals, *(name for run in ready.measured.runs for name in run.outputs)])
-    units = own_units(ready.measured, shown)
     return Comparison(
         dataset=ready.measured.name,
         model=model,
         runs=tuple(runs),
-        headline=numbers,
-        units=units,
+        headline=headline_of(compared, simulated, ready.roles),
+        units=own_units(ready.measured, shown),
         frame=frame_text(ready.measured),
         window_s=window_s,
         notes=compared.notes,
@@ -278,23 +280,9 @@ def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> fl
     return WINDOW_S if moves and shortest >= 3 * WINDOW_S >= 3 * _least_window_s(dataset) else 0.0
 
 
-def _run(run: Run, model: Model, role: str, outputs: Outputs) -> RunComparison:
-    errors, traces = {}, {}
-    for name, measured in run.outputs.items():
-        if is_compared(name, outputs, model):
-            errors[name] = signal_error(run.time, outputs[name], measured, relative=name in SUMMED)
-            traces[name] = Trace(run.time, outputs[name], measured)
-    return RunComparison(run.name, role, errors, {}, traces)
-
-
-def _with_windows(
-    found: RunComparison, time: Array, course: Course, number: int, rates: Mapping[str, Array], outputs: Outputs
-) -> RunComparison:
-    """Returns the comparison of the run of this number with the errors of its rates in open-loop windows."""
-    within = course.stretches[number].within
-    errors, traces = {}, {}
-    for rate, measured in rates.items():
-        simulated = np.where(within, outputs[rate], np.nan)
-        errors[rate] = signal_error(time, simulated, measured)
-        traces[f"{rate} in windows"] = Trace(time, simulated, measured)
-    return dataclasses.replace(found, windows=errors, traces={**found.traces, **traces})
+def _errors(
+    time: Array, measured: Mapping[str, Array], simulated: Outputs
+) -> tuple[dict[str, SignalError], dict[str, Trace]]:
+    """Returns the error of each measured signal, and what of it is drawn."""
+    errors = {n: signal_error(time, simulated[n], values, relative=n in SUMMED) for n, values in measured.items()}
+    return errors, {name: Trace(time, simulated[name], values) for name, values in measured.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from brickpilot.fit.residual import Problem
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
+Count = Callable[[str], None]
 
 _SCREENED = 32  # random starts that are only evaluated
 FOLLOWED = 2  # the best random starts, from which a descent is made, beside both systematic starts
@@ -34,16 +36,15 @@ class Start:
     cost: float
 
 
-class Counter:
-    """Counts the stages of a fit, `total` in all, and reports the start of each to `progress`."""
+def most_starts(*, with_effects: bool) -> int:
+    """Returns how many starts `search` follows at most, and `search_sizes` after it."""
+    return 2 + FOLLOWED + (2 * len(VISIBLE) if with_effects else 0)
 
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self._progress, self._total, self._done = progress, total, 0
 
-    def __call__(self, text: str) -> None:
-        if self._progress is not None:
-            self._progress(self._done, self._total, text)
-        self._done += 1
+def counted(progress: Progress | None, total: int) -> Count:
+    """Returns what reports the start of each of `total` stages of a fit to `progress`, and counts them."""
+    done = itertools.count()
+    return lambda text: progress(next(done), total, text) if progress is not None else None
 
 
 def _natural_start(problem: Problem) -> Array:
@@ -52,13 +53,13 @@ def _natural_start(problem: Problem) -> Array:
     Each gets the size at which it changes the signals by their rms.
     """
     free, start = problem.plan.free, problem.plan.start()
-    share = np.sqrt(np.mean((problem.sensitivity(start) / problem.data.signal_size()[:, np.newaxis]) ** 2, axis=0))
+    rms = problem.data.by_signal(problem.data.rms)[:, np.newaxis]
+    share = np.sqrt(np.mean((problem.sensitivity(start) / rms) ** 2, axis=0))
     moved = np.array([one.known is None and one.info.minimum == 0 for one in free]) & (share > 0)
-    low, high = _bounds(problem)
-    return np.clip(np.where(moved, start - np.log(np.where(moved, share, 1.0)), start), low, high)
+    return np.clip(np.where(moved, start - np.log(np.where(moved, share, 1.0)), start), *_bounds(problem))
 
 
-def search(problem: Problem, random: np.random.Generator, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Returns the best end of several descents: from two systematic starts and the best of many random ones near."""
     starts = np.array([problem.plan.start(), _natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
@@ -69,7 +70,7 @@ def search(problem: Problem, random: np.random.Generator, count: Counter) -> tup
     return _follow(problem, named, count)
 
 
-def search_sizes(problem: Problem, nominal: Array, count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
     Few effects are smooth at zero. So descents start from several sizes: those at which an effect changes the signals
@@ -78,16 +79,13 @@ def search_sizes(problem: Problem, nominal: Array, count: Counter) -> tuple[Arra
     added = problem.plan.free[len(nominal) :]
     base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])
     sizes = np.array([_visible_sizes(problem, base, len(nominal) + k) for k in range(len(added))])
-    either = any(one.signed for one in added)
+    signs = (1.0, -1.0) if any(one.signed for one in added) else (1.0,)
     named = []
-    for column, share in enumerate(VISIBLE):
-        for sign in (1.0, -1.0) if either else (1.0,):
-            values = [
-                one.to_coordinate(sign * s if one.signed else s) for one, s in zip(added, sizes[:, column], strict=True)
-            ]
-            named.append(
-                (f"effects {'of' if sign > 0 else 'of minus'} {100 * share:g} %", np.concatenate([nominal, values]))
-            )
+    for share, column in zip(VISIBLE, sizes.T, strict=True):
+        for sign in signs:
+            values = [one.to_coordinate(sign * s if one.signed else s) for one, s in zip(added, column, strict=True)]
+            name = f"effects {'of' if sign > 0 else 'of minus'} {100 * share:g} %"
+            named.append((name, np.concatenate([nominal, values])))
     return _follow(problem, named, count)
 
 
@@ -99,20 +97,18 @@ def _visible_sizes(problem: Problem, base: Array, index: int) -> list[float]:
     points = np.tile(base, (len(sizes), 1))
     points[:, index] = [one.to_coordinate(float(size)) for size in sizes]
     moved = problem.data.predict([problem.plan.at(point) for point in points])
-    changes = np.sqrt(np.mean(((moved - moved[0]) / problem.data.signal_size()) ** 2, axis=1))
+    changes = np.sqrt(np.mean(((moved - moved[0]) / problem.data.by_signal(problem.data.rms)) ** 2, axis=1))
     logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
     return [float(sizes[int(np.argmin(np.abs(logs - np.log(share))))]) for share in VISIBLE]
 
 
 def _best_of(problem: Problem, candidates: Array) -> list[tuple[str, Array]]:
-    low, high = _bounds(problem)
-    inside = np.clip(candidates, low, high)
-    costs = np.array([problem.cost(point) for point in inside])
-    order = np.argsort(costs, kind="stable")[:FOLLOWED]
+    inside = np.clip(candidates, *_bounds(problem))
+    order = np.argsort([problem.cost(point) for point in inside], kind="stable")[:FOLLOWED]
     return [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
 
 
-def _follow(problem: Problem, named: list[tuple[str, Array]], count: Counter) -> tuple[Array, tuple[Start, ...]]:
+def _follow(problem: Problem, named: list[tuple[str, Array]], count: Count) -> tuple[Array, tuple[Start, ...]]:
     ends = []
     for name, point in named:
         count(f"descending from {name}")

@@ -98,7 +98,9 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
     for run in dataset.runs:
         both = {**run.outputs, **as_read[run.name].outputs}
         measured[run.name] = {
-            name: values for name, values in both.items() if is_compared(name, given, model) and _has_values(values)
+            name: values
+            for name, values in both.items()  # a motor's position beside its velocity keeps only the first sample
+            if is_compared(name, given, model) and np.count_nonzero(np.isfinite(values)) > 1
         }
     signals = tuple(dict.fromkeys(name for run in dataset.runs for name in measured[run.name]))
     starts = {run.name: _starts(run.time, measured[run.name]) for run in dataset.runs}
@@ -132,27 +134,18 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
     return error, reference
 
 
-def _has_values(values: Array) -> bool:
-    return int(np.isfinite(values).sum()) > 1  # a motor's position beside its velocity keeps only the first sample
-
-
 def _starts(time: Array, measured: Mapping[str, Array]) -> dict[str, Array]:
     """Returns what is known of the state at each sample. Rates are smoothed, or derived from what sums them up."""
-    found: dict[str, Array] = {}
-    for name, values in measured.items():
-        if name in SUMMED:
-            found[name] = values
-        elif name in _STATES:
-            found[name] = _smoothed(time, values)
-    for summed, rate in RATE_OF.items():
+    found = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
+    for summed, rate in {**RATE_OF, "yaw_angle": "yaw_rate"}.items():
         if summed in measured and rate not in found:
             found[rate] = zero_phase_rate(time, measured[summed])
-    if "yaw_angle" in measured and "yaw_rate" not in found:
-        found["yaw_rate"] = zero_phase_rate(time, measured["yaw_angle"])
     return found
 
 
-_STATES = frozenset(RATE_OF.values()) | {"yaw_rate", "surge", "sway", "current", "current_left", "current_right"}
+_STATES = (
+    SUMMED | frozenset(RATE_OF.values()) | {"yaw_rate", "surge", "sway", "current", "current_left", "current_right"}
+)
 
 
 def _smoothed(time: Array, values: Array) -> Array:
@@ -291,19 +284,23 @@ def simulated_at(
 
 def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles) -> Headline:
     """Returns the headline of what was simulated: horizon -> run -> outputs."""
-    noise = noise_sds(compared)
+    noise = {
+        signal: noise_sd(compared.dataset, signal, [one[signal] for one in compared.measured.values() if signal in one])
+        for signal in compared.signals
+    }
     by_run: dict[str, dict[str, dict[str, dict[str, Agreement]]]] = {}
     for course in compared.courses:
-        for name, one in _by_run(compared, course, simulated.get(course.horizon, {}), roles, noise).items():
-            by_run.setdefault(name, {})[course.horizon] = one
+        for one in course.stretches:
+            run, outputs = one.run, simulated.get(course.horizon, {}).get(one.run.name, {})
+            held_out = _held_out(run, roles)
+            for signal in compared.measured[run.name] if outputs else ():
+                error, value = deviation(compared, one, signal, outputs[signal])
+                by_run.setdefault(run.name, {}).setdefault(course.horizon, {})[signal] = {
+                    role: agreement(error[here], value[here], noise_sd=noise[signal])
+                    for role, here in (("held_out", held_out), ("fit", ~held_out))
+                    if here.any()
+                }
     return Headline(by_run)
-
-
-def noise_sds(compared: Track) -> dict[str, float]:
-    """Returns signal -> sd of its noise, SI."""
-    by_run = compared.measured.values()
-    parts = {signal: [one[signal] for one in by_run if signal in one] for signal in compared.signals}
-    return {signal: noise_sd(compared.dataset, signal, values) for signal, values in parts.items()}
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
@@ -312,25 +309,6 @@ def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
     return max(float(np.hypot(stated, step / 12**0.5)), noise_of(parts, step).sd)
-
-
-def _by_run(
-    compared: Track, course: Course, simulated: Mapping[str, Outputs], roles: Roles, noise: Mapping[str, float]
-) -> dict[str, dict[str, dict[str, Agreement]]]:
-    """Returns run -> signal -> role -> agreement, at one horizon."""
-    found: dict[str, dict[str, dict[str, Agreement]]] = {}
-    for stretch in course.stretches:
-        run = stretch.run
-        held_out = _held_out(run, roles)
-        for signal in compared.measured[run.name] if run.name in simulated else ():
-            error, value = deviation(compared, stretch, signal, simulated[run.name][signal])
-            by_role = {
-                role: agreement(error[here], value[here], noise_sd=noise[signal])
-                for role, here in (("held_out", held_out), ("fit", ~held_out))
-                if here.any()
-            }
-            found.setdefault(run.name, {}).setdefault(signal, by_role)
-    return found
 
 
 def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +58,12 @@ class Free:
     keeps_sign: bool = False
     natural: float = 0.0
 
-    @property
+    @cached_property
     def effect(self) -> tuple[str, str] | None:
         head, dot, tail = self.name.partition("@" if "@" in self.name else ".")
         return (head, tail) if dot else None
 
-    @property
+    @cached_property
     def run(self) -> str:
         """The run that a value of its own belongs to; empty: it belongs to the model."""
         return self.name.partition("@")[2]
@@ -71,7 +72,7 @@ class Free:
     def signed(self) -> bool:
         return self.info.minimum < 0
 
-    @property
+    @cached_property
     def size(self) -> float:
         """The unit of the coordinate: `unit`, else the stated value, else the preset, else 1."""
         stated = abs(self.known.value) if self.known is not None else 0.0
@@ -82,7 +83,7 @@ class Free:
         """The change of the coordinate over which a signal may be taken as linear."""
         return _TURNING.get(self.info.name, 1.0) if self.effect else 1.0
 
-    @property
+    @cached_property
     def load(self) -> str:
         """The parameter that this one is the lever arm of, as "effect.parameter"; empty: none.
 
@@ -91,7 +92,7 @@ class Free:
         """
         return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
 
-    @property
+    @cached_property
     def _straight(self) -> bool:
         return self.signed or self.name in catalogue.loads()
 
@@ -193,7 +194,8 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
             known = dataset.nominal_effects.get(name, {}).get(info.name)
             if known is None or _is_open(known, info):
                 chosen.append(Free(f"{name}.{info.name}", info, known))
-    return Plan(model, tuple(chosen), _notes(dataset, model, entering))
+    absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
+    return Plan(model, tuple(chosen), (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ())
 
 
 def _start_model(
@@ -242,11 +244,6 @@ def _is_free(info: ParameterInfo, model: Model, dataset: Dataset, asked: Sequenc
     if name == "inductance":
         return any(signal.startswith("current") for signal in dataset.signals)
     return info.role != "fixed" and name != "battery_voltage" and model.parameters[name] != 0
-
-
-def _notes(dataset: Dataset, model: Model, entering: set[str]) -> tuple[str, ...]:
-    absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
-    return (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ()
 
 
 def _beside(value: float, info: ParameterInfo) -> float:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,15 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.fit import start_state
-from brickpilot.fit.start_state import run_of
+from brickpilot.fit.start_state import GEOMETRY, Reading, run_of
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.plant import OpenLoopRun, Simulated, State
+from brickpilot.vehicle.plant import OpenLoopRun, State
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-Restarts = Mapping[str, Sequence[tuple[int, State]]]
+
+_MOST_BEGUN = 1024  # runs with a start state that are kept
 
 
 @dataclass(frozen=True)
@@ -34,30 +36,28 @@ class Mark:
     measured: Mapping[str, float]
 
 
+@dataclass(eq=False)
 class Replay:
     """A data set whose runs can be simulated under any model.
 
-    Args:
+    Attributes:
         dataset: as `dataset.read` gives it.
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
-        inputs: run -> (n, 1) or (n, 2) V; None: the inputs of the data set.
-        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; None: its own.
+        inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
+        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; empty: its own.
     """
 
-    def __init__(
-        self,
-        dataset: Dataset,
-        *,
-        motor_step: float = 0.0,
-        body_step: float = 0.0,
-        inputs: Mapping[str, Array] | None = None,
-        whole: Mapping[str, tuple[Array, Array]] | None = None,
-    ) -> None:
-        self.dataset = dataset
-        self.inputs = dict(inputs) if inputs else {run.name: motor_inputs(run, dataset) for run in dataset.runs}
-        self.whole = whole or {run.name: (run.time, self.inputs[run.name]) for run in dataset.runs}
-        self._steps = (motor_step, body_step)
+    dataset: Dataset
+    motor_step: float = 0.0
+    body_step: float = 0.0
+    inputs: Mapping[str, Array] = field(default_factory=dict)
+    whole: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.inputs = self.inputs or {run.name: motor_inputs(run, self.dataset) for run in self.dataset.runs}
+        self.whole = self.whole or {run.name: (run.time, self.inputs[run.name]) for run in self.dataset.runs}
+        self._begun: dict[tuple[object, ...], OpenLoopRun] = {}
 
     def simulate(
         self,
@@ -78,147 +78,164 @@ class Replay:
                 open-loop windows. What was not measured stays as simulated, and so do commands on their way, heat and
                 charge.
         """
-        simulated = self._simulate(models, only, threads, signals, self._restarts(models, marks or {}))
-        return [{name: run.outputs for name, run in runs.items()} for runs in simulated]
+        names = plant.wanted_names(None if signals is None else frozenset(signals))
+        rows, (places, _) = self._simulated(models, only, names, threads, marks or {}), self._places(names)
+        wanted = [run for run in self.dataset.runs if only is None or run.name in only]
+
+        def outputs(row: Array, run: Run) -> Outputs:
+            own = row[places[run.name] : places[run.name] + len(names) * len(run.time)]
+            return plant.by_signal(names, own.reshape(len(names), -1))
+
+        return [{run.name: outputs(row, run) for run in wanted} for row in rows]
 
     def stacked(
-        self,
-        models: Sequence[Model],
-        *,
-        only: Collection[str],
-        threads: int = 2,
-        signals: Collection[str] | None = None,
-    ) -> list[Array]:
-        """Simulates as `simulate` does, and returns for each model its outputs in one row: see `layout`."""
-        runs = [run.name for run in self.dataset.runs if run.name in only]
-        simulated = self._simulate(models, only, threads, signals)
-        return [np.concatenate([one[name].columns.ravel() for name in runs]) for one in simulated]
+        self, models: Sequence[Model], *, only: Collection[str], signals: Collection[str], threads: int = 2
+    ) -> Array:
+        """Simulates as `simulate` does, and returns (models, length), in the order of `layout`."""
+        return self._simulated(models, only, plant.wanted_names(frozenset(signals)), threads, {})
 
-    def layout(self, only: Collection[str], signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
-        """Returns (run, signal) -> the place of its first sample in a row of `stacked`; and the length of a row."""
-        places, place = {}, 0
-        for run in self.dataset.runs:
-            for signal in plant.wanted_names(frozenset(signals)) if run.name in only else ():
-                places[run.name, signal] = place
-                place += len(run.time)
-        return places, place
+    def layout(self, signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
+        """Returns (run, signal) -> the place of its first sample in a row of `stacked`; and the length of a row.
 
-    def _simulate(
+        A row has room for all runs; of those that are not wanted it holds nothing.
+        """
+        names = plant.wanted_names(frozenset(signals))
+        places, length = self._places(names)
+        runs = self.dataset.runs
+        return {(r.name, name): places[r.name] + k * len(r.time) for r in runs for k, name in enumerate(names)}, length
+
+    def _places(self, names: Sequence[str]) -> tuple[dict[str, int], int]:
+        """Returns run -> where its outputs begin in a row of `names`; and the length of a row."""
+        ends = np.cumsum([0, *(len(names) * len(run.time) for run in self.dataset.runs)]).tolist()
+        return {run.name: end for run, end in zip(self.dataset.runs, ends, strict=False)}, ends[-1]
+
+    def _simulated(
         self,
         models: Sequence[Model],
         only: Collection[str] | None,
+        names: tuple[str, ...],
         threads: int,
-        signals: Collection[str] | None,
-        restarts: Sequence[Restarts] | None = None,
-    ) -> list[dict[str, Simulated]]:
-        """Returns for each model run name -> what was simulated.
+        marks: Mapping[str, Sequence[Mark]],
+    ) -> Array:
+        """Returns (models, length): the outputs `names` of each run, in rows.
 
         Models whose charge or heat carries over need one run after the other; the others all runs at once.
         """
-        results: list[dict[str, Simulated]] = [{} for _ in models]
-        runs = self._aged(only)
-        carry_over = [
-            index
-            for index, model in enumerate(models)
-            if any(effect.carries_over for effect in catalogue.effects_of(model.effects))
-        ]
-        others = [index for index in range(len(models)) if index not in carry_over]
-        batches = [(carry_over, [one]) for one in runs]
-        batches.append((others, [one for one in runs if only is None or one[0].name in only]))
-        steps = [self._motor_step(model) for model in models]
-        carried = [State()] * len(models)
-        for chosen, batch in batches:
-            if not chosen:
-                continue
+        places, length = self._places(names)
+        rows = np.empty((len(models), length))
+        restarts = self._restarts(models, marks)
+        carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects))[0]]
+        others = [index for index in range(len(models)) if index not in carrying]
+        wanted = [one for one in self._aged if only is None or one[0].name in only]
+        until = self._aged.index(wanted[-1]) + 1 if wanted else 0
+        carried = {index: State() for index in carrying}
+        for chosen, batch in [*((carrying, [one]) for one in self._aged[:until]), (others, wanted)]:
             pairs = [(run, age, index) for run, age in batch for index in chosen]
-            measured = start_state.initial_states([(run, models[index]) for run, _, index in pairs])
-            jobs, ready = [], dict[tuple[int, int], State]()
-            for (run, age, index), state in zip(pairs, measured, strict=True):
-                left = carried[index]
-                start = ready.get((id(state), id(left)))
-                if start is None:
-                    start = dataclasses.replace(state, age=age, charge=left.charge, heat=left.heat, rest=run.gap_s)
-                    ready[id(state), id(left)] = start
-                one_run = self._open_loop(run, start, steps[index], models[index])
-                if restarts is not None and run.name in restarts[index]:
-                    one_run = dataclasses.replace(one_run, restarts=restarts[index][run.name])
-                jobs.append((models[index], one_run))
-            for (run, _, index), one in zip(pairs, plant.simulate(jobs, threads, signals=signals), strict=True):
-                results[index][run.name] = one
-                if chosen is carry_over:
-                    carried[index] = one.final
-        return results
+            if not pairs:
+                continue
+            begun = self._starting([(run, age, models[index]) for run, age, index in pairs])
+            for k, (run, _, index) in enumerate(pairs):
+                if chosen is carrying:
+                    left = carried[index]
+                    start = dataclasses.replace(begun[k].initial, charge=left.charge, heat=left.heat)  # type: ignore[type-var]
+                    begun[k] = dataclasses.replace(begun[k], initial=start)
+                if (index, run.name) in restarts:
+                    begun[k] = dataclasses.replace(begun[k], restarts=restarts[index, run.name])
+            jobs = [(models[index], one) for (_, _, index), one in zip(pairs, begun, strict=True)]
+            starts = [index * length + places[run.name] for run, _, index in pairs]
+            last = plant.simulate_into(rows.reshape(-1), starts, jobs, names, threads)
+            if chosen is carrying:
+                carried = {index: plant.state_of(end) for index, end in zip(chosen, last, strict=True)}
+        return rows
 
-    def _restarts(self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]) -> Sequence[Restarts] | None:
-        """Returns for each model run name -> (sample, state to go on from); None without marks."""
-        if not marks:
-            return None
-        ages = {run.name: age for run, age in self._aged(None)}
+    def _restarts(
+        self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
+    ) -> dict[tuple[int, str], list[tuple[int, State]]]:
+        """Returns (number of the model, run) -> (sample, state to go on from)."""
         places, readings = [], []
-        for run in self.dataset.runs:
+        for run, age in self._aged:
             for mark in marks.get(run.name, ()):
-                age = ages[run.name] + float(run.time[mark.sample] - run.time[0])
-                for index, model in enumerate(models):
-                    places.append((index, run.name, mark.sample))
-                    readings.append(start_state.reading(mark.measured, model, age=age))
-        found: list[dict[str, list[tuple[int, State]]]] = [{} for _ in models]
-        for (index, name, sample), state in zip(places, start_state.restarts(readings), strict=True):
-            found[index].setdefault(name, []).append((sample, state))
+                now = age + float(run.time[mark.sample] - run.time[0])
+                places += [((index, run.name), mark.sample) for index in range(len(models))]
+                readings += [Reading(mark.measured, {}, model, now) for model in models]
+        found: dict[tuple[int, str], list[tuple[int, State]]] = {}
+        for (key, sample), state in zip(places, start_state.states(readings, restart=True), strict=True):
+            found.setdefault(key, []).append((sample, state))
         return found
 
-    def _aged(self, only: Collection[str] | None) -> list[tuple[Run, float]]:
-        """Returns the runs up to the last of `only`, each with the s from power-on to its start."""
+    @cached_property
+    def _aged(self) -> list[tuple[Run, float]]:
+        """The runs, each with the s from power-on to its start."""
         runs = self.dataset.runs
-        ages = np.cumsum([run.gap_s + before for run, before in zip(runs, [0.0, *map(_duration, runs)], strict=False)])
-        wanted = [index for index, run in enumerate(runs) if only is None or run.name in only]
-        return [(runs[index], float(ages[index])) for index in range(max(wanted) + 1)]
+        lasted = [0.0, *(float(run.time[-1] - run.time[0]) for run in runs)]
+        ages = np.cumsum([run.gap_s + before for run, before in zip(runs, lasted, strict=False)])
+        return list(zip(runs, ages.tolist(), strict=True))
 
-    def with_whole(self, whole: Mapping[str, tuple[Array, Array]]) -> Replay:
-        """Returns the same windows, which know time and inputs of the whole runs that they were cut from."""
-        motor_step, body_step = self._steps
-        return Replay(self.dataset, motor_step=motor_step, body_step=body_step, inputs=self.inputs, whole=whole)
+    @cached_property
+    def _first_samples(self) -> dict[str, dict[str, float]]:
+        """Run -> what is known at its first sample, but for what is stated."""
+        return {run.name: start_state.first_sample(run) for run in self.dataset.runs}
 
     def nudged(self, signal: str, by: float) -> Replay:
         """Returns the same data with `by` added to `signal` in the first sample of each run."""
         runs = []
         for run in self.dataset.runs:
-            values = np.array(run.outputs.get(signal, [0.0]))
-            values[0] += by
-            runs.append(
-                dataclasses.replace(run, outputs={**run.outputs, signal: values}) if signal in run.outputs else run
+            if signal in run.outputs:
+                values = np.array(run.outputs[signal])
+                values[0] += by
+                run = dataclasses.replace(run, outputs={**run.outputs, signal: values})
+            runs.append(run)
+        return dataclasses.replace(self, dataset=dataclasses.replace(self.dataset, runs=tuple(runs)))
+
+    def _starting(self, wanted: Sequence[tuple[Run, float, Model]]) -> list[OpenLoopRun]:
+        """Returns each run under a model, started from its first sample. Models that give one state share it."""
+        if len(self._begun) > _MOST_BEGUN:
+            self._begun = {}  # another thread may still read the old one
+        parts = {id(model): _start_key(model) for _, _, model in wanted}
+        keys = [(run.name, *part) if (part := parts[id(model)]) else () for run, _, model in wanted]
+        begun = self._begun
+        new = [k for k, key in enumerate(keys) if key not in begun]
+        readings = [
+            Reading(self._first_samples[run.name], run.initial or {}, model)
+            for run, _, model in (wanted[k] for k in new)
+        ]
+        own = {}
+        for k, state in zip(new, start_state.states(readings), strict=True):
+            run, age, model = wanted[k]
+            own[k] = OpenLoopRun(
+                time=run.time,
+                inputs=self._driven(run, model),
+                initial=dataclasses.replace(state, age=age, rest=run.gap_s),
+                motor_step=min([self.motor_step, *_needs(tuple(model.effects))[1]]),
+                body_step=self.body_step,
             )
-        return Replay(
-            dataclasses.replace(self.dataset, runs=tuple(runs)),
-            motor_step=self._steps[0],
-            body_step=self._steps[1],
-            inputs=self.inputs,
-            whole=self.whole,
-        )
+        begun |= {key: own[k] for k in new if (key := keys[k])}
+        return [own[k] if k in own else begun[key] for k, key in enumerate(keys)]
 
-    def _motor_step(self, model: Model) -> float:
-        """Returns the upper limit of the motor step, s: that of the replay, or of an effect that is faster."""
-        needed = [one.motor_step for one in catalogue.effects_of(model.effects) if one.motor_step > 0]
-        return min([self._steps[0], *needed])
-
-    def _open_loop(self, run: Run, start: State, motor_step: float, model: Model) -> OpenLoopRun:
-        inputs = self.inputs[run.name]
-        own = {kind: one[run_of(run.name)] for kind, one in model.by_run.items() if one.get(run_of(run.name))}
-        if own:
-            time, driven = self.whole[run.name]
-            for kind, value in own.items():
-                driven = RUN_KINDS[kind].change(time, driven, value)
-            inputs = mean_over_steps(time, driven, run.time)
-        return OpenLoopRun(
-            time=run.time,
-            inputs=inputs,
-            initial=start,
-            motor_step=motor_step,
-            body_step=self._steps[1],
-        )
+    def _driven(self, run: Run, model: Model) -> Array:
+        """Returns (n, columns) V: the inputs of a run, with what values of its own make of them."""
+        name = run_of(run.name)
+        own = {kind: one[name] for kind, one in model.by_run.items() if one.get(name)}
+        if not own:
+            return self.inputs[run.name]
+        time, driven = self.whole[run.name]
+        for kind, value in own.items():
+            driven = RUN_KINDS[kind].change(time, driven, value)
+        return mean_over_steps(time, driven, run.time)
 
 
-def _duration(run: Run) -> float:
-    return float(run.time[-1] - run.time[0])
+@cache
+def _needs(effects: tuple[str, ...]) -> tuple[bool, tuple[float, ...]]:
+    """Returns whether charge or heat carries over from run to run with these effects, and their longest motor steps."""
+    infos = catalogue.effects_of(effects)
+    return any(one.carries_over for one in infos), tuple(one.motor_step for one in infos if one.motor_step > 0)
+
+
+def _start_key(model: Model) -> tuple[object, ...]:
+    """Returns what the start of a run depends on; empty: on more than is worth keeping."""
+    if model.by_run or start_state.has_sensor_effect(model):
+        return ()
+    return model.vehicle, _needs(tuple(model.effects))[1], *(model.parameters.get(name) for name in GEOMETRY)
 
 
 def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
@@ -256,6 +273,11 @@ def held_back(time: Array, driven: Array, held_s: float) -> Array:
     return np.where(missing >= 1, 0.0, (1 - missing) * driven)
 
 
+def scaled(_: Array, driven: Array, gain: float) -> Array:
+    """Returns (n, columns): inputs that are larger by a share `gain`."""
+    return np.asarray(driven * (1 + gain))
+
+
 @dataclass(frozen=True)
 class RunKind:
     """One kind of value that a run may have of its own: what of its inputs reaches the motors, and when.
@@ -280,35 +302,13 @@ class RunKind:
     tried: tuple[float, ...] = ()
 
 
+_START = "The time from the start of a recording to the first input that acts"
+_TRIED_DELAYS = tuple(0.05 * k for k in range(-2, 7) if k)
+_TRIED_STARTS = tuple(0.05 * k for k in range(1, 8))
+
 RUN_KINDS: Mapping[str, RunKind] = {
-    "supply_gain": RunKind(
-        "The voltage that reaches the motors",
-        "1",
-        "supply",
-        lambda _, driven, value: driven * (1 + value),
-        0.1,
-        -0.5,
-        0.5,
-    ),
-    "delay": RunKind(
-        "The time from a command to its effect",
-        "s",
-        "timing",
-        later,
-        0.1,
-        -0.5,
-        0.5,
-        tuple(0.05 * k for k in range(-2, 7) if k),
-    ),
-    "start": RunKind(
-        "The time from the start of a recording to the first input that acts",
-        "s",
-        "timing",
-        held_back,
-        0.1,
-        0.0,
-        0.5,
-        tuple(0.05 * k for k in range(1, 8)),
-    ),
+    "supply_gain": RunKind("The voltage that reaches the motors", "1", "supply", scaled, 0.1, -0.5, 0.5),
+    "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
+    "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
 }
 """A battery's charge changes the gain of a run, a link its delay; a log may start before its command does."""

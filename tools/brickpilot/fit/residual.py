@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from threading import Lock
 from types import MappingProxyType
 
 import numpy as np
@@ -28,17 +29,10 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.noise import Noise, noise_of
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
-from brickpilot.fit.comparable import Bins, Block, blocks, on_coarse_grid, stack
-from brickpilot.fit.parameters import Plan
+from brickpilot.fit import robust
+from brickpilot.fit.comparable import SAMPLES, Bins, Block, blocks, on_coarse_grid, stack
+from brickpilot.fit.parameters import Free, Plan
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.robust import (
-    HUBER_THRESHOLD,
-    correlation_time,
-    noise_sd,
-    pseudo_huber,
-    pseudo_huber_loss,
-    robust_size,
-)
 from brickpilot.fit.start_state import MOTOR_RATE_OF, run_of
 from brickpilot.vehicle.model import Model
 
@@ -52,6 +46,7 @@ LEAST_NOISE_SHARE = 1e-3
 """The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, its noise with it."""
 
 _MOTOR_STEP_S = 0.003  # the longest motor step of bins at the measured samples
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # models whose simulated values are remembered, and numbers in all
 _CHUNK = 24  # models that are simulated at once: their outputs take memory
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
@@ -75,6 +70,36 @@ class Scale:
     tau: float
     noise: float
     sample_noise: float
+
+
+class _Memory:
+    """What the latest models gave. A fit often comes back to a point at which another stage has been."""
+
+    def __init__(self) -> None:
+        self._kept: dict[object, Array] = {}
+        self._lock = Lock()
+
+    def recall(self, keys: Sequence[object]) -> dict[object, Array]:
+        """Returns key -> (values,) of what is still known of `keys`."""
+        with self._lock:
+            found = {key: self._kept.pop(key) for key in dict.fromkeys(keys) if key in self._kept}
+            self._kept |= found  # what was asked for last goes last
+            return found
+
+    def keep(self, made: Mapping[object, Array]) -> None:
+        """Keeps key -> (values,), and forgets what was not asked for longest."""
+        with self._lock:
+            self._kept |= made
+            most = max(_LEAST_KEPT, _KEPT_VALUES // max(len(next(iter(self._kept.values()))), 1))
+            for key in list(self._kept)[: max(len(self._kept) - most, 0)]:
+                del self._kept[key]
+
+
+def _key(model: Model) -> object:
+    """Returns all that a simulation depends on."""
+    tables = (model.effects, model.by_run)
+    rest = tuple((name, tuple(values.items())) for table in tables for name, values in table.items())
+    return model.vehicle, model.profile, tuple(model.parameters.items()), rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +128,7 @@ class Residual:
     notes: tuple[str, ...]
     matched: float
     threads: int = 2
+    _memory: _Memory = field(default_factory=_Memory, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("scales", "rms"):
@@ -124,33 +150,41 @@ class Residual:
 
     def predict(self, models: Sequence[Model]) -> Array:
         """Returns (models, values): the simulated values, SI; NaN where a model diverges."""
-        return np.vstack([self._predict(models[k : k + _CHUNK]) for k in range(0, len(models), _CHUNK)])
+        keys = [_key(model) for model in models]
+        known = self._memory.recall(keys)
+        new = list({key: model for key, model in zip(keys, models, strict=True) if key not in known}.items())
+        for first in range(0, len(new), _CHUNK):
+            chunk = dict(new[first : first + _CHUNK])
+            made = dict(zip(chunk, self._predict(list(chunk.values())), strict=True))
+            self._memory.keep(made)
+            known |= made
+        return np.array([known[key] for key in keys])
 
-    def _predict(self, models: Sequence[Model]) -> Array:
+    def _predict(self, models: Sequence[Model]) -> list[Array]:
         try:
             rows = self.replay.stacked(models, only=self.runs, threads=self.threads, signals=self.signals)
         except SimulationError:
             if len(models) > 1:
-                return np.vstack([self._predict([model]) for model in models])
-            return np.full((1, len(self.measured)), np.nan)
-        return np.array([self.picked @ row for row in rows])
+                return [values for model in models for values in self._predict([model])]
+            return [np.full(len(self.measured), np.nan)]
+        return [np.asarray(self.picked @ row) for row in rows]
+
+    def error(self, model: Model) -> Array:
+        """Returns (values,): measured less simulated, SI."""
+        return np.asarray(self.measured - self.predict([model])[0])
 
     def scaled(self, model: Model) -> Array:
         """Returns (values,): the residual of `model`, in scales."""
-        return next(self.scaled_by([model]))
+        return self.error(model) * self.weight()
 
     def scaled_by(self, models: Sequence[Model]) -> Iterator[Array]:
         """Yields (values,): the residual of each model, in scales. Simulates as it goes on."""
         for first in range(0, len(models), _CHUNK):
-            yield from self.whiten(self.predict(models[first : first + _CHUNK]))
-
-    def whiten(self, simulated: Array) -> Array:
-        """Returns (..., values): measured less `simulated` (..., values), in scales."""
-        return (self.measured - simulated) * self.weight()
+            yield from (self.measured - self.predict(models[first : first + _CHUNK])) * self.weight()
 
     def losses(self, model: Model) -> Array:
         """Returns (values,): what each value adds to the cost, without priors."""
-        return pseudo_huber_loss(self.scaled(model))
+        return robust.pseudo_huber_loss(self.scaled(model))
 
     def weight(self) -> Array:
         """Returns (values,): 1 / scale."""
@@ -159,10 +193,6 @@ class Residual:
     def taus(self) -> Array:
         """Returns (values,): the correlation time of the value's signal."""
         return self.by_signal({signal: one.tau for signal, one in self.scales.items()})
-
-    def signal_size(self) -> Array:
-        """Returns (values,): the rms of the signal that the value belongs to."""
-        return self.by_signal(self.rms)
 
     def by_signal(self, values: Mapping[str, float]) -> Array:
         """Returns (values,) from a number for each signal."""
@@ -182,43 +212,43 @@ class Residual:
             for block in self.blocks
         )
 
-    def rescaled(self, model: Model) -> Residual:
-        """Returns the residual weighed by its own size and correlation time under `model`, never below the noise."""
-        error = self.measured - self.predict([model])[0]
-        scales = {}
+    def floor(self, signal: str) -> float:
+        """Returns the least scale of a signal, SI: its noise, and the share that no simulator matches."""
+        return float(np.hypot(self.scales[signal].noise, self.matched * self.rms[signal]))
+
+    def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
+        """Returns each signal weighed by the robust size of its residual under `model`: none swamps another.
+
+        `correlated`: and by the correlation time of that residual.
+        """
+        error, scales = self.error(model), {}
         for signal, one in self.scales.items():
             parts = self.parts(error, signal)
-            size = max(robust_size(np.concatenate(parts)), one.noise)
-            tau = correlation_time([pseudo_huber(part / size).value for part in parts])
+            size = max(robust.robust_size(np.concatenate(parts)), self.floor(signal))
+            tau = (
+                robust.correlation_time([robust.pseudo_huber(part / size).value for part in parts])
+                if correlated
+                else one.tau
+            )
             scales[signal] = dataclasses.replace(one, size=size, tau=tau)
         return dataclasses.replace(self, scales=scales)
 
-    def weighed_by_size(self, model: Model) -> Residual:
-        """Returns bins weighed by the robust size of each signal's residual under `model`: none swamps another."""
-        error = self.measured - self.predict([model])[0]
-        scales = {
-            signal: dataclasses.replace(
-                one,
-                size=max(
-                    robust_size(np.concatenate(self.parts(error, signal))),
-                    float(np.hypot(one.noise, MODEL_ERROR_SHARE * self.rms[signal])),
-                ),
-            )
-            for signal, one in self.scales.items()
-        }
-        return dataclasses.replace(self, scales=scales)
+    def with_floors(self, noise: Mapping[str, float]) -> Residual:
+        """Returns the residual weighed by its floors, with this noise of a value, signal -> SI."""
+        noisy = {signal: dataclasses.replace(one, noise=noise[signal]) for signal, one in self.scales.items()}
+        found = dataclasses.replace(self, scales=noisy)
+        sizes = {signal: dataclasses.replace(one, size=found.floor(signal)) for signal, one in noisy.items()}
+        return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
         """Returns bins that take what changes from bin to bin under `model` for noise: no effect is a vibration."""
-        error, scales = self.measured - self.predict([model])[0], dict(self.scales)
-        for signal, one in self.scales.items():
+        error, noise = self.error(model), {signal: one.noise for signal, one in self.scales.items()}
+        for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
             if changes:
                 sd = 1.4826 * float(np.median(np.abs(np.concatenate(changes)))) / 6**0.5
-                noise = max(one.noise, sd)
-                size = float(np.hypot(noise, MODEL_ERROR_SHARE * self.rms[signal]))
-                scales[signal] = dataclasses.replace(one, noise=noise, size=size)
-        return dataclasses.replace(self, scales=scales)
+                noise[signal] = max(noise[signal], sd)
+        return self.with_floors(noise)
 
     def weighed_like(self, other: Residual) -> Residual:
         """Returns the residual with the weights of `other` for the signals that both compare."""
@@ -232,20 +262,19 @@ class Residual:
         of a signal that was white passes it too, and its sd grows by the norm of the filter.
         """
         whole = csr_array(block_diag([filters[block.run, block.signal] for block in self.blocks], format="csr"))
-        measured, scales, rms = np.asarray(whole @ self.measured), {}, {}
+        measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
         gain = np.sqrt(np.asarray(whole.multiply(whole).sum(axis=1)).ravel())
-        for signal, one in self.scales.items():
-            noise = one.noise * float(np.median(np.concatenate(self.parts(gain, signal))))
-            rms[signal] = float(np.sqrt(np.mean(np.concatenate(self.parts(measured, signal)) ** 2))) or 1.0
-            size = float(np.hypot(noise, MODEL_ERROR_SHARE * rms[signal]))
-            scales[signal] = dataclasses.replace(one, noise=noise, size=size)
-        return dataclasses.replace(
-            self, measured=measured, picked=csr_array(whole @ self.picked), scales=scales, rms=rms
-        )
+        noise = {
+            signal: one.noise * float(np.median(np.concatenate(self.parts(gain, signal))))
+            for signal, one in self.scales.items()
+        }
+        rms = {signal: _rms(self.parts(measured, signal)) or 1.0 for signal in self.signals}
+        found = dataclasses.replace(self, measured=measured, picked=picked, rms=rms, _memory=_Memory())
+        return found.with_floors(noise)
 
     def with_inputs(self, replay: Replay) -> Residual:
         """Returns the same measured values and weights, simulated from the inputs of `replay`, on the same samples."""
-        return dataclasses.replace(self, replay=replay)
+        return dataclasses.replace(self, replay=replay, _memory=_Memory())
 
     def influence(self, model: Model) -> tuple[Array, Array]:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
@@ -255,10 +284,11 @@ class Residual:
         parameters and leaves no trace in the residual.
         """
         size, tau = 1 / self.weight(), self.taus()
-        scaled = (self.measured - self.predict([model])[0]) / size
-        root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
-        rms = {name: float(np.sqrt(np.mean(np.concatenate(self.parts(scaled, name)) ** 2))) for name in self.signals}
-        raised = self.by_signal({signal: 1 / min(max(one, 1e-9), 1.0) for signal, one in rms.items()})
+        scaled = self.error(model) / size
+        root = np.sqrt(1 + (scaled / robust.HUBER_THRESHOLD) ** 2)
+        raised = self.by_signal(
+            {name: 1 / min(max(_rms(self.parts(scaled, name)), 1e-9), 1.0) for name in self.signals}
+        )
         return raised * scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, length_s: float, least: int = 1) -> tuple[Indices, int]:
@@ -279,8 +309,10 @@ class Residual:
         first: dict[tuple[str, int], int] = {}
         for block in self.blocks:
             name = run_of(block.run)
-            cut = np.floor((block.middle - starts[name]) / length).astype(np.int64)
-            numbers[block.place] = [first.setdefault((name, one), len(first)) for one in cut.tolist()]
+            cut, place = np.unique(
+                np.floor((block.middle - starts[name]) / length).astype(np.int64), return_inverse=True
+            )
+            numbers[block.place] = np.array([first.setdefault((name, one), len(first)) for one in cut.tolist()])[place]
         return numbers, len(first)
 
     def start_errors(self, model: Model) -> Array:
@@ -288,7 +320,7 @@ class Residual:
         base = self.predict([model])[0]
         moved = []
         for signal, one in self.scales.items():
-            nudged = dataclasses.replace(self, replay=self.replay.nudged(signal, one.noise))
+            nudged = self.with_inputs(self.replay.nudged(signal, one.noise))
             moved.append(nudged.predict([model])[0] - base)
         return np.array(moved)
 
@@ -322,9 +354,12 @@ def of_samples(
         InputError: the runs hold nothing that the model gives.
     """
     found, notes = blocks(measured or replay.dataset, model, set(runs))
-    rms = _rms_of(found)
-    scales = {signal: _first_scale(replay.dataset, found, signal, one) for signal, one in rms.items()}
-    return _made(replay, runs, found, scales, rms, notes, 0.0, threads)
+    made = _weighed(replay, SAMPLES, runs, found, notes, threads)
+    scales = {
+        signal: dataclasses.replace(one, size=max(one.noise, _FIRST_SCALE * made.rms[signal]))
+        for signal, one in made.scales.items()
+    }
+    return dataclasses.replace(made, scales=scales)
 
 
 def of_bins(
@@ -349,69 +384,58 @@ def of_bins(
     Raises:
         InputError: the runs hold nothing that the model gives.
     """
+    replay, bins = on_coarse_grid(dataset, width_s) if coarse else (Replay(dataset, _MOTOR_STEP_S), Bins(width_s))
     changes = frozenset[str]() if as_measured else _compared_by_change(dataset)
-    if coarse:
-        replay, bins = on_coarse_grid(dataset, width_s)
-    else:
-        replay, bins = Replay(dataset, motor_step=_MOTOR_STEP_S), Bins(width_s)
     bins = dataclasses.replace(bins, changes=changes, as_measured=as_measured)
     found, notes = blocks(samples or dataset, model, set(runs), bins)
-    rms = _rms_of(found)
-    scales = {signal: _bin_scale(dataset, found, signal, one, changes) for signal, one in rms.items()}
-    return _made(replay, runs, found, scales, rms, notes, MODEL_ERROR_SHARE, threads)
+    made = _weighed(replay, bins, runs, found, notes, threads)
+    return made.with_floors({signal: one.noise for signal, one in made.scales.items()})
 
 
-def _made(
-    replay: Replay,
-    runs: Sequence[str],
-    found: Sequence[Block],
-    scales: Mapping[str, Scale],
-    rms: Mapping[str, float],
-    notes: Sequence[str],
-    matched: float,
-    threads: int,
+def _weighed(
+    replay: Replay, bins: Bins, runs: Sequence[str], found: Sequence[Block], notes: Sequence[str], threads: int
 ) -> Residual:
-    picked = stack(found, *replay.layout(frozenset(runs), list(scales)))
+    """Returns the residual of some blocks, each signal weighed by the noise of a compared value."""
+    scales, rms, dataset = {}, {}, replay.dataset
+    for signal in dict.fromkeys(block.signal for block in found):
+        own = [block for block in found if block.signal == signal]
+        size = _rms([one.measured - one.measured[0] if signal in SUMMED else one.measured for one in own])
+        rms[signal] = size if size > _LEAST_RMS else 1.0
+        described = dataset.signals.get(signal)
+        stated = (described.noise_sd if described is not None else None) or 0.0
+        resolution = (described.resolution if described is not None else None) or 0.0
+        if bins is SAMPLES:
+            sample = max(
+                stated or max(robust.noise_sd(one.measured) for one in own), 1e-6 * rms[signal], resolution / 12**0.5
+            )
+            noise = sample
+        else:
+            sample, noise = _bin_noise(dataset, own, stated, resolution, rms[signal])
+            noise *= 2**0.5 if signal in bins.changes else 1.0
+        scales[signal] = Scale(noise, 1.0, noise, sample)
+    picked = stack(found, *replay.layout(list(scales)))
     measured = np.concatenate([block.measured for block in found])
+    matched = 0.0 if bins is SAMPLES else MODEL_ERROR_SHARE
     return Residual(
         replay, frozenset(runs), tuple(found), measured, picked, scales, rms, tuple(notes), matched, threads
     )
 
 
-def _rms_of(found: Sequence[Block]) -> dict[str, float]:
-    rms = {}
-    for signal in dict.fromkeys(block.signal for block in found):
-        parts = [block.measured for block in found if block.signal == signal]
-        moved = [part - part[0] if signal in SUMMED else part for part in parts]
-        size = float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
-        rms[signal] = size if size > _LEAST_RMS else 1.0
-    return rms
-
-
-def _first_scale(dataset: Dataset, found: Sequence[Block], signal: str, rms: float) -> Scale:
-    described = dataset.signals.get(signal)
-    stated = described.noise_sd if described is not None else None
-    parts = [block.measured for block in found if block.signal == signal]
-    noise = max(stated or max(noise_sd(part) for part in parts), 1e-6 * rms)
-    if described is not None and described.resolution:
-        noise = max(noise, described.resolution / 12**0.5)
-    return Scale(max(noise, _FIRST_SCALE * rms), 1.0, noise, noise)
-
-
-def _bin_scale(dataset: Dataset, found: Sequence[Block], signal: str, rms: float, changes: frozenset[str]) -> Scale:
-    """Returns the scale of a bin's value: noise of the signal's colour, and the model-error share."""
-    described = dataset.signals.get(signal)
-    stated = described.noise_sd if described is not None and described.noise_sd else 0.0
-    resolution = (described.resolution if described is not None else None) or 0.0
-    fitted = {block.run for block in found if block.signal == signal}
+def _bin_noise(
+    dataset: Dataset, own: Sequence[Block], stated: float, resolution: float, rms: float
+) -> tuple[float, float]:
+    """Returns the sd of a sample's noise and of the mean's over a bin, by the noise's colour, SI."""
+    fitted, signal = {block.run for block in own}, own[0].signal
     parts = [run.outputs[signal] for run in dataset.runs if run.name in fitted and signal in run.outputs]
     noise: Noise = noise_of(parts, resolution)
     sample = max(float(np.hypot(stated, resolution / 12**0.5)), noise.sd, LEAST_NOISE_SHARE * rms)
-    per_bin = float(np.median([block.count for block in found if block.signal == signal]))
+    per_bin = float(np.median([block.count for block in own]))
     share = noise.mean_sd(per_bin) / noise.sd if noise.sd > 0 else per_bin**-0.5
-    changed = 2**0.5 if signal in changes else 1.0
-    floor = max(sample * share, LEAST_NOISE_SHARE * rms * per_bin**-0.5) * changed
-    return Scale(float(np.hypot(floor, MODEL_ERROR_SHARE * rms)), 1.0, floor, sample)
+    return sample, max(sample * share, LEAST_NOISE_SHARE * rms * per_bin**-0.5)
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _compared_by_change(dataset: Dataset) -> frozenset[str]:
@@ -422,6 +446,11 @@ def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
     return SUMMED | (derived & set(MOTOR_RATE_OF.values()))
+
+
+def _kind(free: Free) -> str:
+    """Returns the kind of a value that a run has of its own."""
+    return free.name.partition("@")[0]
 
 
 class Problem:
@@ -439,7 +468,6 @@ class Problem:
     def __init__(self, residual: Residual, plan: Plan, *, holds_priors: bool = True, kept: Array | None = None) -> None:
         self.data, self.plan = residual, plan
         self._holds_priors, self._kept = holds_priors, kept
-        self._last: tuple[bytes, Array] | None = None
 
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with the sensitivities of the first `count` coordinates kept as they are at `point`."""
@@ -452,14 +480,17 @@ class Problem:
 
     def residual(self, point: Array) -> Array:
         """Returns (values + parameters,): the robust residual and the prior's."""
-        robust = pseudo_huber(self.data.whiten(self.simulated(point)))
-        return np.concatenate([robust.value / self.data.taus() ** 0.5, self.prior(point)])
+        found = self._robust(point)
+        return np.concatenate([found.value / self.data.taus() ** 0.5, self.prior(point)])
 
     def jacobian(self, point: Array) -> Array:
         """Returns (values + parameters, parameters): the derivative of `residual`."""
-        robust = pseudo_huber(self.data.whiten(self.simulated(point)))
-        weight = -robust.slope * self.data.weight() / self.data.taus() ** 0.5
+        found = self._robust(point)
+        weight = -found.slope * self.data.weight() / self.data.taus() ** 0.5
         return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], self.prior_slopes(point)])
+
+    def _robust(self, point: Array) -> robust.RobustResidual:
+        return robust.pseudo_huber((self.data.measured - self.simulated(point)) * self.data.weight())
 
     def cost(self, point: Array) -> float:
         """Returns half the sum of squares; infinite where the plant diverges."""
@@ -467,11 +498,8 @@ class Problem:
         return cost if np.isfinite(cost) else float("inf")
 
     def simulated(self, point: Array) -> Array:
-        """Returns (values,) what the model at `point` gives; the last result is remembered."""
-        key = point.tobytes()
-        if self._last is None or self._last[0] != key:
-            self._last = (key, self.data.predict([self.plan.at(point)])[0])
-        return self._last[1]
+        """Returns (values,) what the model at `point` gives."""
+        return np.asarray(self.data.predict([self.plan.at(point)])[0])
 
     def sensitivity(self, point: Array) -> Array:
         """Returns (values, parameters): the change of the simulated signals per coordinate, in their SI units."""
@@ -480,47 +508,41 @@ class Problem:
         return np.hstack([self._kept, self.columns(point, range(self._kept.shape[1], len(point)))])
 
     def columns(self, point: Array, which: Sequence[int] | range) -> Array:
-        """Returns (values, which): finite differences of the simulated signals along some coordinates."""
-        own = {index: self.plan.free[index].run for index in which if self.plan.free[index].run}
-        if own:
-            alone = [index for index in which if index not in own]
-            return self._joined(which, self.columns(point, alone), alone, point, own)
-        if not len(which):
-            return np.empty((len(self.data.measured), 0))
-        ends = [self._difference_ends(point, index) for index in which]
-        two_sided = [low for low, _ in ends if low is not None]
-        moved = self.data.predict([self.plan.at(end) for end in (*(high for _, high in ends), *two_sided)])
-        below = iter(moved[len(ends) :])
-        base = self.simulated(point)
-        slopes = np.array(
-            [
-                (above - (base if low is None else next(below))) / (high - (point if low is None else low))[index]
-                for (low, high), above, index in zip(ends, moved, which, strict=False)
-            ]
-        ).T
-        return np.where(np.isfinite(slopes), slopes, 0.0)
-
-    def _joined(
-        self, which: Sequence[int] | range, columns: Array, alone: Sequence[int], point: Array, own: Mapping[int, str]
-    ) -> Array:
-        """Returns (values, which): `columns` of the coordinates `alone`, and those of the values that runs have.
+        """Returns (values, which): finite differences of the simulated signals along some coordinates.
 
         The value of a run touches the samples of that run alone, so one simulation with the values of all runs changed
         gives the slopes along all of one kind.
         """
-        made = dict(zip(alone, columns.T, strict=True))
-        kinds = {self.plan.free[index].name.partition("@")[0] for index in own}
-        for kind in sorted(kinds):
-            moved = np.array(point)
-            here = [index for index in own if self.plan.free[index].name.startswith(f"{kind}@")]
-            for index in here:
-                high = self.plan.free[index].bounds()[1]
-                moved[index] += _EFFECT_STEP if point[index] + _EFFECT_STEP <= high else -_EFFECT_STEP
-            change = self.data.predict([self.plan.at(moved)])[0] - self.simulated(point)
-            for index in here:
-                slope = np.where(self.data.rows_of(own[index]), change / (moved[index] - point[index]), 0.0)
-                made[index] = np.where(np.isfinite(slope), slope, 0.0)
-        return np.array([made[index] for index in which]).T
+        moves: dict[str, tuple[Array | None, Array]] = {}
+        for index in which:
+            free = self.plan.free[index]
+            if not free.run:
+                moves[free.name] = self._difference_ends(point, index)
+            elif _kind(free) not in moves:
+                moves[_kind(free)] = (None, self._all_of_kind(point, _kind(free)))
+        if not moves:
+            return np.empty((len(self.data.measured), 0))
+        lows = [low for low, _ in moves.values() if low is not None]
+        ends = [point, *(high for _, high in moves.values()), *lows]
+        base, *moved = self.data.predict([self.plan.at(end) for end in ends])
+        above, below = dict(zip(moves, moved, strict=False)), iter(moved[len(moves) :])
+        under = {name: base if low is None else next(below) for name, (low, _) in moves.items()}
+        slopes = np.empty((len(self.data.measured), len(which)), order="F")
+        for column, index in enumerate(which):
+            free = self.plan.free[index]
+            name = _kind(free) if free.run else free.name
+            low, high = moves[name]
+            slope = (above[name] - under[name]) / (high - (point if low is None else low))[index]
+            slopes[:, column] = np.where(self.data.rows_of(free.run), slope, 0.0) if free.run else slope
+        return np.where(np.isfinite(slopes), slopes, 0.0)
+
+    def _all_of_kind(self, point: Array, kind: str) -> Array:
+        """Returns `point` with the values of all runs of one kind moved."""
+        moved = np.array(point)
+        for index, free in enumerate(self.plan.free):
+            if free.run and _kind(free) == kind:
+                moved[index] += _EFFECT_STEP if point[index] + _EFFECT_STEP <= free.bounds()[1] else -_EFFECT_STEP
+        return moved
 
     def prior(self, point: Array) -> Array:
         """Returns (parameters + kinds,): how far each parameter is from what is known of it, in sd.
@@ -550,7 +572,7 @@ class Problem:
         kinds: dict[str, list[int]] = {}
         for index, free in enumerate(self.plan.free):
             if free.run and free.signed:
-                kinds.setdefault(free.name.partition("@")[0], []).append(index)
+                kinds.setdefault(_kind(free), []).append(index)
         return list(kinds.values())
 
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:

@@ -86,67 +86,75 @@ class Uncertainty:
     traceless: tuple[str, ...]
     combinations: tuple[Combination, ...]
     correlation: Array
-    spread: Spread
+    spread: Spread | None
 
 
-@dataclass(frozen=True)
-class _Linear:
-    """The problem linearised at the estimate; one entry a parameter.
-
-    Attributes:
-        values: the estimate, SI.
-        reach: see `Free.reach`.
-        sizes: the unit in which a parameter is measured, SI: its value where `relative`, else its natural size.
-        relative: whether the parameter is measured in its logarithm.
-        prior_sd: SI; infinite where nothing is stated.
-        slopes: (samples, parameters): change of the simulated signals in SI per unit of the parameter.
-        pull, stiffness: (samples,), see `Residual.influence`.
-    """
-
-    values: Array
-    reach: Array
-    sizes: Array
-    relative: NDArray[np.bool_]
-    prior_sd: Array
-    slopes: Array
-    pull: Array
-    stiffness: Array
-
-    @property
-    def data_information(self) -> Array:
-        """(parameters, parameters), in the parameters' units."""
-        return np.asarray(self.slopes.T @ (self.slopes * self.stiffness[:, np.newaxis]))
+NOTHING_FITTED = Uncertainty({}, (), (), (), np.empty((0, 0)), None)
 
 
 def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
     """Returns the intervals at `model`, the fit's result. None is narrower than `data.matched` allows."""
-    linear = _linearised(data, model, free)
-    covariance, degrees = _covariance(data, model, linear)
-    sd = np.sqrt(np.diag(covariance))
+    values = np.array([value_of(model, one.name) for one in free])
+    prior_sd = np.array([one.known.sd if one.known and one.known.sd is not None else np.inf for one in free])
+    slopes = _slopes(data, model, free, values)
+    natural = _natural_sizes(data, free, slopes)
+    # The logarithm of a parameter that may be zero makes sense only far from zero.
+    lowest = np.array([one.info.minimum for one in free])
+    relative = (lowest > 0) | ((lowest == 0) & (values > _FAR * natural))
+    sizes = np.where(relative, values, natural)
+    pull, stiffness = data.influence(model)
+    in_units = _without_errors(slopes * sizes, stiffness)
+    weighted = in_units * stiffness[:, np.newaxis]
+    information = np.asarray(in_units.T @ weighted)
+    stated = np.diag((sizes / prior_sd) ** 2)
+    prior = stated + np.diag(np.where(np.isinf(prior_sd), WIDE_SD**-2, 0.0))
+    curvature = np.linalg.pinv(information + prior, hermitian=True)
+    covariance, degrees = _scatter(data, in_units * pull[:, np.newaxis], in_units, weighted, curvature)
+    for moved in data.start_errors(model):
+        shift = data.by_run(weighted * moved[:, np.newaxis]) @ curvature
+        covariance += shift.T @ shift
+    covariance += curvature @ prior @ curvature
+    covariance += np.diag((data.matched * np.array([one.reach for one in free]) * values / sizes) ** 2)
+    units = tuple(None if log else size for size, log in zip(sizes.tolist(), relative.tolist(), strict=True))
+    spread = Spread(tuple(one.name for one in free), tuple(values.tolist()), units, covariance)
+    return _assessed(model, free, spread, sizes, information + stated, degrees)
+
+
+def _assessed(
+    model: Model, free: tuple[Free, ...], spread: Spread, sizes: Array, information: Array, degrees: int
+) -> Uncertainty:
+    """Returns what a spread says of each parameter, of groups of them, and of combinations.
+
+    Args:
+        sizes: the unit in which each parameter is measured, SI.
+        information: (parameters, parameters) what data and stated priors know, in those units.
+        degrees: of freedom of the intervals.
+    """
+    covariance, sd = spread.covariance, np.sqrt(np.diag(spread.covariance))
     quantile = float(student_t.ppf(0.975, degrees))
-    estimates = {
-        one.name: _estimate(one, float(v), float(s), float(size), quantile, relative=bool(log))
-        for one, v, s, size, log in zip(free, linear.values, sd, linear.sizes, linear.relative, strict=True)
-    }
     known = _known(model)
-    sizes = [one.name for one in free if one.effect is not None and "@" not in one.name]
-    for name in [one for one in sizes if estimates[one].ci95 is None]:
-        found = (_combination(one, known, free, linear.sizes, covariance, quantile) for one in forms(name))
-        identified = next((one for one in found if one is not None), None)
-        estimates[name] = dataclasses.replace(estimates[name], identified=identified)
-    information = linear.data_information + np.diag((linear.sizes / linear.prior_sd) ** 2)
+    estimates = {}
+    for one, value, of, size, unit in zip(free, spread.values, sd.tolist(), sizes.tolist(), spread.units, strict=True):
+        estimate = _estimate(one, value, of, size, quantile, relative=unit is None)
+        if estimate.ci95 is None and one.effect is not None and not one.run:
+            found = (_combination(form, known, free, sizes, covariance, quantile) for form in forms(one.name))
+            identified = next((form for form in found if form is not None), None)
+            estimate = dataclasses.replace(estimate, identified=identified)
+        estimates[one.name] = estimate
     groups, traceless = _groups(information, [one.name for one in free])
-    vague = {name for name, estimate in estimates.items() if not estimate.identifiable}
-    combinations = _combinations(model, free, linear.sizes, covariance, quantile) if vague else ()
-    spread = np.where(sd > 0, sd, 1.0)
-    correlation = covariance / np.outer(spread, spread)
-    return Uncertainty(estimates, groups, traceless, combinations, correlation, _spread(linear, free, covariance))
+    vague = any(not estimate.identifiable for estimate in estimates.values())
+    formulas = FORMULAS[model.vehicle] if vague else ()
+    combinations = (_combination(one, known, free, sizes, covariance, quantile) for one in formulas)
+    some = np.where(sd > 0, sd, 1.0)
+    correlation = covariance / np.outer(some, some)
+    return Uncertainty(estimates, groups, traceless, tuple(one for one in combinations if one), correlation, spread)
 
 
-def _spread(linear: _Linear, free: tuple[Free, ...], covariance: Array) -> Spread:
-    sizes = zip(linear.sizes.tolist(), linear.relative.tolist(), strict=True)
-    units = tuple(None if relative else size for size, relative in sizes)
-    return Spread(tuple(one.name for one in free), tuple(linear.values.tolist()), units, covariance)
+def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Array:
+    """Returns (parameters,) SI: the change that moves the simulated signals by their rms, or the parameter's range."""
+    share = np.sqrt(np.mean((slopes / data.by_signal(data.rms)[:, np.newaxis]) ** 2, axis=0))
+    spans = np.array([one.info.maximum - one.info.minimum for one in free])
+    return np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
 
 
 def _without_errors(slopes: Array, stiffness: Array) -> Array:
@@ -163,41 +171,6 @@ def _without_errors(slopes: Array, stiffness: Array) -> Array:
     return np.asarray((slopes / size) @ kept @ kept.T * size)
 
 
-def _linearised(data: Residual, model: Model, free: tuple[Free, ...]) -> _Linear:
-    values = np.array([value_of(model, one.name) for one in free])
-    reach = np.array([one.reach for one in free])
-    steps = np.maximum(np.abs(values), 1e-3 * np.array([one.size for one in free])) * reach * _STEP
-    slopes = _slopes(data, model, free, steps)
-    share = np.sqrt(np.mean((slopes / data.signal_size()[:, np.newaxis]) ** 2, axis=0))
-    spans = np.array([one.info.maximum - one.info.minimum for one in free])
-    natural = np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
-    # The logarithm of a parameter that may be zero makes sense only far from zero.
-    lowest = np.array([one.info.minimum for one in free])
-    relative = (lowest > 0) | ((lowest == 0) & (values > _FAR * natural))
-    prior_sd = np.array(
-        [one.known.sd if one.known is not None and one.known.sd is not None else np.inf for one in free]
-    )
-    pull, stiffness = data.influence(model)
-    sizes = np.where(relative, values, natural)
-    in_units = _without_errors(slopes * sizes, stiffness)
-    return _Linear(values, reach, sizes, relative, prior_sd, in_units, pull, stiffness)
-
-
-def _covariance(data: Residual, model: Model, linear: _Linear) -> tuple[Array, int]:
-    """Returns the covariance in the parameters' units, and the degrees of freedom of their intervals."""
-    wide = np.where(np.isinf(linear.prior_sd), WIDE_SD**-2, 0.0)
-    prior = (linear.sizes / linear.prior_sd) ** 2 + wide
-    weighted = linear.slopes * linear.stiffness[:, np.newaxis]
-    curvature = np.linalg.pinv(linear.data_information + np.diag(prior), hermitian=True)
-    covariance, degrees = _scatter(data, linear.slopes * linear.pull[:, np.newaxis], linear.slopes, weighted, curvature)
-    for moved in data.start_errors(model):
-        shift = data.by_run(weighted * moved[:, np.newaxis]) @ curvature
-        covariance += shift.T @ shift
-    covariance += curvature @ np.diag(prior) @ curvature
-    covariance += np.diag((data.matched * linear.reach * linear.values / linear.sizes) ** 2)
-    return covariance, degrees
-
-
 def _scatter(
     data: Residual, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
 ) -> tuple[Array, int]:
@@ -210,7 +183,8 @@ def _scatter(
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
-    root = _root(curvature)
+    share, axes = np.linalg.eigh(curvature)
+    root = (axes * np.sqrt(np.maximum(share, 0.0))) @ axes.T  # symmetric
     sums = np.array([np.bincount(numbers, column, count) for column in scores.T]).T
     order = np.argsort(numbers, kind="stable")
     ends = np.searchsorted(numbers[order], np.arange(count + 1))
@@ -223,22 +197,16 @@ def _scatter(
     return shifts.T @ shifts * (count - 1) / count, max(count - parameters, 1)
 
 
-def _root(positive: NDArray[np.floating]) -> Array:
-    """Returns the symmetric root of a matrix that has no negative eigenvalue but by rounding."""
-    values, axes = np.linalg.eigh(positive)
-    return np.asarray((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
-
-
-def _slopes(data: Residual, model: Model, free: tuple[Free, ...], steps: Array) -> Array:
-    """Returns (samples, parameters): the change of the simulated signals per unit of each parameter."""
-    values = np.array([value_of(model, one.name) for one in free])
+def _slopes(data: Residual, model: Model, free: tuple[Free, ...], values: Array) -> Array:
+    """Returns (samples, parameters): the change of the simulated signals per unit of each parameter at `values`, SI."""
+    reach, least = np.array([one.reach for one in free]), 1e-3 * np.array([one.size for one in free])
+    steps = np.maximum(np.abs(values), least) * reach * _STEP
     low = np.maximum(values - steps, [one.info.minimum for one in free])
     high = np.minimum(values + steps, [one.info.maximum for one in free])
-    names = [one.name for one in free]
     moved = [
-        with_values(model, {name: float(value)})
+        with_values(model, {one.name: value})
         for ends in (low, high)
-        for name, value in zip(names, ends, strict=True)
+        for one, value in zip(free, ends.tolist(), strict=True)
     ]
     below, above = np.split(data.predict(moved), 2)
     return np.asarray(np.nan_to_num(((above - below) / (high - low)[:, np.newaxis]).T, posinf=0.0, neginf=0.0))
@@ -273,14 +241,6 @@ def _groups(information: Array, names: list[str]) -> tuple[tuple[tuple[str, ...]
     return together, tuple(names[g[0]] for g in sorted(groups) if len(g) == 1)
 
 
-def _combinations(
-    model: Model, free: tuple[Free, ...], sizes: Array, covariance: Array, quantile: float
-) -> tuple[Combination, ...]:
-    known = _known(model)
-    found = (_combination(one, known, free, sizes, covariance, quantile) for one in FORMULAS[model.vehicle])
-    return tuple(one for one in found if one is not None)
-
-
 def _known(model: Model) -> dict[str, float]:
     """Returns all values of a model, by "mass", "effect.parameter" or "kind@run"."""
     known = {f"{kind}@{run}": v for kind, table in model.by_run.items() for run, v in table.items()}
@@ -297,9 +257,12 @@ def _combination(
     quantile: float,
 ) -> Combination | None:
     """Returns the value of a formula with its interval; None where the data do not determine it either."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = _finite_value(formula, known)
-    if value is None or value <= 0:
+    try:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = formula.value_at(known)
+    except ZeroDivisionError:
+        return None
+    if not np.isfinite(value) or value <= 0:
         return None
     gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
     sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # may be below 0 by rounding
@@ -307,14 +270,6 @@ def _combination(
         return None
     factor = float(np.exp(quantile * sd))
     return Combination(formula.name, formula.text, formula.unit, value, (value / factor, value * factor))
-
-
-def _finite_value(formula: Formula, known: Mapping[str, float]) -> float | None:
-    try:
-        value = formula.value_at(known)
-    except ZeroDivisionError:
-        return None
-    return value if np.isfinite(value) else None
 
 
 def _log_slope(formula: Formula, known: Mapping[str, float], free: Free, size: float) -> float:

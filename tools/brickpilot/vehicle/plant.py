@@ -82,6 +82,33 @@ class OpenLoopRun:
     body_step: float = 0.0
     restarts: Sequence[tuple[int, State]] = ()
 
+    def as_c(self, columns: int) -> bytes:
+        """Returns the run as C reads it, but for model and outputs; the arrays have to outlive it, as `self` does.
+
+        Raises:
+            ValueError: the shapes do not fit a vehicle with so many inputs.
+        """
+        time, inputs, _, row = self._as_c
+        if inputs.shape != (len(time), columns):
+            raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
+        return row
+
+    @cached_property
+    def _as_c(self) -> tuple[Array, Array, NDArray[Any], bytes]:
+        """Time, inputs and restarts as C reads them, and the row of `bp_run` that points to them."""
+        time = np.ascontiguousarray(self.time, dtype=np.float64)
+        inputs = np.ascontiguousarray(self.inputs, dtype=np.float64)
+        if time.ndim != 1:
+            raise ValueError(f"time {time.shape} is not (n,)")
+        restarts = np.array([(sample, _initial(state)) for sample, state in self.restarts], dtype=_layout("bp_restart"))
+        there = restarts.ctypes.data if len(restarts) else 0
+        row = np.array(
+            (0, len(time), _address(time), _address(inputs), _initial(self.initial), self.motor_step, self.body_step,
+             0, 0, 0, _NOTHING, 0, len(restarts), there),
+            dtype=_layout("bp_run"),
+        )  # fmt: skip
+        return time, inputs, restarts, row.tobytes()
+
 
 @dataclass(frozen=True)
 class Simulated:
@@ -100,14 +127,24 @@ class Simulated:
     @cached_property
     def outputs(self) -> dict[str, Array]:
         """Signal -> (n,), for the signals that this vehicle has."""
-        return {name: column for name, column in zip(self.names, self.columns, strict=True) if column[0] == column[0]}
+        return by_signal(self.names, self.columns)
 
     @cached_property
     def final(self) -> State:
         """State at the last sample."""
-        fields: Any = self.last.item()
-        values: list[Any] = [one if isinstance(one, float) else tuple(one.tolist()) for one in fields]
-        return State(*values)
+        return state_of(self.last)
+
+
+def by_signal(names: Sequence[str], columns: Array) -> dict[str, Array]:
+    """Returns signal -> (n,) from (names, n), for the signals that the vehicle has."""
+    return {name: column for name, column in zip(names, columns, strict=True) if column[0] == column[0]}
+
+
+def state_of(last: np.void) -> State:
+    """Returns a state that the compiled plant holds."""
+    fields: Any = last.item()
+    values: list[Any] = [one if isinstance(one, float) else tuple(one.tolist()) for one in fields]
+    return State(*values)
 
 
 def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
@@ -222,6 +259,9 @@ _state_values = attrgetter(*State.__dataclass_fields__)
 """The fields of a `State` as a tuple: those of `bp_state`, in its order."""
 
 
+_NOTHING = _state_values(State())
+
+
 def _initial(state: State | Mapping[str, Any]) -> tuple[Any, ...]:
     values: tuple[Any, ...] = _state_values(state if isinstance(state, State) else State(**state))
     return values
@@ -250,48 +290,46 @@ def simulate(
     """
     if not jobs:
         return []
-    ffi, library = interface()
     names = wanted_names(None if signals is None else frozenset(signals))
+    ends = np.cumsum([len(run.time) * len(names) for _, run in jobs]).tolist()
+    values = np.empty(ends[-1])
+    last = simulate_into(values, [0, *ends[:-1]], jobs, names, threads, lanes)
+    kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
+    return [Simulated(names, one, end) for one, end in zip(kept, last, strict=True)]
+
+
+def simulate_into(
+    values: Array,
+    starts: Sequence[int],
+    jobs: Sequence[tuple[Model, OpenLoopRun]],
+    names: tuple[str, ...],
+    threads: int = 1,
+    lanes: int = MOST_LANES,
+) -> NDArray[np.void]:
+    """Simulates as `simulate` does, but fills `values` (n,) where the caller wants it.
+
+    Args:
+        starts: where the outputs of each job begin in `values`: those of the first name at all samples, and so on.
+        names: the outputs to keep, as `wanted_names` gives them.
+
+    Returns the last states, as the compiled plant holds them.
+    """
+    ffi, library = interface()
     built = {id(model): build(model) for model in {id(model): model for model, _ in jobs}.values()}
     models = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
-    inputs = [_checked(run, 1 if model.vehicle == "motor" else 2) for model, run in jobs]
-    restarts = [_restarts(run) for _, run in jobs]
-    ends = np.cumsum([len(time) * len(names) for time, _ in inputs]).tolist()
-    values = np.empty(ends[-1])
-    first, wanted, nothing = _address(values), _columns_of(names), _initial(State())
-    rows = [
-        (models[id(model)], len(time), _address(time), _address(volts), _initial(run.initial), run.motor_step,
-         run.body_step, first + 8 * start, _address(wanted), len(names), nothing, 0, len(one), _address(one))
-        for (model, run), (time, volts), start, one in zip(jobs, inputs, [0, *ends], restarts, strict=False)
-    ]  # fmt: skip
-    requests = np.array(rows, dtype=_layout("bp_run"))
+    rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]
+    requests = np.frombuffer(bytearray().join(rows), dtype=_layout("bp_run"))
+    wanted = _columns_of(names)
+    requests["model"] = [models[id(model)] for model, _ in jobs]
+    requests["output"] = _address(values) + 8 * np.asarray(starts)
+    requests["columns"], requests["column_count"] = _address(wanted), len(names)
     library.bp_simulate_lanes(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads, lanes)
     failed = np.flatnonzero(requests["status"])
     if len(failed):
         index = int(failed[0])
         status = int(requests["status"][index])
         raise SimulationError(f"{jobs[index][0].name}, run {index}: {TROUBLE.get(status, status)}", index, status)
-    kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
-    return [Simulated(names, one, last) for one, last in zip(kept, requests["final"], strict=True)]
-
-
-def _checked(run: OpenLoopRun, columns: int) -> tuple[Array, Array]:
-    """Returns time and inputs as C reads them."""
-    time = np.ascontiguousarray(run.time, dtype=np.float64)
-    inputs = np.ascontiguousarray(run.inputs, dtype=np.float64)
-    if time.ndim != 1 or inputs.shape != (len(time), columns):
-        raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
-    return time, inputs
-
-
-_NO_RESTARTS = np.empty(0)
-
-
-def _restarts(run: OpenLoopRun) -> NDArray[Any]:
-    """Returns the restarts of a run as C reads them."""
-    if not run.restarts:
-        return _NO_RESTARTS
-    return np.array([(sample, _initial(state)) for sample, state in run.restarts], dtype=_layout("bp_restart"))
+    return np.asarray(requests["final"])
 
 
 def _address(array: NDArray[Any]) -> int:
