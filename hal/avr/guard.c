@@ -21,18 +21,33 @@ FUSES = {
 /* The stack grows down to here. */
 extern uint16_t __heap_start;
 
-static uint8_t cause __attribute__((section(".noinit")));
+#define ALIVE 0x6B95D2A4UL
 
-/* Runs before the variables are cleared. After a watchdog reset the watchdog is on, at 15 ms. The boot loader of Arduinos clears
- * MCUSR and leaves what it was in r2. */
+/* Not cleared at a start, so that it outlives every reset and every boot loader: loaders use the start of RAM and its
+ * end, and this lies between the variables and the stack. What RAM holds after power-on is no such pair, but by a chance
+ * of 1 in 2^64. */
+static struct {
+    uint32_t alive, complement;
+} mark __attribute__((section(".noinit")));
+
+static uint8_t cause __attribute__((section(".noinit")));
+static bool survived
+    __attribute__((section(".noinit"))); /* the program had run before this start, and RAM kept its mark */
+
+/* Runs before the variables are cleared. After a watchdog reset the watchdog is on, at 15 ms. A boot loader may have
+ * cleared MCUSR: those of Arduino's core do, and leave nothing that can be trusted in a register. */
 __attribute__((naked, used, section(".init3"))) static void keep_cause(void)
 {
-    register uint8_t from_loader __asm__("r2");
-
-    __asm__ volatile("" : "=r"(from_loader));
-    cause = MCUSR != 0 ? MCUSR : from_loader & (1U << WDRF | 1U << BORF | 1U << EXTRF | 1U << PORF);
+    survived = mark.alive == ALIVE && mark.complement == ~ALIVE;
+    cause = MCUSR & (GUARD_WATCHDOG | GUARD_BROWN_OUT | GUARD_RESET_PIN | GUARD_POWER_ON);
     MCUSR = 0;
     wdt_disable();
+}
+
+static void leave_mark(void)
+{
+    mark.alive = ALIVE;
+    mark.complement = ~ALIVE;
 }
 
 uint8_t guard_cause(void)
@@ -40,19 +55,23 @@ uint8_t guard_cause(void)
     return cause;
 }
 
-bool guard_failed(void)
+bool guard_may_start(void)
 {
-    return (cause & GUARD_WATCHDOG) != 0 || (cause & (GUARD_BROWN_OUT | GUARD_POWER_ON)) == GUARD_BROWN_OUT;
+    if (cause == GUARD_RESET_PIN)
+        return true;
+    return !survived && (cause == 0 || (cause & GUARD_POWER_ON) != 0) && (cause & GUARD_WATCHDOG) == 0;
 }
 
 void guard_start(void)
 {
     __heap_start = CANARY;
+    leave_mark();
     wdt_enable(WDTO_30MS);
 }
 
 void guard_tick(void)
 {
+    leave_mark(); /* also where a stack that has grown too far has overwritten it */
     if (__heap_start == CANARY)
         wdt_reset();
 }

@@ -17,13 +17,17 @@ enum { GUARD_MS = 30 };
 enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCHDOG = 8 };
 
 /* Returns why the chip started. More than one bit may be set: a slow rise of the supply is a power-on and a brown-out. 0 if a boot loader
- * does not tell. */
+ * has cleared the register, as those of Arduinos do. */
 uint8_t guard_cause(void);
 
-/* True if the program failed or its supply broke down: then a robot must not drive off by itself. */
-bool guard_failed(void);
+/* True after power-on, and after the reset pin's button if MCUSR tells of it alone: only then a robot may drive off by
+ * itself. Power-on is where RAM holds no mark of guard_start() and MCUSR, if it tells anything, tells of a power-on and
+ * no watchdog. RAM may keep the mark for some seconds without supply: then the robot waits for a command. Behind a
+ * loader that clears MCUSR the button cannot be told from the watchdog. */
+bool guard_may_start(void);
 
-/* Starts the watchdog. From now on guard_tick() has to be called. */
+/* Starts the watchdog, and marks in RAM that the program runs, whose motors may be on. From now on guard_tick() has to
+ * be called. */
 void guard_start(void);
 void guard_tick(void);
 

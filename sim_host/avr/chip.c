@@ -200,6 +200,18 @@ static bool is_avr_elf(const char *file)
     return whole && memcmp(head, MAGIC, sizeof MAGIC) == 0 && head[18] == EM_AVR;
 }
 
+/* The address where a reset begins: 0, or the boot section's if the fuse BOOTRST is programmed, which reads as 0. BOOTSZ halves the
+ * section from its largest size. ATmega328P datasheet, tables 27-7 and 28-6; ATmega2560, tables 29-13 and 30-4. */
+static avr_flashaddr_t reset_address(const avr_t *avr, uint32_t largest_boot_section)
+{
+    enum { HIGH = 1, BOOTRST = 1, BOOTSZ_AT = 1, BOOTSZ_MASK = 3 };
+    const uint8_t high = avr->fuse[HIGH];
+
+    if ((high & BOOTRST) != 0)
+        return 0;
+    return avr->flashend + 1 - (largest_boot_section >> ((high >> BOOTSZ_AT) & BOOTSZ_MASK));
+}
+
 static chip_status_t load(chip_t *chip, const char *image)
 {
     elf_firmware_t firmware = {0};
@@ -212,6 +224,7 @@ static chip_status_t load(chip_t *chip, const char *image)
     } else {
         memset(chip->avr->fuse, 0xFF, sizeof chip->avr->fuse);
         avr_load_firmware(chip->avr, &firmware);
+        chip->avr->pc = chip->avr->reset_pc = reset_address(chip->avr, chip->wiring->largest_boot_section);
     }
     forget(&firmware);
     return status;
@@ -288,7 +301,7 @@ void chip_run_step(chip_t *chip)
     const uint64_t end = chip->next_step;
 
     while (chip->next_step == end) {
-        if (avr->run == run && (chip->unpowered || chip_has_stopped(chip)))
+        if (avr->run == run && (chip->unpowered || chip->fault[CHIP_RESET_PIN] > 0 || chip_has_stopped(chip)))
             idle(avr);
         else
             avr->run(avr); /* `run`, or simavr's own reset by the watchdog */
@@ -329,11 +342,22 @@ void chip_profile(chip_t *chip, profile_t *profile)
     choose_stride(chip);
 }
 
+/* A reset while the pin is low; the processor starts, and knows why, when it is let go. */
+static void pull_reset_pin(chip_t *chip, bool low)
+{
+    if (low)
+        avr_reset(chip->avr);
+    else
+        avr_regbit_set(chip->avr, chip->avr->reset_flags.extrf);
+}
+
 void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)
 {
     static const avr_regbit_t NEVER = {.reg = 0};
     const bool was_stuck = chip->fault[CHIP_CONVERTER_STUCK] > 0;
 
+    if (fault == CHIP_RESET_PIN && (value > 0) != (chip->fault[fault] > 0))
+        pull_reset_pin(chip, value > 0);
     chip->fault[fault] = value;
     choose_stride(chip);
     if (!was_stuck && chip->fault[CHIP_CONVERTER_STUCK] > 0) {

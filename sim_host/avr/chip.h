@@ -30,6 +30,7 @@ typedef enum {
     CHIP_CONVERTER_STUCK, /* a conversion never ends */
     CHIP_LINE_OVERRUN,    /* share of the received bytes that come when the receiver is full */
     CHIP_ENCODER_NOISE,   /* false pulses a second on one signal of each rotation sensor */
+    CHIP_RESET_PIN,       /* the reset pin is low, by its button or by the host's DTR */
     CHIP_FAULTS
 } chip_fault_t;
 
@@ -71,7 +72,7 @@ struct chip {
     double fault[CHIP_FAULTS]; /* 0: absent */
     random_t random;
 
-    uint32_t resets;   /* by the processor's watchdog or its brown-out detector */
+    uint32_t resets;   /* by the processor's watchdog, its brown-out detector or its pin */
     uint32_t overruns; /* bytes that the receiver lost */
     uint32_t lost_out; /* bytes to the host without room */
 
@@ -88,7 +89,7 @@ struct chip {
 
 typedef enum { CHIP_OK, CHIP_BAD_IMAGE, CHIP_UNKNOWN, CHIP_TOO_LARGE, CHIP_BAD_TRACE } chip_status_t;
 
-/* Powers the processor with an image in ELF. `chip` must stay where it is until chip_close(), which follows even on failure.
+/* Powers the processor with an image in ELF, whose fuses also say whether a reset begins in the boot section. `chip` must stay where it is until chip_close(), which follows even on failure.
  *
  * Every step_cycles `on_step(owner)` is called at exactly that cycle; bridges are counted up to there. `trace`: a file to which the
  * signals are written as VCD; NULL: none. */

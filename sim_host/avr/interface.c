@@ -15,7 +15,8 @@ _Static_assert((int)BP_AVR_MAIN_HELD == (int)CHIP_MAIN_HELD &&
                    (int)BP_AVR_INTERRUPT_STUCK == (int)CHIP_INTERRUPT_STUCK &&
                    (int)BP_AVR_CONVERTER_STUCK == (int)CHIP_CONVERTER_STUCK &&
                    (int)BP_AVR_LINE_OVERRUN == (int)CHIP_LINE_OVERRUN &&
-                   (int)BP_AVR_ENCODER_NOISE == (int)CHIP_ENCODER_NOISE && (int)BP_AVR_BATTERY == (int)CHIP_FAULTS,
+                   (int)BP_AVR_ENCODER_NOISE == (int)CHIP_ENCODER_NOISE &&
+                   (int)BP_AVR_RESET_PIN == (int)CHIP_RESET_PIN && (int)BP_AVR_BATTERY == (int)CHIP_FAULTS,
                "the faults of the interface are those of the chip, and the battery");
 
 static const wiring_t *wiring_of(const char *chip)

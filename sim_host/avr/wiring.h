@@ -23,10 +23,11 @@ typedef struct {
 typedef struct {
     const char *chip; /* as simavr names it */
     wiring_pin_t motor[SIDES][MOTOR_PINS];
-    wiring_pin_t encoder[SIDES][2];  /* A, B */
-    bool reversed[SIDES];            /* B leads A forward */
-    unsigned char pin_change_mask;   /* data address of the mask register of the encoders' port */
-    unsigned char pin_change_vector; /* and the number of its interrupt */
+    wiring_pin_t encoder[SIDES][2];      /* A, B */
+    bool reversed[SIDES];                /* B leads A forward */
+    unsigned char pin_change_mask;       /* data address of the mask register of the encoders' port */
+    unsigned char pin_change_vector;     /* and the number of its interrupt */
+    unsigned short largest_boot_section; /* bytes */
     wiring_analog_t analog[ANALOG_COUNT];
 } wiring_t;
 

@@ -14,7 +14,7 @@ typedef struct bp_avr bp_avr;
 
 enum { BP_AVR_E_IMAGE = -20, BP_AVR_E_CHIP = -21, BP_AVR_E_TOO_LARGE = -22, BP_AVR_E_TRACE = -23 };
 
-/* Powers the brick with an image (ELF), for a chip "atmega328p" or "atmega2560", wired as hal/avr/board.h says. `request` is that of
+/* Powers the brick with an image (ELF, with its fuses: they may let a reset begin in a boot loader), for a chip "atmega328p" or "atmega2560", wired as hal/avr/board.h says. `request` is that of
  * a mission for bp_fly(), and is used as bp_loop_open() uses it; its model and arrays must outlive the brick. `trace`: a VCD file of
  * the signals at the pins, or NULL. NULL: `status` holds a BP_E_ or BP_AVR_E_ code. */
 bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chip, const char *trace, int *status);
@@ -39,7 +39,8 @@ enum {
     BP_AVR_CONVERTER_STUCK = 2, /* a conversion never ends, also after the fault */
     BP_AVR_LINE_OVERRUN = 3,    /* share of the bytes to the brick that its receiver loses, 0..1 */
     BP_AVR_ENCODER_NOISE = 4,   /* false pulses of 20 us a second, on signal A of both rotation sensors */
-    BP_AVR_BATTERY = 5          /* V; 0: the model's */
+    BP_AVR_RESET_PIN = 5,       /* the reset pin is low: the button is held, or the host's DTR pulls it */
+    BP_AVR_BATTERY = 6          /* V; 0: the model's */
 };
 int bp_avr_fault(bp_avr *brick, int fault, double value); /* 0, or BP_E_RANGE */
 
@@ -67,7 +68,7 @@ int bp_avr_profile(bp_avr *brick, const bp_avr_function *functions, int count, u
 /* What has happened since power-on. */
 typedef struct {
     unsigned long long cycles;
-    unsigned int resets;   /* by the watchdog or the brown-out detector */
+    unsigned int resets;   /* by the watchdog, the brown-out detector or the reset pin */
     unsigned int overruns; /* bytes that the receiver lost */
     unsigned int lost;     /* bytes to the host without room */
     int stopped;           /* 1: the processor has stopped */

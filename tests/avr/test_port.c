@@ -205,7 +205,7 @@ static void test_after_a_reset_the_motors_coast_and_the_cause_is_told(void)
     TEST_ASSERT_EQUAL_HEX16(WIRE_BOARD_FRAME_ID, message.id);
     TEST_ASSERT_EQUAL_UINT8(GUARD_WATCHDOG, message.data[WIRE_BOARD_STARTED_BY_AT]);
     TEST_ASSERT_EQUAL_UINT8(GUARD_WATCHDOG, guard_cause());
-    TEST_ASSERT_TRUE(guard_failed());
+    TEST_ASSERT_FALSE(guard_may_start());
     drives_are(COASTS, COASTS);
     TEST_ASSERT_EQUAL_UINT8(mailbox.resets == ENDS_COUNT ? COASTS : FORWARD, mailbox.bytes[0]);
     TEST_ASSERT_EQUAL_UINT8(mailbox.bytes[0], mailbox.bytes[1]);
@@ -221,7 +221,7 @@ int main(void)
     if (resets > 0)
         RUN_TEST(test_after_a_reset_the_motors_coast_and_the_cause_is_told);
     if (resets == 0) {
-        TEST_ASSERT_FALSE(guard_failed());
+        TEST_ASSERT_TRUE(guard_may_start());
         RUN_TEST(test_motors_coast_until_they_are_written);
         RUN_TEST(test_lost_bytes_are_counted_and_told);
 #ifdef AVR_ROTATION

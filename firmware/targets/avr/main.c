@@ -1,6 +1,6 @@
 /* main.c: the autopilot on an ATmega328P or ATmega2560. After power-on, or a push of the reset button, the robot rests for two seconds, in
- * which it learns the gyro's bias, and flies the route of app/mission.h. It does not if a host begins a session on the serial line, or if
- * the chip starts because the watchdog or the brown-out detector has reset it: then it waits for a host or the button.
+ * which it learns the gyro's bias, and flies the route of app/mission.h. It does not if a host begins a session on the serial line, or after
+ * any other reset, or one whose cause a boot loader hides: then it waits for a host (guard_may_start()).
  */
 #include <avr/interrupt.h>
 
@@ -50,7 +50,7 @@ int main(void)
 {
     commands_start(&commands);
     (void)route_set(&commands.route, MISSION, sizeof MISSION / sizeof MISSION[0]);
-    resting = guard_failed() ? 0 : REST_TICKS;
+    resting = guard_may_start() ? REST_TICKS : 0;
     start_devices();
     loop_start(&state);
     for (;;) {

@@ -181,11 +181,8 @@ def load(
 
 
 def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
-    """Returns a file that is named from the campaign file's folder."""
-    path = toml.path.parent / toml.text(("campaign", key), head[key])
-    if not path.is_file():
-        toml.refuse(("campaign", key), f"no such file: {head[key]!r}")
-    return path
+    """Returns a file of the campaign file's folder."""
+    return toml.file_beside(("campaign", key), head[key])
 
 
 def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
@@ -215,11 +212,11 @@ def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
     found = []
     for name in names:
         text = toml.text(("campaign", "scenario"), name)
-        path = scenario.packaged().get(text, toml.path.parent / text)
-        if not path.is_file():
-            known = ", ".join(scenario.packaged())
+        packaged = scenario.packaged()
+        if text not in packaged and not (toml.path.parent / text).exists():
+            known = ", ".join(packaged)
             toml.refuse(("campaign", "scenario"), f"{text!r} is no file, and no scenario of that name; known: {known}")
-        found.append(scenario.load(path))
+        found.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
         if found[-1].kind != "mission":
             toml.refuse(("campaign", "scenario"), f"{text!r} is a manoeuvre; a campaign flies missions")
     if not found or len({one.name for one in found}) < len(found):

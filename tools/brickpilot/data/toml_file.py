@@ -133,13 +133,16 @@ class TomlFile:
         return name
 
     def file_beside(self, key: Key, value: object) -> Path:
-        """Returns the file that `value` names in this file's folder, or refuses it."""
+        """Returns the file that `value` names in this file's folder or below it, or refuses it.
+
+        Every path that stands in a file is opened through this. A symbolic link counts as where it leads to.
+        """
         name = self.text(key, value)
         folder = self.path.parent
         try:
             outside = not (folder / name).resolve().is_relative_to(folder.resolve())
             if outside or Path(name).is_absolute() or "\\" in name:
-                self.refuse(key, f"{name!r} is outside the data set's folder")
+                self.refuse(key, f"{name!r} is outside this file's folder")
             if not (folder / name).is_file():
                 self.refuse(key, f"no such file: {name!r}")
         except (OSError, RuntimeError) as error:

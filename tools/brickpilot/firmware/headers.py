@@ -9,6 +9,7 @@ from brickpilot.errors import InputError
 from brickpilot.firmware import ranges
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import Robot
+from brickpilot.vehicle.c_text import comment
 from brickpilot.vehicle.scenario import Scenario
 
 MILLI = 1e3
@@ -35,7 +36,7 @@ def write(robot: Robot, mission: Scenario, board: Board, step: float, folder: Pa
 
 
 def _named(constants: str, robot: Robot) -> str:
-    return f"/* Made by `brickpilot firmware` of robot.toml, for {robot.model.name}. */\n{constants}"
+    return f"{comment(f'Made by `brickpilot firmware` of robot.toml, for {robot.model.name}.')}\n{constants}"
 
 
 def _mission(mission: Scenario) -> str:
@@ -46,7 +47,7 @@ def _mission(mission: Scenario) -> str:
 
 #include "app/commands.h"
 
-/* {mission.title}, in mm. */
+{comment(f"{mission.title}, in mm.")}
 static const route_waypoint_t MISSION[] = {{
 {points}}};
 

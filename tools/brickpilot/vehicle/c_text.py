@@ -11,6 +11,14 @@ from brickpilot.vehicle.quantise import Scale
 INDENT = "    "
 
 
+def comment(text: str) -> str:
+    """Returns the C comment of a text, which may be from a file: nothing in it ends the comment or begins another."""
+    inside = text
+    for mark in ("*/", "/*"):
+        inside = inside.replace(mark, f"{mark[0]} {mark[1]}")
+    return f"/* {inside} */"
+
+
 def initialiser(value: Any, depth: int) -> str:
     """Returns the C initialiser of a Scale, bool, int, name (str), list of these, or mapping from field to these."""
     if isinstance(value, Scale):

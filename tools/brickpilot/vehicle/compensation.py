@@ -191,7 +191,7 @@ def load(path: Path | str) -> Compensation:
     lists = ("left_out", "limited", "remarks")
     left_out, limited, remarks = (_texts(toml, (key,), toml.data.get(key, [])) for key in lists)
     return Compensation(
-        name=toml.text(("name",), toml.data["name"]),
+        name=toml.file_name(("name",), toml.data["name"]),
         raw={name: found[name][0] if name in found else 0 for name in FORMATS},
         sources={name: sources for name, (_, sources) in found.items()},
         left_out=left_out,

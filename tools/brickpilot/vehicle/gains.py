@@ -83,7 +83,7 @@ def load(path: Path | str) -> Gains:
     for less, more in AT_MOST:
         if less in found and more in found and _value(less, found) > _value(more, found):
             toml.refuse(("gains", less), f"may not be above {more}")
-    return Gains(toml.text(("name",), toml.data["name"]), found)
+    return Gains(toml.file_name(("name",), toml.data["name"]), found)
 
 
 def _value(name: str, raw: Mapping[str, int]) -> float:

@@ -112,8 +112,8 @@ def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, abse
     if unit != info.unit:
         toml.refuse((*key, "unit"), f"{unit!r} should be {info.unit!r}")
     basis = table.get("basis", "")
-    if not isinstance(basis, str):
-        toml.refuse((*key, "basis"), "must be text")
+    if not isinstance(basis, str) or not basis.isprintable():
+        toml.refuse((*key, "basis"), "must be printable text")
     if absent and table["value"] == 0 and not isinstance(table["value"], bool):
         return 0.0, basis
     return toml.number(key, table["value"], info.minimum, info.maximum, info.unit), basis
@@ -163,7 +163,7 @@ def load(path: Path | str) -> Model:
     basis: dict[str, str] = {}
     vehicle = toml.choice(("vehicle",), toml.data["vehicle"], catalogue.VEHICLE_CODES)
     model = Model(
-        name=toml.text(("name",), toml.data["name"]),
+        name=toml.file_name(("name",), toml.data["name"]),
         vehicle=vehicle,
         profile=toml.choice(("profile",), toml.data["profile"], catalogue.PROFILE_CODES),
         parameters=_parameters(toml, vehicle, basis),

@@ -1,0 +1,213 @@
+"""Resets an AVR behind a boot loader at random moments of the mission that it began by itself after power-on.
+
+    loader_resets.py LOADER [COUNT [SEED [LAST_S]]]     prints a JSON line for each reset
+
+LOADER is of `arduino_loaders.LOADERS`, or "none". A reset comes COUNT times, at random, up to LAST_S after power-on.
+The mission is simulated once. At each moment this process forks: the child goes on with a reset and tells what
+the motors do, the parent with the mission. Run it in a checkout.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import random
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from arduino_loaders import LOADERS, behind
+from brickpilot.hil.avr_robot import AvrRobot, avr_image, open_robot
+from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.link.messages import book
+from brickpilot.link.session import REALTIME, Session
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
+
+STEP_S = 0.003
+CAUSES = ("watchdog", "stuck interrupt", "brown-out", "reset pin")
+OFF_S = 0.036
+"""Motors may go on for so long after a program hangs: the watchdog's time, and a step."""
+
+WATCH_S = 4.5
+"""Motors are watched for so long: the slowest loader takes 1.3 s, and an image rests for 2 s."""
+
+MOST_START_S = 6.0
+"""After power-on a mission begins within a loader's time and the rest."""
+
+SUPPLY_V = 2.0
+"""Battery in a brown-out: below what every detector of an Arduino is set to."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a reset led to.
+
+    Attributes:
+        resets: of the chip; the loader's own are among them.
+        off_s: from the cause until no motor was driven; None: one was driven until the end.
+        driven_s: for so long a motor was driven after that.
+        obeys: whether the robot drives when a host tells it to afterwards.
+        said: why the chip started, bits of the message BOARD; -1: nothing.
+    """
+
+    loader: str
+    cause: str
+    at_s: float
+    resets: int
+    off_s: float | None
+    driven_s: float
+    obeys: bool
+    said: int
+
+
+class Flight:
+    """A robot whose duties are looked at after each control step."""
+
+    def __init__(self, robot: AvrRobot) -> None:
+        self.robot = robot
+
+    def drives(self) -> bool:
+        """Flies one step, and returns whether a motor was driven at its end."""
+        self.robot.fly()
+        return bool(np.any(np.nan_to_num(np.array(tuple(self.robot.tell().duty))) != 0))
+
+    def for_s(self, seconds: float) -> list[bool]:
+        """Returns `drives` of each step of so long."""
+        return [self.drives() for _ in range(round(seconds / STEP_S))]
+
+
+def _cause(flight_: Flight, cause: str) -> list[bool]:
+    """Brings a reset about, and returns what the motors did from its cause on."""
+    robot = flight_.robot
+    name, value, held_s = {
+        "watchdog": ("MAIN_HELD", 1.0, None),
+        "stuck interrupt": ("INTERRUPT_STUCK", 1.0, None),
+        "brown-out": ("BATTERY", SUPPLY_V, 0.1),
+        "reset pin": ("RESET_PIN", 1.0, 0.1),
+    }[cause]
+    before = robot.tell().resets
+    robot.fault(name, value)
+    driven = []
+    if held_s is None:
+        while robot.tell().resets == before and len(driven) < round(0.2 / STEP_S):
+            driven += flight_.for_s(STEP_S)
+    else:
+        driven += flight_.for_s(held_s)
+    robot.fault(name, 0.0)
+    return driven
+
+
+def _obeys(flight_: Flight) -> tuple[bool, int]:
+    """Returns whether a host can drive the robot, and what BOARD said."""
+    said: list[int] = []
+
+    def other(identifier: int, data: bytes) -> None:
+        if identifier == book().by_name["BOARD"].id:
+            said.append(book().by_name["BOARD"].unpack(data)[0])
+
+    now = [0.0]
+
+    class InSteps:
+        """The line, whose time passes in control steps."""
+
+        def send(self, messages: object) -> None:
+            flight_.robot.send(messages)  # type: ignore[arg-type]
+
+        def receive(self, timeout: float) -> list[tuple[int, bytes]]:
+            for _ in range(max(1, round(timeout / STEP_S))):
+                flight_.robot.fly()
+                now[0] += STEP_S
+                if come := flight_.robot.receive(0.0):
+                    return come
+            return []
+
+        def close(self) -> None:
+            """Does nothing."""
+
+    session = Session(InSteps(), "avr", other, clock=lambda: now[0])
+    try:
+        session.open("coupled", REALTIME)
+        session.upload([(1000, 0)])
+        session.command("start")
+    except Exception as error:  # a brick that does not answer
+        print(error, file=sys.stderr)
+        return False, -1
+    driven = flight_.for_s(0.5)
+    for message in flight_.robot.receive(0.0):
+        other(*message)
+    return any(driven), said[-1] if said else -1
+
+
+def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
+    driven = _cause(flight_, cause)
+    driven += flight_.for_s(WATCH_S - len(driven) * STEP_S)
+    off = driven.index(False) if False in driven else None
+    driven_s = 0.0 if off is None else sum(driven[off:]) * STEP_S
+    resets = int(flight_.robot.tell().resets)
+    obeys, said = _obeys(flight_)
+    return Outcome(loader, cause, at_s, resets, None if off is None else off * STEP_S, driven_s, obeys, said)
+
+
+def _in_child(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
+    """Returns the outcome of a reset now; this process itself does not go on."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            os.write(writing, json.dumps(dataclasses.asdict(_outcome(flight_, loader, cause, at_s))).encode())
+            status = 0
+        finally:
+            os._exit(status)
+    os.close(writing)
+    with os.fdopen(reading) as told:
+        text = told.read()
+    os.waitpid(child, 0)
+    return Outcome(**json.loads(text))
+
+
+def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcome]:
+    """Yields what `count` resets led to, at random moments from the mission's beginning to `last_s` after power-on."""
+    drawn = random.Random(seed)
+    target = "avr:328p-imu" if loader == "none" else LOADERS[loader].target
+    image = avr_image(target)
+    plan = flight.plan(
+        scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=AVR_TARGETS[target].sensors[0]
+    )
+    plan = dataclasses.replace(plan, steps=round((last_s + WATCH_S + 10) / STEP_S))
+    log = np.zeros((plan.steps, len(flight.log_names())))
+    motors = np.zeros((plan.steps, 2), dtype=np.int16)
+    with tempfile.TemporaryDirectory() as folder:
+        if loader != "none":
+            image = behind(LOADERS[loader], image.with_suffix(".hex"), Path(folder))
+        with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors) as robot:
+            flight_ = Flight(robot)
+            step = 1
+            while not flight_.drives():
+                step += 1
+                if step * STEP_S > MOST_START_S:
+                    raise RuntimeError(f"{loader}: no mission begins after power-on")
+            moments = sorted(drawn.randrange(step, round(last_s / STEP_S)) for _ in range(count))
+            for number, moment in enumerate(moments):
+                driven = True
+                while step < moment or not driven:  # a motor is on when the reset comes
+                    driven = flight_.drives()
+                    step += 1
+                yield _in_child(flight_, loader, CAUSES[(number + seed) % len(CAUSES)], round(step * STEP_S, 3))
+
+
+def main() -> None:
+    if not 2 <= len(sys.argv) <= 5:
+        sys.exit(__doc__)
+    loader, count, seed, last_s = (*sys.argv[1:], *("4", "0", "12")[len(sys.argv) - 2 :])
+    for outcome in resets(loader, int(count), int(seed), float(last_s)):
+        print(json.dumps(dataclasses.asdict(outcome)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

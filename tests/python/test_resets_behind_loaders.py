@@ -1,0 +1,40 @@
+"""An AVR behind the boot loaders of Arduino's core: after a reset in a mission no motor starts by itself."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from arduino_loaders import LOADERS
+from loader_resets import CAUSES, OFF_S, Outcome
+
+ROOT = Path(__file__).parents[2]
+
+
+def outcomes(loader: str, full: bool) -> list[Outcome]:
+    """Returns what resets of each cause led to: one of each, or 50 in a whole mission."""
+    count, last_s = ("200", "36") if full else ("4", "5")
+    asked = [sys.executable, Path(__file__).with_name("loader_resets.py"), loader, count, "1", last_s]
+    done = subprocess.run(asked, cwd=ROOT, check=True, capture_output=True, text=True)
+    found = [Outcome(**json.loads(line)) for line in done.stdout.splitlines()]
+    assert len(found) == int(count)
+    assert {one.cause for one in found} == set(CAUSES)
+    return found
+
+
+@pytest.mark.parametrize("loader", ["none", *LOADERS])
+def test_after_a_reset_in_a_mission_motors_are_off_until_a_command(loader: str, full: bool) -> None:
+    """The button is such a command where the loader leaves MCUSR, which tells of the reset pin alone."""
+    for one in outcomes(loader, full):
+        assert one.resets > 0, one
+        assert one.off_s is not None, one
+        assert one.off_s <= OFF_S, one
+        if one.cause == "reset pin" and loader in ("none", "old nano"):
+            assert one.driven_s > 0, one
+            continue
+        assert one.driven_s == 0, one
+        for_ever = loader == "old nano" and one.cause in ("watchdog", "stuck interrupt")
+        assert one.obeys != for_ever, one
