@@ -135,6 +135,19 @@ def test_a_stretch_is_judged_by_the_scale_of_the_others() -> None:
     assert fell[4] > 20 * max(abs(np.delete(fell, 4)))
 
 
+def test_a_model_that_predicts_every_stretch_better_makes_none_less_likely() -> None:
+    """By a scale of its own each, the stretch that stays far out would count against the better model."""
+    judge, _ = given()
+    before = residuals(1)
+    before[judge.stretch == 4] *= 20
+    after = np.where(judge.stretch == 4, 0.9, 0.1) * before
+    assert (judge.density(after) - judge.density(before))[4] < -100
+    rises = judge.rises(before, after)
+    assert np.all(rises > 0)
+    assert np.all(judge.rises(after, before) < 0)
+    assert judge.rises(before, before) == pytest.approx(np.zeros(judge.count))
+
+
 def test_the_most_likely_scale_is_the_reference_s() -> None:
     random = np.random.default_rng(2)
     for residual in (0.4 * random.normal(size=900), 2.0 * random.standard_t(2, 900), random.uniform(-1, 1, 900)):

@@ -119,6 +119,21 @@ class Judge:
             total += _density(residual[rows], self.stretch[rows], self.count, self.floor(signal))
         return total
 
+    def rises(self, before: Array, after: Array) -> Array:
+        """Returns (stretches,): by how much the log density rises from one residual (values,) to another.
+
+        Both are judged by the scale of the first: a model that predicts most stretches better makes no other one worse.
+        """
+        total = np.zeros(self.count)
+        for signal in self.data.signals:
+            size = _scale(np.concatenate(self.data.parts(before, signal)), self.floor(signal))
+            for block in self.data.blocks:
+                if block.signal == signal:
+                    scaled = [(one[block.place] / (numbers.KNEE * size)) ** 2 for one in (before, after)]
+                    rise = numbers.KNEE**2 * (np.sqrt(1 + scaled[0]) - np.sqrt(1 + scaled[1]))
+                    total += np.bincount(self.stretch[block.place], rise, self.count)
+        return total
+
     def of_explanation(self, found: Explanation) -> Evidence:
         """Returns the evidence of a fitted explanation."""
         problem = Problem(self.data, found.plan)

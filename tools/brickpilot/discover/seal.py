@@ -141,7 +141,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
         return Evidence("fitted_only", removed_fit, None, None, False, _NO_RUNS)
     judge = Judge.of(held_out, prepared.seed)
     before, after = held_out.predict([nominal, written])
-    rises = judge.density(held_out.measured - after) - judge.density(held_out.measured - before)
+    rises = judge.rises(held_out.measured - before, held_out.measured - after)
     alpha = np.random.default_rng(0).dirichlet(np.ones(judge.count), _DRAWS)
     draws = float(np.mean(alpha @ rises > 0))
     claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
