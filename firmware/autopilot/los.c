@@ -193,9 +193,9 @@ static uint16_t approach_speed_mm_s_q4(const los_config_t *config, const los_sta
         return cruise;
     distance_mm = fix_sqrt_u32((uint32_t)los->distance_squared_mm2);
     speed = fix_sqrt_u32(fix_mul_u16(twice_decel_mm_s2, distance_mm) << 8);
-    if (speed > cruise)
-        speed = cruise;
-    return speed < creep ? creep : speed;
+    if (speed < creep)
+        speed = creep;
+    return speed > cruise ? cruise : speed;
 }
 
 static void steer_leg(const los_config_t *config, const route_t *route, los_state_t *los,

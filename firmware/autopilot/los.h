@@ -17,7 +17,7 @@ typedef struct {
     uint16_t
         bearing_hold_mm;    /* within this distance TURN and DRIVE keep their bearing, since it would swing; 0..32767 */
     int16_t cruise_mm_s_q4; /* 1..32767 */
-    int16_t creep_mm_s_q4;  /* never slower in DRIVE; 0..cruise */
+    int16_t creep_mm_s_q4;  /* never slower in DRIVE; 0..cruise, more counts as cruise */
     uint16_t decel_mm_s2;   /* speed is at most sqrt(2 decel distance); 1..32767 */
     uint16_t pivot_bam16;   /* a larger heading error is corrected at rest, by a TURN; 1..32767 */
     uint16_t align_bam16;   /* TURN ends within this heading error, 1..pivot */

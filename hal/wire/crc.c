@@ -3,7 +3,7 @@
 static uint16_t byte_more(uint16_t crc, uint8_t byte)
 {
 #ifdef __H8300__ /* 34 bytes less, on a brick that has few left */
-    crc ^= (uint16_t)(byte << 8);
+    crc ^= (uint16_t)((uint16_t)byte << 8);
     for (uint8_t bits = 8; bits > 0; bits--)
         crc = (uint16_t)(crc << 1) ^ (crc & 0x8000U ? 0x1021U : 0U);
     return crc;
@@ -11,7 +11,7 @@ static uint16_t byte_more(uint16_t crc, uint8_t byte)
     uint8_t turned = (uint8_t)((uint8_t)(crc >> 8) ^ byte);
 
     turned ^= (uint8_t)(turned >> 4); /* x^16 = x^12 + x^5 + 1, and the upper four bits of x^12 come back once more */
-    return (uint16_t)((uint16_t)(crc << 8) ^ (uint16_t)(turned << 12) ^ (uint16_t)(turned << 5) ^ turned);
+    return (uint16_t)((uint16_t)(crc << 8) ^ (uint16_t)((uint16_t)turned << 12) ^ (uint16_t)(turned << 5) ^ turned);
 #endif
 }
 

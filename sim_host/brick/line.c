@@ -104,15 +104,41 @@ const char *line_listen(line_t *line, const char *host_and_port)
     return trouble;
 }
 
+/* Whether the present client still has the line: it has sent nothing that is unread, and has not gone. */
+static bool is_quiet(int fd)
+{
+    char byte;
+
+    return recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
+}
+
+/* What has come is read first: closing a socket with unread bytes would take the words back. */
+static void send_away(int fd)
+{
+    static const char BUSY[] = "\0" LINE_BUSY;
+    char bytes[64];
+
+    (void)send(fd, BUSY, sizeof BUSY, MSG_NOSIGNAL | MSG_DONTWAIT);
+    shutdown(fd, SHUT_WR);
+    while (recv(fd, bytes, sizeof bytes, MSG_DONTWAIT) > 0) {
+    }
+    close(fd);
+}
+
 void line_accept(line_t *line)
 {
     const int yes = 1;
-    const int fd = accept(line->listening, NULL, NULL);
+    int fd;
 
+    if (line->fd >= 0 && !is_quiet(line->fd))
+        return;
+    fd = accept(line->listening, NULL, NULL);
     if (fd < 0)
         return;
-    if (line->fd >= 0)
-        close(line->fd);
+    if (line->fd >= 0) {
+        send_away(fd);
+        return;
+    }
     line->fd = fd;
     line->pending_size = 0;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);

@@ -21,7 +21,11 @@ const char *line_open_pty(line_t *line);
 const char *line_open_serial(line_t *line, const char *path);
 const char *line_listen(line_t *line, const char *host_and_port); /* port 0: any free one */
 
-/* Accepts the connection that waits on `listening`, in place of the present one. */
+/* What a client is told that comes while another one has the line; a 0 stands before and behind it. */
+#define LINE_BUSY "another host has this link"
+
+/* Accepts the connection that waits on `listening`. The first client keeps the line until it ends: another one is sent away
+ * with LINE_BUSY. One that waits while bytes of the first, or its end, are unread is left for the next call. */
 void line_accept(line_t *line);
 
 /* Returns the number of bytes read. 0: none at present. -1: the other end has gone; a listening line waits for the

@@ -13,6 +13,7 @@ import pytest
 from brickpilot.campaign import file, robots, runs
 from brickpilot.campaign.file import Campaign
 from brickpilot.discover.prepare import SD_SHARE
+from brickpilot.errors import InputError
 from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
@@ -111,3 +112,21 @@ def test_values_that_only_the_explanations_tell_apart_are_columns_too(folder: Pa
     (folder / "verdict.json").write_text(json.dumps(verdict))
     given = robots.read(model.load(folder / "model.toml"), folder / "model.toml", {})
     assert given.open == ("wheel_radius", "battery_voltage", "yaw_scrub.moment", "gyro_scale.error")
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [
+        '{"spread": {"parameters": ["mass"], "values": [BIG], "units": [1], "covariance": [[1]]}}',
+        '{"spread": {"parameters": ["mass"], "values": [1], "units": [1], "covariance": [[BIG]]}}',
+        '{"verdict": "ambiguous", "effects": [{"equivalents": [{"name": "x", "nominal": {"mass": BIG}, '
+        '"effects": {}}]}]}',
+        '{"verdict": "ambiguous", "effects": [{"equivalents": [{"name": "x", "nominal": {"mass": 1}, '
+        '"effects": {"yaw_scrub": {"moment": BIG}}}]}]}',
+    ],
+)
+def test_a_number_that_no_double_holds_is_one_line(verdict: str, folder: Path) -> None:
+    (folder / "calibrate.json").unlink()
+    (folder / "verdict.json").write_text(verdict.replace("BIG", "9" * 400))
+    with pytest.raises(InputError, match=r"verdict.json: spread: is no result of calibrate or discover"):
+        robots.read(model.load(folder / "model.toml"), folder / "model.toml", {})

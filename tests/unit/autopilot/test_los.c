@@ -62,6 +62,16 @@ static void test_los_speed_follows_the_root_of_the_distance_between_creep_and_cr
     }
 }
 
+static void test_los_creep_above_cruise_counts_as_cruise(void)
+{
+    static const route_waypoint_t AHEAD[] = {{30000, 0}};
+    set_route(AHEAD, 1);
+    config.acceptance_mm = 1;
+    config.creep_mm_s_q4 = (int16_t)(config.cruise_mm_s_q4 + 1);
+    step_at(29900.0, 0.0, 0.0);
+    TEST_ASSERT_EQUAL_INT16(config.cruise_mm_s_q4, demand.speed_mm_s_q4);
+}
+
 static void test_los_farthest_waypoint_is_approached_at_cruise_speed(void)
 {
     static const route_waypoint_t FAR[] = {{30000, 30000}};
@@ -148,6 +158,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_los_brakes_for_rest_ms_and_settles_for_settle_ms);
+    RUN_TEST(test_los_creep_above_cruise_counts_as_cruise);
     RUN_TEST(test_los_farthest_waypoint_is_approached_at_cruise_speed);
     RUN_TEST(test_los_steers_to_the_bearing_of_eq_22);
     RUN_TEST(test_los_heading_error_is_wrapped);

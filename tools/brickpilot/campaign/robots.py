@@ -135,7 +135,7 @@ def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
         given = json.loads(file.read_text(encoding="utf-8"))
         spread = uncertainty.from_json(given["spread"]) if given.get("spread") is not None else None
         explanations = (Explanation(model.name, model), *_rivals(model, given))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
     if spread is not None:
         for name, value in zip(spread.names, spread.values, strict=True):
@@ -154,10 +154,16 @@ def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
     found = []
     for one in (rival for effect in given["effects"] for rival in effect["equivalents"]):
         if one.get("nominal"):
-            parameters = {**model.parameters, **one["nominal"]}
-            other = dataclasses.replace(model, parameters=parameters, effects=one["effects"], basis={})
+            parameters = {**model.parameters, **_numbers(one["nominal"])}
+            effects = {name: _numbers(table) for name, table in one["effects"].items()}
+            other = dataclasses.replace(model, parameters=parameters, effects=effects, basis={})
             found.append(Explanation(str(one["name"]), other))
     return found
+
+
+def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
+    """Returns a table's values as numbers; ValueError, TypeError or OverflowError where one is none."""
+    return {name: float(value) for name, value in table.items()}
 
 
 def draw(allowed: Allowed, seed: int, stream: int, places: Sequence[int]) -> list[Robot]:

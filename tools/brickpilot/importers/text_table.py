@@ -26,6 +26,7 @@ Vector = NDArray[np.float64]
 
 _MOST_COLUMNS = 1000  # that have a number; a higher one is refused as a column that the file lacks
 _MOST_BROKEN = 0.2  # share of the rows; a file with more broken lines is not what it was taken for
+_LONGEST_NUMBER = 300  # characters; a double ends at 1.8e308
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
 assert set(_PREFERRED) == set(DELIMITERS)
@@ -72,7 +73,7 @@ class TextTable:
             values = cells.to_numpy(dtype=np.float64, copy=True)
             wrong = np.isinf(values)
         else:
-            values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64, copy=True)
+            values = _numbers(cells)
             wrong = np.isinf(values) | (np.isnan(values) & cells.notna().to_numpy())
         if np.count_nonzero(wrong) > _MOST_BROKEN * values.size:
             row = int(np.argmax(wrong))
@@ -98,6 +99,15 @@ class TextTable:
             message = f"no column {number}: the file has {len(self.names)}, numbered from 0"
             raise InputError(message, file=self.file, line=self.first_line, field=signal)
         return int(number)
+
+
+def _numbers(cells: pd.Series) -> Vector:
+    """Returns the numbers of cells of text; NaN where one is blank, no number, or longer than `_LONGEST_NUMBER`."""
+    try:
+        found = pd.to_numeric(cells, errors="coerce")
+    except OverflowError:  # pandas reads a whole number of any length, and cannot make a double of it
+        found = pd.to_numeric(cells.mask(cells.astype(str).str.len() > _LONGEST_NUMBER), errors="coerce")
+    return np.array(found, dtype=np.float64)
 
 
 def read_table(file: Path, delimiter: str | None = None, header: bool = False) -> TextTable:

@@ -73,6 +73,10 @@ class WrappedLink:
         self._link.close()
 
 
+BUSY = b"another host has this link"
+"""What a brick tells a second client before it ends the connection. The brick's process has the same words."""
+
+
 def encode_frame(identifier: int, data: bytes) -> bytes:
     """Returns the frame that carries a message on a serial line; see hal/wire/frame."""
     raw = struct.pack("<HB", identifier, len(data)) + data
@@ -140,6 +144,8 @@ class StreamLink:
         for block in blocks:
             if not block:
                 continue
+            if block == BUSY:
+                raise LinkGoneError(BUSY.decode())
             frame = decode_frame(block)
             if frame is None:
                 self.damaged += 1

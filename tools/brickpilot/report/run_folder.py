@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,11 @@ from numpy.typing import NDArray
 from brickpilot.errors import InputError
 from brickpilot.vehicle.flight import Flight
 
+try:
+    import fcntl
+except ImportError:  # no POSIX: what is left over stays
+    fcntl = None  # type: ignore[assignment]
+
 Array = NDArray[np.float64]
 
 
@@ -24,7 +30,8 @@ Array = NDArray[np.float64]
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
     """Yields an empty folder beside `out` and renames it to `out` at the end; an error leaves nothing behind.
 
-    An older `out` is replaced only if it holds no other files than `files`, those that the command writes.
+    An older `out` is replaced only if it holds no other files than `files`, those that the command writes. What a
+    killed run of the same `out` has left beside it is removed.
 
     Raises:
         InputError: `out` is no folder, holds other files, or cannot be written.
@@ -37,7 +44,9 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
             raise InputError(f"holds other files, such as {others[0]}; name a new or an empty folder", file=out)
         made = not out.parent.exists()
         out.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+        _remove_left_over(out)
+        beside = Path(tempfile.mkdtemp(prefix=_prefix(out), dir=out.parent))
+        lock = _locked(beside)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=out) from error
     try:
@@ -51,6 +60,36 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         if made and not any(out.parent.iterdir()):
             out.parent.rmdir()
         raise
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def _prefix(out: Path) -> str:
+    return f".{out.name}-unfinished-"
+
+
+def _locked(folder: Path) -> int | None:
+    """Returns a lock on a folder that ends with this process; None: another process has it, or the system has none."""
+    if fcntl is None:
+        return None
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(place)
+        return None
+    return place
+
+
+def _remove_left_over(out: Path) -> None:
+    """Removes the unfinished folders of `out` that no process holds."""
+    for folder in out.parent.glob(f"{glob.escape(_prefix(out))}*"):
+        with suppress(OSError):
+            lock = _locked(folder)
+            if lock is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+                os.close(lock)
 
 
 def write_file(text: str, path: Path) -> None:
