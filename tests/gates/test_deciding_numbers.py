@@ -17,13 +17,15 @@ PACKAGE = ROOT / "tools/brickpilot"
 DISCOVER = PACKAGE / "discover"
 
 MOST_NUMBERS = 15
-MOST_FILES, MOST_LINES = 39, 10700
+MOST_FILES, MOST_LINES = 37, 9600
 
 PLAIN = {0, 1, -1, 2, 0.5}
 
 DECIDES = ("verdict.py", "evidence.py", "adequacy.py", "seal.py", "pipeline.py", "conclude.py")
 
 WORK = {
+    ("conclude.py", "_LAGS"): "how far the page's autocorrelation reaches",
+    ("conclude.py", "_BEYOND"): "what the page calls white; no verdict asks",
     ("evidence.py", "_SETTLED"): "the iterated scale has come to rest: a smaller number gives the same scale",
 }
 """Constants in comparisons that say how much work is done, or how something is shown."""

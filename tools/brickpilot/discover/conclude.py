@@ -36,6 +36,7 @@ from brickpilot.vehicle.model import Model, unit_on
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
 _LAGS = 20  # bins of an autocorrelation
+_BEYOND = 4  # of them may leave the bound where the page calls a residual white
 _LARGEST_LOG = 700.0  # of a double
 _ERROR_SHOWN = 1.5  # the same for an error without an explanation, which has the noise on it: noise alone has 1
 
@@ -140,7 +141,7 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
             products = np.sum([correlate(one, one)[len(one) - 1 : len(one) + _LAGS] for one in parts], axis=0)
             lags = tuple((products[1:] / (products[0] or 1.0)).tolist())
             bound = 1.96 / math.sqrt(sum(map(len, parts)))
-            white = sum(abs(one) > bound for one in lags) <= _LAGS // 5
+            white = sum(abs(one) > bound for one in lags) <= _BEYOND
             found[signal] = finding.Whiteness(numbers.BIN_S, lags, bound, white)
     return found
 
