@@ -8,14 +8,18 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     in_closed_loop   -> Prepared      innovations take the residual's place, where a loop is around the data
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequacy         -> Adequacy      `unknown`, where what is left is still predictable or too much (adequacy.py)
-    compose          -> Composed      for `unknown`: a law of few terms without a name               (compose.py)
+    adequacy         -> Adequacy      what is left: predictable or too much makes it `unknown`       (adequacy.py)
+    prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
+    compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
-    prove            -> Proof         the seal is opened, once: what held-out runs say               (seal.py)
-    measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
+    prove            -> Proof         the seal is opened, once: held-out runs may take a name back   (seal.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
+    measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
+
+The verdict changes behind `weigh` in two places: `_explain`, by what is left or where time ran out, and `_prove`, where
+a size of what was named is not determined, only runs differ, or the seal does not confirm.
 
 Every number that decides a verdict stands in numbers.py, with its reason.
 """

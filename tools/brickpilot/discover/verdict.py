@@ -1,4 +1,4 @@
-"""The verdict: what the evidence says of all explanations that were found. It is decided here and nowhere else.
+"""The verdict: what the evidence says of all explanations that were found. See `pipeline` for what may change it later.
 
 The explanations that hold 95 % of the weight are kept. Those that contain another of them say nothing more within the
 tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
