@@ -98,7 +98,7 @@ def given(stretches: int = 12, each: int = 30) -> tuple[Judge, dict[str, slice]]
     stretch = np.concatenate([np.repeat(np.arange(stretches), size // stretches) for size in sizes.values()])
     values = np.zeros(start)
     unknown: Any = None
-    data = Residual(unknown, frozenset({"run"}), blocks, values, unknown, scales, {}, (), 0.0)  # type: ignore[arg-type]
+    data = Residual(unknown, frozenset({"run"}), blocks, values, unknown, scales, dict.fromkeys(sizes, 1.0), (), 0.0)  # type: ignore[arg-type]
     return Judge(data, stretch, stretches, 0.0), places
 
 

@@ -51,7 +51,7 @@ def ready(folder: Path) -> tuple[Prepared, Model, Sealed]:
 def proved(folder: Path, held_out: Model, **claimed: dict[str, float]) -> Evidence:
     """Returns what held-out runs say of a claim about runs of a robot with dry friction."""
     prepared, nominal, sealed = ready(written(folder, held_out, truth(**FRICTION)))
-    found = prove(prepared, sealed, robot(), dataclasses.replace(robot(), effects=claimed)).evidence
+    found = prove(prepared, sealed, robot(), dataclasses.replace(robot(), effects=claimed), {}).evidence
     assert nominal.effects == {}
     assert found is not None
     return found
@@ -82,7 +82,7 @@ def test_without_held_out_runs_nothing_is_confirmed(tmp_path: Path) -> None:
     folder = write(tmp_path / "set", truth(**FRICTION), NOISE, NOMINAL, manoeuvres=MOVES, roles=["fit"] * 6)
     prepared, _, sealed = ready(folder)
     assert prepared.roles.tested() == []
-    found = prove(prepared, sealed, robot(), truth(**FRICTION)).evidence
+    found = prove(prepared, sealed, robot(), truth(**FRICTION), {}).evidence
     assert found is not None
     assert (found.kind, found.contradicted, found.draws, found.removed_held_out) == ("fitted_only", False, None, None)
     assert "No run was held out" in found.sentence
@@ -90,13 +90,13 @@ def test_without_held_out_runs_nothing_is_confirmed(tmp_path: Path) -> None:
 
 def test_a_model_that_adds_nothing_needs_no_proof_and_what_fell_is_simulated_without_it(tmp_path: Path) -> None:
     prepared, nominal, sealed = ready(written(tmp_path / "set", robot(), truth(**FRICTION)))
-    proof = prove(prepared, sealed, nominal, truth(**FRICTION))
+    proof = prove(prepared, sealed, nominal, truth(**FRICTION), {})
     plain = unproved(proof, nominal)
     assert proof.is_contradicted
     assert plain.simulated["augmented"] is plain.simulated["nominal"] is proof.simulated["nominal"]
     assert all(one.after == one.before for one in (*plain.gap.values(), *plain.by_signal.values()))
     again, _, other = ready(tmp_path / "set")
-    assert prove(again, other, nominal, nominal).evidence is None
+    assert prove(again, other, nominal, nominal, {}).evidence is None
 
 
 def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:

@@ -189,11 +189,11 @@ def test_held_out_values_choose_nothing(tmp_path: Path) -> None:
 
 def test_a_seal_that_is_opened_twice_is_an_error(tmp_path: Path) -> None:
     prepared, sealed = prepare(runs_held_out(tmp_path / "set"), None, seed=0, jobs=1)
-    prove(prepared, sealed, robot(), TRUTH)
+    prove(prepared, sealed, robot(), TRUTH, {})
     with pytest.raises(SealError, match="opened before"):
         sealed.open()
     with pytest.raises(SealError, match="opened before"):
-        prove(prepared, sealed, robot(), TRUTH)
+        prove(prepared, sealed, robot(), TRUTH, {})
 
 
 def test_a_discovery_opens_the_seal_once_and_as_its_last_choice_is_made(

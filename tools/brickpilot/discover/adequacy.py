@@ -107,7 +107,7 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
         folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
         predicted = out_of_fold(columns, target, folds, seed).value
         total = float(target @ target)
-        least = max(total, len(target) * judge.floor(signal) ** 2)
+        least = max(total, len(target) * data.floor(signal) ** 2)
         explained = float(np.sum(np.concatenate(data.parts(before, signal)) ** 2)) - total
         own_error = numbers.LAW_ERROR * max(explained, 0.0)
         found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2)) - own_error) / least)

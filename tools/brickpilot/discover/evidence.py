@@ -105,10 +105,6 @@ class Judge:
         judge = cls(data, stretch, count, 0.0)
         return cls(data, stretch, count, float(judge.density(drawn).sum()))
 
-    def floor(self, signal: str) -> float:
-        """Returns the least scale of a signal's residual, SI: noise, and the share that no simulator matches."""
-        return float(np.hypot(self.data.scales[signal].noise, self.data.matched * self.data.rms.get(signal, 0.0)))
-
     def density(self, residual: Array) -> Array:
         """Returns (stretches,): the log density of a residual (values,), SI."""
         total = np.zeros(self.count)
@@ -116,7 +112,7 @@ class Judge:
             rows = np.concatenate(
                 [np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal]
             )
-            total += _density(residual[rows], self.stretch[rows], self.count, self.floor(signal))
+            total += _density(residual[rows], self.stretch[rows], self.count, self.data.floor(signal))
         return total
 
     def rises(self, before: Array, after: Array) -> Array:
@@ -126,7 +122,7 @@ class Judge:
         """
         total = np.zeros(self.count)
         for signal in self.data.signals:
-            size = _scale(np.concatenate(self.data.parts(before, signal)), self.floor(signal))
+            size = _scale(np.concatenate(self.data.parts(before, signal)), self.data.floor(signal))
             for block in self.data.blocks:
                 if block.signal == signal:
                     scaled = [(one[block.place] / (numbers.KNEE * size)) ** 2 for one in (before, after)]
@@ -169,7 +165,7 @@ class Judge:
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
-            size = _scale(np.concatenate(parts), self.floor(signal))
+            size = _scale(np.concatenate(parts), self.data.floor(signal))
             limited = [np.clip(part / size, -_FAR, _FAR) for part in parts]
             total += sum(map(len, parts)) * correlation_time(limited, about_mean=False)
         return total / len(self.data.measured)
@@ -183,18 +179,18 @@ class Judge:
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
-            above_noise = 1 - self.floor(signal) ** 2 / self.squares(best, signal)
+            above_noise = 1 - self.data.floor(signal) ** 2 / self.squares(best, signal)
             shared -= self.counts[signal] * float(np.log(1 - numbers.SHARED_REST * above_noise)) / 2
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence) -> float:
         """Returns the squared error above noise that an explanation leaves, in squares of each signal's floor."""
-        squares = {one: self.squares(evidence, one) / self.floor(one) ** 2 for one in self.data.signals}
+        squares = {one: self.squares(evidence, one) / self.data.floor(one) ** 2 for one in self.data.signals}
         return sum(self.counts[signal] * (square - 1) for signal, square in squares.items())
 
     def squares(self, evidence: Evidence, signal: str) -> float:
         """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""
-        return _scale(np.concatenate(self.data.parts(evidence.left_out, signal)), self.floor(signal)) ** 2
+        return _scale(np.concatenate(self.data.parts(evidence.left_out, signal)), self.data.floor(signal)) ** 2
 
     @property
     def counts(self) -> dict[str, int]:

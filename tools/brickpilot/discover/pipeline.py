@@ -19,7 +19,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
 The verdict changes behind `weigh` in two places: `_explain`, by what is left or where time ran out, and `_prove`, where
-a size of what was named is not determined, only runs differ, or the seal does not confirm.
+only runs differ or the seal does not confirm.
 
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import adequacy
 from brickpilot.discover.compose import Composed, compose, refitted
 from brickpilot.discover.conclude import Conclusion, conclude
@@ -194,16 +193,11 @@ def _prove(
     kind: VerdictKind = verdict.kind
     if kind in ("named", "ambiguous") and not any(one.effects for one in (verdict.best, *verdict.rivals)):
         kind = "none"  # no law is missing: runs differ in what reaches the motors, and when
-    if kind == "named" and not best.determined:
-        # The data do not determine a size of what was named: without it nothing may be missing.
-        left = max(explained.found.judge.top - explained.found.nothing.total, 0.0)
-        enough = left <= numbers.UNEXPLAINED_NATS * len(prepared.coarse.measured)
-        kind, best = ("none", nominal) if enough else ("unknown", best)
     written = best if kind in ("named", "ambiguous") else nominal
     if composed is not None:
         written = settle(prepared, composed.explanation)
         composed = refitted(composed, written.explanation)
-    proof = prove(prepared, sealed, nominal.model, written.model)
+    proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
     if (kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
         kind = "unknown"
         composed, written, proof = (None, nominal, unproved(proof, nominal.model))

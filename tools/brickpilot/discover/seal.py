@@ -102,19 +102,24 @@ class Proof:
         return self.evidence is not None and self.evidence.contradicted
 
 
-def prove(prepared: Prepared, sealed: Sealed, nominal: Model, written: Model) -> Proof:
+def prove(
+    prepared: Prepared, sealed: Sealed, nominal: Model, written: Model, by_run: Mapping[str, Mapping[str, float]]
+) -> Proof:
     """Opens the seal, and returns what the held-out runs say of the model.
 
     Args:
         nominal: the calibrated nominal model.
         written: the model of the last choice, as read back from its file.
+        by_run: what was fitted of single runs beside it, as `Model.by_run`. No file holds that. It is true of a
+            held-out stretch of the same run, and nothing is known of a run that is held out as a whole.
     """
     opened = sealed.open()
     outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
     simulated = dict(zip(("nominal", "augmented"), outputs, strict=True))
     gap, by_signal = gaps(opened.whole, simulated, prepared.roles, prepared.fine.sample_noise)
     added = nominal.effects.keys() != written.effects.keys()
-    evidence = _evidence(prepared, opened, nominal, written, grows=gap["held_out"].grows) if added else None
+    fitted = dataclasses.replace(written, by_run=by_run)
+    evidence = _evidence(prepared, opened, nominal, fitted, grows=gap["held_out"].grows) if added else None
     return Proof(opened, evidence, simulated, gap, by_signal)
 
 

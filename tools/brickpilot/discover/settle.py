@@ -50,7 +50,6 @@ class Settled:
         estimates: of all fitted parameters, by name.
         spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
         notes: on how it was fitted, one sentence each.
-        determined: the data determine a size of each effect.
     """
 
     explanation: Explanation
@@ -58,7 +57,6 @@ class Settled:
     estimates: Mapping[str, Estimate]
     spread: Spread | None
     notes: tuple[str, ...] = ()
-    determined: bool = True
 
 
 def settle(prepared: Prepared, found: Explanation) -> Settled:
@@ -68,8 +66,7 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
     less = without_undetermined(prepared.fine, found, prepared.jobs)
-    determined = less.key == found.key
-    found = less if determined else found
+    found = less if less.key == found.key else found
     whole = whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
@@ -81,7 +78,7 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
         if before and _change(before, after) < 1:
             data, best = followed
             notes = (_WHOLE,)
-    return dataclasses.replace(written(prepared, data, best, notes), determined=determined)
+    return written(prepared, data, best, notes)
 
 
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...]) -> Settled:

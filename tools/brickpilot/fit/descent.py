@@ -138,7 +138,6 @@ def descend(problem: Problem, point: Array, tolerance: float) -> Array:
     low, high = _bounds(problem)
     margin = 1e-9 * (high - low)
     inside = np.clip(point, low + margin, high - margin)
-    several = len(inside) > 1
     if not np.isfinite(problem.cost(inside)):
         raise SimulationError("the plant diverges at the point from which the fit should go on")
     found = least_squares(
@@ -150,9 +149,6 @@ def descend(problem: Problem, point: Array, tolerance: float) -> Array:
         ftol=tolerance,
         xtol=tolerance * _STEP_TOLERANCE,
         x_scale=np.array([one.reach for one in problem.plan.free]),
-        # Singular values of all samples would cost more in each step than the plant; for one parameter lsmr cannot be
-        # used. With regularisation, or ended early, lsmr takes tiny steps along a narrow valley.
-        tr_solver="lsmr" if several else "exact",
-        tr_options={"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 4 * len(inside)} if several else {},
+        tr_solver="exact",
     )
     return np.asarray(found.x)

@@ -213,7 +213,7 @@ class Residual:
         )
 
     def floor(self, signal: str) -> float:
-        """Returns the least scale of a signal, SI: its noise, and the share that no simulator matches."""
+        """Returns the least scale of a signal's residual, SI: noise, and the share that no simulator matches."""
         return float(np.hypot(self.scales[signal].noise, self.matched * self.rms[signal]))
 
     def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
