@@ -8,7 +8,7 @@ the same evidence.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,9 +117,9 @@ class TermSource:
         self._add(find_atoms(self._base.vehicle, self._segments, rest[: len(self._residual)]))
         self._add_strips(projection, rest)
 
-    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
+    def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns every atom that could gain something, with a diverse choice of settings."""
-        return self._best(problem, point, [one for one in self._changes if one.name not in without])
+        return self._best(problem, point, list(self._changes))
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
         """Returns what is worth a fit at the period that the best fit ended at, and at the periods beside it."""

@@ -24,6 +24,7 @@ from brickpilot.discover.parts import Part, RunPart
 from brickpilot.discover.periods import Period, own_period, resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
+from brickpilot.discover.search import Found
 from brickpilot.discover.settle import Settled
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
@@ -47,6 +48,7 @@ class Conclusion:
 
     Attributes:
         kind: the verdict behind the seal.
+        samples: the evidence of the nominal model and of the best explanation at the measured samples.
         best: the best explanation as it was settled, claimed or not.
         written: the model that is written.
         nominal: the calibrated nominal model, as it was settled.
@@ -54,6 +56,7 @@ class Conclusion:
 
     kind: VerdictKind
     judge: Judge
+    samples: Found
     verdict: Verdict
     best: Settled
     written: Settled
@@ -271,11 +274,10 @@ def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, finding.Visibl
     """Returns the smallest size of each effect that would show; nothing if there is no time left."""
     if not prepared.deadline.allows("the smallest size of each effect that would show"):
         return {}
-    judge = Judge.of(prepared.fine, prepared.seed)
-    nothing = judge.of_explanation(found.nominal.explanation)
-    best = judge.of_explanation(found.best.explanation) if found.claims else nothing
+    samples, settled = found.samples, found.best if found.claims else found.nominal
+    temperature = samples.judge.temperature(samples.table[settled.explanation.key], samples.nothing)
     beside = found.verdict.best if found.claims else found.verdict.nominal
-    return smallest_sizes(prepared, beside, judge.temperature(best, nothing))
+    return smallest_sizes(prepared, beside, temperature)
 
 
 def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:

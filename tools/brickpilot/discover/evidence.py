@@ -71,10 +71,13 @@ class Evidence:
         """
         return self.total / temperature + self.log_prior(temperature)
 
+    def nat(self, temperature: float) -> float:
+        """Returns the cost that counts as one nat: costs are in the scales of the fit, densities in the residual's."""
+        return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
+
     def log_prior(self, temperature: float) -> float:
         """Returns what of `log_weight` is not the evidence."""
-        each = 2 * self.explanation.cost / max(len(self.left_out), 1)  # of a value, 1 if its scale is the residual's
-        nat = temperature * max(each, 1.0)  # in the unit of the cost
+        nat = self.nat(temperature)
         pulled = self.away_slopes.T @ self.away  # at the fit, the data pull as much the other way
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
         lost = float(step @ (self.information @ step / 2 - pulled)) / nat

@@ -19,7 +19,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
 The verdict changes behind `weigh` in two places: `_explain`, by what is left or where time ran out, and `_prove`, where
-only runs differ or the seal does not confirm.
+only runs differ, the measured samples do not show what was named, or the seal does not confirm.
 
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import adequacy
 from brickpilot.discover.compose import Composed, compose, refitted
 from brickpilot.discover.conclude import Conclusion, conclude
@@ -45,7 +46,7 @@ from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, pre
 from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
-from brickpilot.discover.settle import Settled, best_predictor, settle
+from brickpilot.discover.settle import Settled, at_samples, best_predictor, settle
 from brickpilot.discover.verdict import Verdict, best_so_far, weigh
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
@@ -193,6 +194,12 @@ def _prove(
     kind: VerdictKind = verdict.kind
     if kind in ("named", "ambiguous") and not any(one.effects for one in (verdict.best, *verdict.rivals)):
         kind = "none"  # no law is missing: runs differ in what reaches the motors, and when
+    samples: Found = at_samples(prepared, nominal, best)
+    if kind == "named" and not samples.is_sure(best.explanation):
+        # The search's coarse grid showed it, and the measured samples do not: without it nothing may be missing.
+        left = max(explained.found.judge.top - explained.found.nothing.total, 0.0)
+        enough = left <= numbers.UNEXPLAINED_NATS * len(prepared.coarse.measured)
+        kind, best = ("none", nominal) if enough else ("unknown", best)
     written = best if kind in ("named", "ambiguous") else nominal
     if composed is not None:
         written = settle(prepared, composed.explanation)
@@ -209,6 +216,7 @@ def _prove(
     return Conclusion(
         kind,
         explained.found.judge,
+        samples,
         verdict,
         best,
         written,

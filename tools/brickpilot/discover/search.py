@@ -66,7 +66,7 @@ class Source(Protocol):
     most: int
     pairs: bool
 
-    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
+    def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns what is worth a fit beside the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
@@ -81,11 +81,11 @@ class Library:
     def __init__(self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS) -> None:
         self._excitation, self._runs, self.most = excitation, runs, most
 
-    def screened(self, problem: Problem, point: Array, without: Collection[str], deadline: Deadline) -> list[Trial]:
+    def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
         base = problem.plan.at(point)
         own = [one for one in run_parts(self._runs) if one.effect not in base.by_run]
-        chosen = [one for one in (*library_parts(base, problem.data.signals), *own) if one.name not in without]
+        chosen = [*library_parts(base, problem.data.signals), *own]
         kept: dict[tuple[str, tuple[str, ...]], int] = {}
         found = []
         for trial in screen(problem, point, chosen, excitation=self._excitation, deadline=deadline):
@@ -115,11 +115,15 @@ class Found:
 
     Attributes:
         nothing: the calibrated nominal model.
+        screens: explanation -> what the screen proposed beside it.
+        tried: explanations, and the parts that were fitted beside them: the same fit would end at the same values.
     """
 
     judge: Judge
     nothing: Evidence
     table: dict[frozenset[str], Evidence] = field(default_factory=dict)
+    screens: dict[Explanation, list[Trial]] = field(default_factory=dict)
+    tried: set[tuple[Explanation, str, tuple[str, ...]]] = field(default_factory=set)
 
     def add(self, fits: Sequence[Explanation], jobs: int) -> None:
         """Keeps what fits better than what is known of the same parts."""
@@ -136,6 +140,10 @@ class Found:
     def temperature(self) -> float:
         """The nats that count as one, by the best explanation so far."""
         return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
+
+    def is_sure(self, one: Explanation) -> bool:
+        """Returns whether the data alone, without stated values and prior odds, surely tell that more is needed."""
+        return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns what was found, the best score first: of so many parts, and without some of them."""
@@ -208,10 +216,14 @@ class Search:
             begin = joined(current, trial.part, trial.values)
             return fit(here, begin.parts, begin.plan, begin.point, ROUGH)
 
-        trials = [one for one in self.source.screened(here, current.point, forbidden, self.deadline) if promises(one)]
+        if current not in found.screens:
+            found.screens[current] = self.source.screened(here, current.point, self.deadline)
+        wanted = [one for one in found.screens[current] if one.part.name not in forbidden and promises(one)]
+        trials = [one for one in wanted[:_ROUGH_FITS] if (current, one.part.name, one.part.free) not in found.tried]
+        found.tried |= {(current, one.part.name, one.part.free) for one in trials}
         if not trials:
             return []
-        rough = self._possible(side_by_side(start, trials[:_ROUGH_FITS], self.jobs, self.deadline))
+        rough = self._possible(side_by_side(start, trials, self.jobs, self.deadline))
         near = self.source.nearby(here, current, rough)
         rough += self._possible(side_by_side(start, near, self.jobs, self.deadline)) if near else []
         rough.sort(key=_information)
@@ -219,17 +231,12 @@ class Search:
             rough.insert(0, other)
         if not rough:
             return []
-        reach = _NEAR * self._tolerance(found.nothing.explanation, rough[0])
-        worth = sum(one.cost < rough[0].cost + reach for one in rough)
+        rough = sorted({one.key: one for one in reversed(rough)}.values(), key=_information)  # the best of each start
+        least = min(rough[0].cost, best.explanation.cost)
+        worth = sum(one.cost < least + _NEAR * best.nat(temperature) for one in rough)
         return self._possible(
             refine(self.data, rough[: min(max(worth, _LEAST_FINE), _FINE_FITS)], self.jobs, self.deadline)
         )
-
-    def _tolerance(self, nothing: Explanation, best: Explanation) -> float:
-        """Returns about how many nats count as one, by the costs of rough fits; see `Judge.temperature`."""
-        gain, rest = nothing.cost - best.cost, best.cost - self.data.noise_cost()
-        nats = max(numbers.LAW_ERROR * gain, numbers.SHARED_REST * rest, 0.0)
-        return max(1.0, nats / numbers.CHANCE_NATS)
 
     def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
         return [one for one in fits if one is not None and is_possible(one, self.excitation)]

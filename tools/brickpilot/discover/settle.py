@@ -81,6 +81,13 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     return written(prepared, data, best, notes)
 
 
+def at_samples(prepared: Prepared, nominal: Settled, best: Settled) -> Found:
+    """Returns what the fit runs say of both at the measured samples; the search compared them on a coarse grid."""
+    judge = Judge.of(prepared.fine, prepared.seed)
+    nothing, other = (judge.of_explanation(one.explanation) for one in (nominal, best))
+    return Found(judge, nothing, {one.explanation.key: one for one in (nothing, other)})
+
+
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...]) -> Settled:
     """Returns the model of an explanation as read back from its file, with intervals that `data` give."""
     plan = found.plan

@@ -83,7 +83,7 @@ def weigh(found: Found) -> Verdict:
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
     nothing = found.nothing.explanation
     # Held-out runs can prove what the data tell, and not what stated values alone speak for.
-    data_tell = found.table[best.key].total - found.nothing.total > temperature * numbers.CHANCE_NATS
+    data_tell = found.is_sure(best)
     if any(one.key == nothing.key for one in least):
         kind: Kind = "none"
         best, least = nothing, [nothing]
