@@ -6,7 +6,6 @@ parameter is its interval in that fit; what they tell of an effect is the smalle
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,7 +18,6 @@ from brickpilot.data import facts
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.own_units import OwnUnit, own_units
-from brickpilot.discover import numbers
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import Advice, advise, smallest_sizes
@@ -144,8 +142,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, nominal, temperature)
         told = assess(prepared.fine, nominal.model, nominal.plan.free)
-        gate = temperature * (numbers.CHANCE_NATS - math.log(numbers.USUAL))
-        advice, invisible = advise(prepared, nominal, visible, gate)
+        advice, invisible = advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,

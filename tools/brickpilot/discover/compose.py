@@ -51,13 +51,20 @@ class Composed:
         explanation: the base model fitted together with the terms.
         terms: with coefficients, SI, in the order of the table.
         settings: parameters that shape the terms, such as a frequency.
-        alone: the terms stand without effects beside them.
     """
 
     explanation: Explanation
     terms: tuple[Term, ...]
     settings: Mapping[str, float]
-    alone: bool
+
+    @classmethod
+    def of(cls, found: Explanation) -> Composed:
+        """Returns the law of the terms that an explanation holds, with the values of its fit."""
+        table = found.model.effects[EFFECT]
+        atoms = [one for one in found.parts if isinstance(one, Atom)]
+        names = {name for one in atoms for name in one.names}
+        settings = {name: table[name] for one in atoms for name, _ in one.settings}
+        return cls(found, tuple(Term(one, table[one.name]) for one in basis() if one.name in names), settings)
 
     @property
     def mechanism(self) -> str:
@@ -69,7 +76,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 
     None where no term is sure: each holds 95 % of the weight beside its base.
     """
-    deadline = prepared.until(COMPOSED)
+    deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
         return None
     tell("composing a term for the rest")
@@ -86,20 +93,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
     if not sure:
         return None
     _, best = max(sure, key=lambda pair: pair[0].table[pair[1].best.key].log_weight(pair[0].temperature))
-    return _composed(best.best, alone=best.nominal.key == verdict.nominal.key)
-
-
-def _composed(found: Explanation, *, alone: bool) -> Composed:
-    table = found.model.effects[EFFECT]
-    atoms = [one for one in found.parts if isinstance(one, Atom)]
-    names = {name for one in atoms for name in one.names}
-    settings = {name: table[name] for one in atoms for name, _ in one.settings}
-    return Composed(found, tuple(Term(one, table[one.name]) for one in basis() if one.name in names), settings, alone)
-
-
-def refitted(found: Composed, explanation: Explanation) -> Composed:
-    """Returns the law with the values of a later fit of the same parts."""
-    return _composed(explanation, alone=found.alone)
+    return Composed.of(best.best)
 
 
 class TermSource:

@@ -92,10 +92,6 @@ class Prepared:
     deadline: Deadline
     loop: Loop | None = None
 
-    def until(self, share: float) -> Deadline:
-        """Returns the deadline of a stage that has to be done after this share of the budget."""
-        return self.deadline.until(share)
-
     @property
     def is_biased(self) -> bool:
         """Whether a loop tells so much of the commands that free runs are biased."""

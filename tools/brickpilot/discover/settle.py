@@ -172,7 +172,7 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
     """
     data, current = prepared.coarse, start
     whole = whole_runs(prepared)
-    deadline = prepared.until(COMPOSED)
+    deadline = prepared.deadline.until(COMPOSED)
     try:
         if whole is not None:
             data, current = follow(whole, start, prepared.jobs)

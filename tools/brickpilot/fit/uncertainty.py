@@ -78,18 +78,16 @@ class Uncertainty:
     Attributes:
         groups: parameters of which only combinations are identifiable.
         traceless: parameters with no effect on the data at all.
-        correlation: of the estimates, in the order of `estimates`, (parameters, parameters).
     """
 
     estimates: Mapping[str, Estimate]
     groups: tuple[tuple[str, ...], ...]
     traceless: tuple[str, ...]
     combinations: tuple[Combination, ...]
-    correlation: Array
     spread: Spread | None
 
 
-NOTHING_FITTED = Uncertainty({}, (), (), (), np.empty((0, 0)), None)
+NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
@@ -145,9 +143,7 @@ def _assessed(
     vague = any(not estimate.identifiable for estimate in estimates.values())
     formulas = FORMULAS[model.vehicle] if vague else ()
     combinations = (_combination(one, known, free, sizes, covariance, quantile) for one in formulas)
-    some = np.where(sd > 0, sd, 1.0)
-    correlation = covariance / np.outer(some, some)
-    return Uncertainty(estimates, groups, traceless, tuple(one for one in combinations if one), correlation, spread)
+    return Uncertainty(estimates, groups, traceless, tuple(one for one in combinations if one), spread)
 
 
 def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Array:
@@ -294,6 +290,13 @@ class Spread:
     values: tuple[float, ...]
     units: tuple[float | None, ...]
     covariance: Array
+
+    @property
+    def correlation(self) -> Array:
+        """The correlation of the coordinates, (parameters, parameters)."""
+        sd = np.sqrt(np.diag(self.covariance))
+        some = np.where(sd > 0, sd, 1.0)
+        return np.asarray(self.covariance / np.outer(some, some))
 
     def at(self, coordinates: Array) -> dict[str, float]:
         """Returns the values at a point, SI, not limited to their ranges."""
