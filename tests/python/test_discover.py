@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout
+from brickpilot.data.motion import cut_into_windows, with_averaged_starts, with_rates
 from brickpilot.discover import numbers, periods, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
@@ -17,7 +18,6 @@ from brickpilot.discover.prepare import with_default_sds
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, of_bins
-from brickpilot.fit.start_state import cut_into_windows, with_averaged_starts, with_rates
 from brickpilot.vehicle.manoeuvres import manoeuvres
 from synthetic import motor, robot, write
 from verdict_schema import check

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Run
+from brickpilot.data.motion import cut_into_windows
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
@@ -28,7 +29,6 @@ from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, of_bins
-from brickpilot.fit.start_state import cut_into_windows
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model

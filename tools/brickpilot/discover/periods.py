@@ -16,8 +16,8 @@ from scipy.signal import lombscargle
 from scipy.stats import f as fisher
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.motion import HOLE_S, wheel_angles
 from brickpilot.discover import numbers
-from brickpilot.fit.start_state import HOLE_S, wheel_angles
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]

@@ -17,6 +17,7 @@ from brickpilot import catalogue
 from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
 from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
+from brickpilot.data.motion import cut_into_windows, run_of
 from brickpilot.discover import numbers, periods
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.explanation import FINE, Explanation, fit
@@ -29,7 +30,6 @@ from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.descent import counted, search
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual, of_bins
-from brickpilot.fit.start_state import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

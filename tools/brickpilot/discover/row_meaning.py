@@ -27,13 +27,13 @@ from scipy.stats import t as student
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.description import UNKNOWN_TIMING, Sampling
 from brickpilot.data.input_timing import ramps, with_linear_inputs, with_rows
+from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation, fit
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.fit.comparable import on_coarse_grid
 from brickpilot.fit.replay import Replay, mean_over_steps
 from brickpilot.fit.residual import Problem, of_samples
-from brickpilot.fit.start_state import run_of
 from brickpilot.fit.uncertainty import CORRELATED_S
 from brickpilot.vehicle.model import Model
 

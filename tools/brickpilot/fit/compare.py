@@ -12,6 +12,7 @@ import numpy as np
 import brickpilot
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.ils import SignalError, signal_error
+from brickpilot.data.motion import MOTOR_RATE_OF
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
@@ -20,7 +21,6 @@ from brickpilot.fit.comparable import Comparable, comparable, compared_signals, 
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import plan
 from brickpilot.fit.replay import Array, Outputs
-from brickpilot.fit.start_state import MOTOR_RATE_OF
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:

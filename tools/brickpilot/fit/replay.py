@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.motion import run_of
 from brickpilot.fit import start_state
-from brickpilot.fit.start_state import GEOMETRY, Reading, run_of
+from brickpilot.fit.start_state import GEOMETRY, Reading
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, State
