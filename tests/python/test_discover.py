@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset, holdout
+from brickpilot.data import dataset, holdout, periods
 from brickpilot.data.motion import cut_into_windows, with_averaged_starts, with_rates
-from brickpilot.discover import numbers, periods, pipeline
+from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
 from brickpilot.discover.parts import library_parts, sizes_of

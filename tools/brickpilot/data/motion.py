@@ -145,12 +145,6 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
 _STILL = 0.01  # of the mean rate in the fastest run: a wheel that turns less and is not driven rests
 HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
-_ANGLE_AND_RATE = (
-    ("wheel_angle_left", "wheel_speed_left"),
-    ("wheel_angle_right", "wheel_speed_right"),
-    ("angle", "speed"),
-    ("position", "velocity"),
-)
 
 
 def run_of(name: str) -> str:
@@ -235,7 +229,9 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
 def wheel_angles(run: Run) -> dict[str, Array] | None:
     """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one."""
     found = {}
-    for angle, rate in _ANGLE_AND_RATE:
+    for angle, rate in RATE_OF.items():
+        if "travel" in angle:
+            continue
         angles, rates = (_without_holes(run.time, run.outputs.get(name)) for name in (angle, rate))
         if angles is not None:
             found[angle] = angles

@@ -18,11 +18,10 @@ from brickpilot.discover.deadline import COMPOSED, Deadline
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
-from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Trial
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, family, find_atoms, strip_atom, with_terms
+from brickpilot.discover.term_atoms import Atom, Segment, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.residual import Problem, Projection, Residual
 from brickpilot.vehicle.composed_terms import EFFECT, OF_A_MOTOR, Basis, Term, basis

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.data.feedback import Loop
 from brickpilot.data.gap import Gap, Place
-from brickpilot.discover.feedback import Loop
-from brickpilot.discover.periods import Period
+from brickpilot.data.periods import Period
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Combination, Spread
 from brickpilot.vehicle import composed_terms

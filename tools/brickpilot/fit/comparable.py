@@ -20,11 +20,12 @@ from brickpilot.data import holdout
 from brickpilot.data.audit import against_model
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.input_timing import mean_over_steps
 from brickpilot.data.motion import MOTOR_RATE_OF, measured_rates, with_averaged_starts, with_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import parameters
-from brickpilot.fit.replay import Replay, mean_over_steps
+from brickpilot.fit.replay import Replay
 from brickpilot.vehicle.model import Model, output_names
 
 Array = NDArray[np.float64]
