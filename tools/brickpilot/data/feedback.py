@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset, Run
@@ -132,8 +132,7 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 def _chance(gained: Array) -> float:
     """Returns the probability of so large a mean of `gained` (blocks,) if its expectation were 0."""
-    scatter = float(gained.std(ddof=1)) / len(gained) ** 0.5
-    return float(student.sf(gained.mean() / scatter, len(gained) - 1)) if scatter > 0.0 else 1.0
+    return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
 
 def _sign(command: str, output: str) -> float:

@@ -242,14 +242,11 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 def segments(data: Residual, model: Model) -> list[Segment]:
     """Returns the blocks of a residual with the outputs of `model`, that terms may depend on, at their times."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
-    times, ages, age = dict[str, Array](), dict[str, float](), 0.0
-    for run in data.replay.dataset.runs:
-        times[run.name], ages[run.name] = run.time, age + run.gap_s
-        age = ages[run.name] + float(run.time[-1] - run.time[0])
+    runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []
     for block in data.blocks:
-        time, simulated = times[block.run], outputs[block.run]
+        (time, age), simulated = runs[block.run], outputs[block.run]
         at = {name: np.interp(block.middle, time, simulated[name]) for name in _OUTPUTS if name in simulated}
         since = block.middle - time[0]
-        found.append(Segment(block.run, block.signal, block.place, since, ages[block.run], at))
+        found.append(Segment(block.run, block.signal, block.place, since, age, at))
     return found

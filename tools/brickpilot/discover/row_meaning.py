@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.description import UNKNOWN_TIMING, Sampling
@@ -131,10 +131,9 @@ def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
 def _certainty(first: Array, second: Array) -> float:
     """Returns the probability that the model of the first losses, (stretches,), is nearer to the truth, 0..1."""
     apart = second - first
-    scatter = float(np.std(apart, ddof=1)) * len(apart) ** 0.5 if len(apart) > 1 else 0.0
-    if not scatter or not np.isfinite(apart).all():
+    if not np.isfinite(apart).all() or np.ptp(apart) == 0:
         return 0.5
-    return float(student.cdf(apart.sum() / scatter, len(apart) - 1))
+    return float(ttest_1samp(apart, 0.0, alternative="less").pvalue)
 
 
 def _percent(sure: float) -> str:

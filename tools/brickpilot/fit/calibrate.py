@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import brickpilot
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
+from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent
 from brickpilot.fit.comparable import Comparable, comparable, compared_signals
@@ -22,7 +22,15 @@ from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_a
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
-from brickpilot.fit.uncertainty import NOTHING_FITTED, Combination, Estimate, Spread, Uncertainty, assess
+from brickpilot.fit.uncertainty import (
+    NOTHING_FITTED,
+    Combination,
+    Estimate,
+    Spread,
+    Uncertainty,
+    assess,
+    estimates_frame,
+)
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -59,7 +67,7 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Result):
     """The result of `calibrate`.
 
     Attributes:
@@ -104,19 +112,7 @@ class Calibration:
 
         `low` and `high` are NaN where the data do not identify the parameter and nothing is stated of it.
         """
-        import pandas
-
-        rows = []
-        for name, one in self.parameters.items():
-            low, high = one.ci95 if one.ci95 is not None else (np.nan, np.nan)
-            known = {"identifiable": one.identifiable, "basis": one.basis}
-            rows.append({"parameter": name, "value": one.value, "unit": one.unit, "low": low, "high": high, **known})
-        columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
-        return pandas.DataFrame(rows, columns=columns)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
+        return estimates_frame(self.parameters)
 
     def to_json(self) -> dict[str, Any]:
         parameters = {}

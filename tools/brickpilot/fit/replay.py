@@ -128,10 +128,10 @@ class Replay:
         restarts = self._restarts(models, marks)
         carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects))[0]]
         others = [index for index in range(len(models)) if index not in carrying]
-        wanted = [one for one in self._aged if only is None or one[0].name in only]
-        until = self._aged.index(wanted[-1]) + 1 if wanted else 0
+        wanted = [one for one in self.aged if only is None or one[0].name in only]
+        until = self.aged.index(wanted[-1]) + 1 if wanted else 0
         carried = {index: State() for index in carrying}
-        for chosen, batch in [*((carrying, [one]) for one in self._aged[:until]), (others, wanted)]:
+        for chosen, batch in [*((carrying, [one]) for one in self.aged[:until]), (others, wanted)]:
             pairs = [(run, age, index) for run, age in batch for index in chosen]
             if not pairs:
                 continue
@@ -155,7 +155,7 @@ class Replay:
     ) -> dict[tuple[int, str], list[tuple[int, State]]]:
         """Returns (number of the model, run) -> (sample, state to go on from)."""
         places, readings = [], []
-        for run, age in self._aged:
+        for run, age in self.aged:
             for mark in marks.get(run.name, ()):
                 now = age + float(run.time[mark.sample] - run.time[0])
                 places += [((index, run.name), mark.sample) for index in range(len(models))]
@@ -166,7 +166,7 @@ class Replay:
         return found
 
     @cached_property
-    def _aged(self) -> list[tuple[Run, float]]:
+    def aged(self) -> list[tuple[Run, float]]:
         """The runs, each with the s from power-on to its start."""
         runs = self.dataset.runs
         lasted = [0.0, *(float(run.time[-1] - run.time[0]) for run in runs)]

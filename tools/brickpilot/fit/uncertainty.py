@@ -12,16 +12,19 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from brickpilot.fit.combinations import FORMULAS, Formula, forms
 from brickpilot.fit.parameters import WIDE_SD, Free, value_of
 from brickpilot.fit.residual import Residual
+from brickpilot.vehicle.combinations import FORMULAS, Formula, forms
 from brickpilot.vehicle.model import Model, with_values
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -69,6 +72,18 @@ class Estimate:
     identifiable: bool
     basis: str
     identified: Combination | None = None
+
+
+def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:
+    """Returns a row for each parameter, in SI; the ends of its 95 % interval are NaN where it has none."""
+    import pandas
+
+    rows = [
+        (name, one.value, one.unit, *(one.ci95 or (np.nan, np.nan)), one.identifiable, one.basis)
+        for name, one in estimates.items()
+    ]
+    columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
+    return pandas.DataFrame(rows, columns=columns)
 
 
 @dataclass(frozen=True)
