@@ -17,7 +17,7 @@ PACKAGE = ROOT / "tools/brickpilot"
 DISCOVER = PACKAGE / "discover"
 
 MOST_NUMBERS = 15
-MOST_FILES, MOST_LINES = 37, 9600
+MOST_FILES, MOST_LINES = 34, 8550
 
 PLAIN = {0, 1, -1, 2, 0.5}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, motor_inputs, read
-from brickpilot.fit.start_state import cut_into_windows
+from brickpilot.data.motion import cut_into_windows
 from test_audit import ALL, NOISE, found, needs_data
 from test_measured import DATA
 

@@ -9,8 +9,10 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.discover.feedback import follows_outputs, noise_model, whitening
-from brickpilot.discover.periods import own_period
+from brickpilot.data.feedback import follows_outputs
+from brickpilot.data.periods import own_period
+from brickpilot.discover.numbers import STRICT
+from brickpilot.fit.robust import noise_model, whitening
 from brickpilot.importers.wpilib import import_wpilib
 from scipy.signal import lfilter
 
@@ -91,7 +93,7 @@ def test_no_loop_in_a_plan(kind, late):
         rng = np.random.default_rng([seed, late])
         plans = [plan(kind, rng) for _ in range(3)]
         runs = [motor(lambda row, _, volts=volts: volts[row], rng, late=late) for volts in plans]
-        assert follows_outputs(frames(runs)) is None, seed
+        assert follows_outputs(frames(runs), STRICT) is None, seed
 
 
 @pytest.mark.parametrize(
@@ -124,7 +126,7 @@ def test_no_loop_in_a_plan(kind, late):
 def test_loop_of_a_controller(law, reading, lag):
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        loop = follows_outputs(frames([motor(controller(rng, **law), rng, **reading) for _ in range(3)]))
+        loop = follows_outputs(frames([motor(controller(rng, **law), rng, **reading) for _ in range(3)]), STRICT)
         assert loop is not None, seed
         assert (loop.command, loop.output) == ("voltage", "speed")
         assert 0.05 < loop.gain <= 1.0
@@ -142,7 +144,7 @@ def test_two_wheels_of_which_one_is_controlled():
         tables[f"run_{number}"] = pd.DataFrame(
             {"time": STEP * np.arange(ROWS), **values, "wheel_speed_right": other[1]}
         )
-    loop = follows_outputs(bp.Dataset.from_frames(tables, vehicle="diff_drive"))
+    loop = follows_outputs(bp.Dataset.from_frames(tables, vehicle="diff_drive"), STRICT)
     assert loop is not None
     assert (loop.command, loop.output) == ("voltage_left", "wheel_speed_left")
 
@@ -151,9 +153,11 @@ def test_a_controller_that_reads_another_motor_is_no_loop():
     """A planted fault: the outputs belong to another recording of the same controller."""
     rng = np.random.default_rng(5)
     runs = [motor(controller(rng), rng) for _ in range(4)]
-    assert follows_outputs(frames(runs)) is not None
+    assert follows_outputs(frames(runs), STRICT) is not None
     others = [runs[-1], *runs[:-1]]
-    assert follows_outputs(frames([(one[0], other[1]) for one, other in zip(runs, others, strict=True)])) is None
+    assert (
+        follows_outputs(frames([(one[0], other[1]) for one, other in zip(runs, others, strict=True)]), STRICT) is None
+    )
 
 
 @measured
@@ -167,7 +171,7 @@ def test_a_controller_that_reads_another_motor_is_no_loop():
     ],
 )
 def test_measured_loops(name, command, output):
-    loop = follows_outputs(bp.read(DATA / name))
+    loop = follows_outputs(bp.read(DATA / name), STRICT)
     assert loop is not None
     assert (loop.command, loop.output) == (command, output)
 
@@ -181,14 +185,14 @@ OPEN = (
 @measured
 @pytest.mark.parametrize("name", OPEN)
 def test_measured_plans(name):
-    assert follows_outputs(bp.read(DATA / name)) is None
+    assert follows_outputs(bp.read(DATA / name), STRICT) is None
 
 
 @measured
 def test_a_battery_that_sags_is_no_loop(tmp_path, full):
     files = [DATA / "frc_drivetrain" / f"{name}-data.json" for name in (("linear", "angular") if full else ("linear",))]
     import_wpilib(files, tmp_path / "frc")
-    assert follows_outputs(bp.read(tmp_path / "frc")) is None
+    assert follows_outputs(bp.read(tmp_path / "frc"), STRICT) is None
 
 
 def test_noise_model_finds_an_ar_2_and_its_residual_is_white():
@@ -227,7 +231,7 @@ def test_own_period_is_found_and_measured():
     time = np.cumsum(rng.uniform(0.012, 0.018, 1500))
     left = [0.4 * np.sin(2 * np.pi * 3.67 * time + phase) + rng.standard_normal(1500) for phase in (0.0, 1.0, 2.0)]
     left[1][100:130] = np.nan
-    found = own_period([(time, one) for one in left])
+    found = own_period([(time, one) for one in left], STRICT)
     assert found is not None
     assert found.frequency == pytest.approx(3.67, abs=0.01)
     assert found.amplitude == pytest.approx(0.4, rel=0.15)
@@ -242,13 +246,13 @@ def test_noise_has_no_period_of_its_own(memory):
     for seed in range(100):
         rng = np.random.default_rng(seed)
         runs = [(np.cumsum(rng.uniform(0.014, 0.018, 400)), lfilter([1], [1, -memory], rng.standard_normal(400)))]
-        found += own_period(runs) is not None
+        found += own_period(runs, STRICT) is not None
     assert found <= 3
 
 
 @measured
 @pytest.mark.parametrize("name", ["shaft_damper_off", "shaft_damper_on"])
 def test_the_shafts_have_a_period(name):
-    found = own_period([(run.time, run.outputs["speed"]) for run in bp.read(DATA / name).runs])
+    found = own_period([(run.time, run.outputs["speed"]) for run in bp.read(DATA / name).runs], STRICT)
     assert found is not None
     assert found.frequency == pytest.approx(3.67, abs=0.05)

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.data import dataset
+from brickpilot.data.motion import zero_phase_rate
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.start_state import zero_phase_rate
 from brickpilot.report.compare_page import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State

@@ -17,10 +17,9 @@ from brickpilot.discover.compose import Composed, TermSource, compose
 from brickpilot.discover.deadline import NO_LIMIT
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
-from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, atom, find_atoms, with_terms
+from brickpilot.discover.term_atoms import Atom, Segment, atom, find_atoms, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
 from brickpilot.report.composed_law import mathml

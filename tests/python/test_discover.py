@@ -8,16 +8,16 @@ import math
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset, holdout
-from brickpilot.discover import numbers, periods, pipeline
+from brickpilot.data import dataset, holdout, periods
+from brickpilot.data.motion import cut_into_windows, with_averaged_starts, with_rates
+from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
-from brickpilot.discover.parts import library_parts, sizes_of
+from brickpilot.discover.parts import library_parts
 from brickpilot.discover.prepare import with_default_sds
 from brickpilot.fit import parameters
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, of_bins
-from brickpilot.fit.start_state import cut_into_windows, with_averaged_starts, with_rates
 from brickpilot.vehicle.manoeuvres import manoeuvres
 from synthetic import motor, robot, write
 from verdict_schema import check
@@ -255,7 +255,6 @@ def test_a_parameter_that_may_not_be_zero_is_no_size():
         one for one in library_parts(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating"
     )
     assert heating.free == ("thermal_resistance", "time_constant")
-    assert sizes_of(heating) == ["thermal_resistance"]
 
 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):

@@ -8,11 +8,10 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.data import plain_rows
+from brickpilot.data import holdout, plain_rows
+from brickpilot.data.holdout import enough_to_fit
 from brickpilot.discover import check
 from brickpilot.discover.deadline import Span
-from brickpilot.fit import comparable
-from brickpilot.fit.comparable import enough_to_fit
 from synthetic import motor, write
 
 VOLTS = (3.0, 4.0, 5.0, 6.0, 7.0, -3.0, -4.0, -5.0, -6.0, -7.0)
@@ -37,8 +36,8 @@ def steps() -> bp.Dataset:
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparable, "MANY", 300)
-    monkeypatch.setattr(comparable, "ENOUGH", 300)
+    monkeypatch.setattr(holdout, "MANY", 300)
+    monkeypatch.setattr(holdout, "ENOUGH", 300)
 
 
 def test_each_direction_and_the_largest_input_stay_and_runs_keep_their_age(few: None) -> None:
@@ -85,7 +84,7 @@ def test_check_fits_some_runs_and_reports_all_of_them(monkeypatch: pytest.Monkey
     some = bp.check(dataset, jobs=1)
     assert [one.name for one in some.runs] == [run.name for run in dataset.runs]
     assert sum("fit runs" in note and "of these runs" in note for note in some.notes) == 1
-    monkeypatch.setattr(comparable, "MANY", 1000)
+    monkeypatch.setattr(holdout, "MANY", 1000)
     full = bp.check(dataset, jobs=1)
     assert not any("of these runs" in note for note in full.notes)
     assert [one.role for one in some.runs] == [one.role for one in full.runs]

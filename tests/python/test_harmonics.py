@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.discover.periods import orders, resolved_order
+from brickpilot.data.periods import orders, resolved_order
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 

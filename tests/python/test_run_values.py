@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 from brickpilot.data import dataset
+from brickpilot.data.input_timing import held_back, later
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
 from brickpilot.discover.parts import RunPart, run_parts
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import RUN_KINDS, Replay, held_back, later
+from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.vehicle import model as model_file
 from synthetic import robot, write
 

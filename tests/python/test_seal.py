@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from brickpilot.data import dataset
 from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.motion import run_of
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.discover.prepare import Prepared, calibrate, prepare, prepare_windows
 from brickpilot.discover.seal import Sealed, SealError, prove
-from brickpilot.fit.start_state import run_of
 from brickpilot.vehicle import model as model_file
 from scipy.sparse import issparse
 from synthetic import motor, robot, write

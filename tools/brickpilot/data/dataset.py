@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-import brickpilot
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
 from brickpilot.data.decimation import decimated, decimation_note
@@ -24,6 +23,7 @@ from brickpilot.data.input_timing import InputTiming, with_linear_inputs
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.plain_rows import LONG_TEXT
 from brickpilot.data.rows import Columns, read_columns
+from brickpilot.data.shown import Result
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
 from brickpilot.errors import InputError
 
@@ -80,7 +80,7 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Dataset:
+class Dataset(Result):
     """A data set that has been read and checked.
 
     Attributes:
@@ -188,10 +188,6 @@ class Dataset:
             for run in self.runs
         ]
         return pandas.DataFrame(rows)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
 
 
 def read(folder: Path | str) -> Dataset:

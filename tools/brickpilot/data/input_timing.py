@@ -1,4 +1,4 @@
-"""What an input does between two rows of a log: it holds, or it goes in a straight line to the next row.
+"""What an input does between two rows of a log, and when: it holds, or it goes in a straight line to the next row.
 
 A simulation holds an input from row to row. So a straight line becomes rows of its own, short ones with the mean of
 each; what is measured stays blank there.
@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from brickpilot.data.dataset import Run
+    from brickpilot.data.dataset import Dataset, Run
 
 Vector = NDArray[np.float64]
-InputTiming = Literal["held", "linear", "unknown"]
+Timing = Literal["held", "linear"]
+InputTiming = Literal[Timing, "unknown"]
+Kind = Literal["delay", "lag"]
 
 INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 
 _STEP_S = 0.005  # a linear input is held for so long at most
 _MOST_STEPS = 200  # between two rows
+_PARTS = 8  # of a row, between two of which the inputs are followed
 
 
 def with_linear_inputs(run: Run) -> Run:
@@ -70,3 +74,90 @@ def with_rows(run: Run, time: Vector, inputs: Mapping[str, Vector]) -> Run:
     outputs = {name: spread(values) for name, values in run.outputs.items()}
     raw = {name: spread(values) for name, values in run.raw_outputs.items()}
     return dataclasses.replace(run, time=time, inputs=dict(inputs), outputs=outputs, raw_outputs=raw)
+
+
+def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
+    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
+
+    Args:
+        time: (n,) s, when each row of `driven` begins to act; what acts before it is 0.
+        driven: (n, columns) V; NaN: the motor floats.
+        grid: (m,) s. Its last row is the last input.
+    """
+    held = np.where(np.isnan(driven), 0.0, driven)
+    summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
+    at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
+    means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
+    floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
+    means[floats] = np.nan
+    return means
+
+
+def later(time: Vector, driven: Vector, delay_s: float) -> Vector:
+    """Returns (n, columns): inputs that act `delay_s` s later, or earlier below 0, at the same samples.
+
+    Before the first input arrives, 0 V act; the last one holds.
+    """
+    beyond = max(float(time[-1]), float(time[-1]) + delay_s) + 1.0
+    arrives = np.append(time + delay_s, beyond)
+    held = np.vstack([driven, driven[-1]])
+    return mean_over_steps(arrives, held, np.append(time, beyond))[:-1]
+
+
+def held_back(time: Vector, driven: Vector, held_s: float) -> Vector:
+    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run; later ones act in time."""
+    steps = np.diff(time, append=2 * time[-1] - time[-2])
+    missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
+    return np.where(missing >= 1, 0.0, (1 - missing) * driven)
+
+
+def scaled(_: Vector, driven: Vector, gain: float) -> Vector:
+    """Returns (n, columns): inputs that are larger by a share `gain`."""
+    return np.asarray(driven * (1 + gain))
+
+
+@dataclass(frozen=True)
+class Behind:
+    """What the inputs are behind: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
+
+    kind: Kind = "delay"
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        return f"a {self.kind} of {1e3 * self.seconds:.3g} ms"
+
+
+def refined(dataset: Dataset) -> Dataset:
+    """Returns the data set with eight rows for each, between which inputs of either kind can act late."""
+    runs = []
+    for run in dataset.runs:
+        rows = np.arange(len(run.time))
+        time = np.interp(np.arange(_PARTS * rows[-1] + 1) / _PARTS, rows, run.time)
+        runs.append(with_rows(run, time, inputs_acting(run, time, "held", Behind())))
+    return dataclasses.replace(dataset, runs=tuple(runs), input_timing="held")
+
+
+def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dict[str, Vector]:
+    """Returns the inputs of a logged run, of either kind, as means over the rows at `time`."""
+    at, inputs = run.time, run.inputs
+    if timing == "linear":
+        at, inputs = ramps(at, inputs, float(np.diff(time).min()))
+    values = np.column_stack(list(inputs.values()))
+    delay = behind.seconds if behind.kind == "delay" else 0.0
+    before = at[0] - delay - 1.0  # what acts before the first row
+    means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
+    if behind.kind == "lag":
+        means = _lagged(time, means, behind.seconds)
+    return dict(zip(inputs, means.T, strict=True))
+
+
+def _lagged(time: Vector, values: Vector, lag: float) -> Vector:
+    """Returns (n, columns): the means of `values` behind a first-order lag that starts settled; NaN stays."""
+    steps = np.diff(time, append=2 * time[-1] - time[-2])
+    kept = np.exp(-steps / lag)
+    means = np.empty_like(values)
+    state = np.nan_to_num(values[0])
+    for row, held in enumerate(values):
+        means[row] = held + (state - held) * (1 - kept[row]) * lag / steps[row]
+        state = np.nan_to_num(held + (state - held) * kept[row])
+    return means

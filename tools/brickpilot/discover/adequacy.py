@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.robust import robust_size
-from brickpilot.fit.start_state import run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

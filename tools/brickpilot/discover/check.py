@@ -6,30 +6,28 @@ parameter is its interval in that fit; what they tell of an effect is the smalle
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-import brickpilot
 from brickpilot.data import facts
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import Dataset, motor_inputs
+from brickpilot.data.holdout import enough_to_fit
 from brickpilot.data.own_units import OwnUnit, own_units
-from brickpilot.discover import numbers
+from brickpilot.data.shown import Result, valid
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import Advice, advise, smallest_sizes
 from brickpilot.discover.explanation import refine
-from brickpilot.discover.finding import Visible, valid
+from brickpilot.discover.finding import Visible
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
-from brickpilot.fit.comparable import comparable, enough_to_fit
+from brickpilot.fit.comparable import comparable
 from brickpilot.fit.headline import Headline, headline
-from brickpilot.fit.uncertainty import Combination, Estimate, assess
+from brickpilot.fit.uncertainty import Combination, Estimate, assess, estimates_frame
 
 if TYPE_CHECKING:
     import pandas
@@ -38,7 +36,7 @@ _OF_SOME = "Intervals, the sizes of effects that show and the advice are those o
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Result):
     """What a data set is worth.
 
     Attributes:
@@ -87,16 +85,7 @@ class Check:
         if table == "effects":
             sizes = [(name, one.parameter, one.size, one.unit) for name, one in self.visible.items()]
             return pandas.DataFrame(sizes, columns=["effect", "parameter", "size", "unit"])
-        rows = [
-            (name, one.value, one.unit, *(one.ci95 or (np.nan, np.nan)), one.identifiable, one.basis)
-            for name, one in self.parameters.items()
-        ]
-        columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
-        return pandas.DataFrame(rows, columns=columns)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
+        return estimates_frame(self.parameters)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object that `check --json` prints. What is no finite number is None."""
@@ -144,8 +133,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, nominal, temperature)
         told = assess(prepared.fine, nominal.model, nominal.plan.free)
-        gate = temperature * (numbers.CHANCE_NATS - math.log(numbers.USUAL))
-        advice, invisible = advise(prepared, nominal, visible, gate)
+        advice, invisible = advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,

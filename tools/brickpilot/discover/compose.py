@@ -18,11 +18,10 @@ from brickpilot.discover.deadline import COMPOSED, Deadline
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
-from brickpilot.discover.periods import Segment
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Trial
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, family, find_atoms, strip_atom, with_terms
+from brickpilot.discover.term_atoms import Atom, Segment, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.residual import Problem, Projection, Residual
 from brickpilot.vehicle.composed_terms import EFFECT, OF_A_MOTOR, Basis, Term, basis
@@ -51,13 +50,20 @@ class Composed:
         explanation: the base model fitted together with the terms.
         terms: with coefficients, SI, in the order of the table.
         settings: parameters that shape the terms, such as a frequency.
-        alone: the terms stand without effects beside them.
     """
 
     explanation: Explanation
     terms: tuple[Term, ...]
     settings: Mapping[str, float]
-    alone: bool
+
+    @classmethod
+    def of(cls, found: Explanation) -> Composed:
+        """Returns the law of the terms that an explanation holds, with the values of its fit."""
+        table = found.model.effects[EFFECT]
+        atoms = [one for one in found.parts if isinstance(one, Atom)]
+        names = {name for one in atoms for name in one.names}
+        settings = {name: table[name] for one in atoms for name, _ in one.settings}
+        return cls(found, tuple(Term(one, table[one.name]) for one in basis() if one.name in names), settings)
 
     @property
     def mechanism(self) -> str:
@@ -69,7 +75,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 
     None where no term is sure: each holds 95 % of the weight beside its base.
     """
-    deadline = prepared.until(COMPOSED)
+    deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
         return None
     tell("composing a term for the rest")
@@ -86,20 +92,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
     if not sure:
         return None
     _, best = max(sure, key=lambda pair: pair[0].table[pair[1].best.key].log_weight(pair[0].temperature))
-    return _composed(best.best, alone=best.nominal.key == verdict.nominal.key)
-
-
-def _composed(found: Explanation, *, alone: bool) -> Composed:
-    table = found.model.effects[EFFECT]
-    atoms = [one for one in found.parts if isinstance(one, Atom)]
-    names = {name for one in atoms for name in one.names}
-    settings = {name: table[name] for one in atoms for name, _ in one.settings}
-    return Composed(found, tuple(Term(one, table[one.name]) for one in basis() if one.name in names), settings, alone)
-
-
-def refitted(found: Composed, explanation: Explanation) -> Composed:
-    """Returns the law with the values of a later fit of the same parts."""
-    return _composed(explanation, alone=found.alone)
+    return Composed.of(best.best)
 
 
 class TermSource:
@@ -249,14 +242,11 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 def segments(data: Residual, model: Model) -> list[Segment]:
     """Returns the blocks of a residual with the outputs of `model`, that terms may depend on, at their times."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
-    times, ages, age = dict[str, Array](), dict[str, float](), 0.0
-    for run in data.replay.dataset.runs:
-        times[run.name], ages[run.name] = run.time, age + run.gap_s
-        age = ages[run.name] + float(run.time[-1] - run.time[0])
+    runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []
     for block in data.blocks:
-        time, simulated = times[block.run], outputs[block.run]
+        (time, age), simulated = runs[block.run], outputs[block.run]
         at = {name: np.interp(block.middle, time, simulated[name]) for name in _OUTPUTS if name in simulated}
         since = block.middle - time[0]
-        found.append(Segment(block.run, block.signal, block.place, since, ages[block.run], at))
+        found.append(Segment(block.run, block.signal, block.place, since, age, at))
     return found

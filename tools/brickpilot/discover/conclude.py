@@ -14,6 +14,7 @@ from scipy.signal import correlate
 from brickpilot import catalogue
 from brickpilot.data import gap
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.periods import Period, own_period, resolved_order
 from brickpilot.discover import evidence, finding, numbers
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
@@ -21,7 +22,6 @@ from brickpilot.discover.experiment import smallest_sizes
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Experiment, Finding, Parameter, Predictor, VerdictKind
 from brickpilot.discover.parts import Part, RunPart
-from brickpilot.discover.periods import Period, own_period, resolved_order
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.search import Found
@@ -232,7 +232,8 @@ def _disturbances(prepared: Prepared, found: Conclusion) -> dict[str, Period]:
     simulated = Replay(prepared.dataset).simulate([found.best.model], threads=prepared.jobs)[0]
     made = {
         signal: own_period(
-            [(run.time, run.outputs[signal] - simulated[run.name][signal]) for run in runs if signal in run.outputs]
+            [(run.time, run.outputs[signal] - simulated[run.name][signal]) for run in runs if signal in run.outputs],
+            numbers.STRICT,
         )
         for signal in prepared.fine.signals
         if all(signal in simulated[run.name] for run in runs)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Run
+from brickpilot.data.motion import cut_into_windows
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
@@ -28,7 +29,6 @@ from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, of_bins
-from brickpilot.fit.start_state import cut_into_windows
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
@@ -129,11 +129,16 @@ def smallest_sizes(prepared: Prepared, best: Explanation, temperature: float) ->
     tried = []
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
         size = abs(values[part.free[0]])
-        needed = size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
+        needed = _needed(part, size, strength, temperature)
         if needed <= _size_of(part).maximum:
             tried.append((part, size, needed))
     found = {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in _nearest(tried)}
     return dict(sorted(found.items()))
+
+
+def _needed(part: Part, size: float, strength: float, temperature: float) -> float:
+    """Returns the size at which a part would be named: extrapolated from `size`, which shows with so many nats."""
+    return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
 def _size_of(part: Part) -> ParameterInfo:
@@ -172,7 +177,7 @@ class Advice:
 
 
 def advise(
-    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], gate: float
+    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
 
@@ -182,20 +187,17 @@ def advise(
     Args:
         nominal: fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
-        gate: nats by which an effect has to predict better to be named.
+        temperature: the nats that count as one.
     """
     problem = Problem(prepared.coarse, nominal.plan)
-    asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), gate)
+    asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
     now = asked.information(problem, nominal.point)
     offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
     driven = ((one, _driven(prepared, nominal, one)) for one in offered)
     more = [(one, asked.information(told, nominal.point)) for one, told in driven if told is not None]
     largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
     possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
-    visible_at_usual = {
-        name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)
-    }
-    shown = asked.shown(now) | visible_at_usual
+    shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
     found: list[Advice] = []
     while more and len(found) < _MANOEUVRES:
         offers = [
@@ -221,17 +223,17 @@ class _Asked:
         probes: of every effect of one size that can be extrapolated.
         usual: effect, parameter -> a usual size on this vehicle: that of the catalogue, scaled to it.
         prior: (parameters, parameters) information of what is stated of the parameters.
-        gate: what an effect has to gain to be named.
+        temperature: the nats that count as one.
     """
 
     plan: Plan
     probes: Sequence[Probe]
     usual: Mapping[tuple[str, str], float]
     prior: Array
-    gate: float
+    temperature: float
 
     @classmethod
-    def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, gate: float) -> _Asked:
+    def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, temperature: float) -> _Asked:
         base = nominal.model
         few = [
             one
@@ -241,7 +243,8 @@ class _Asked:
         probes = [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
         infos = {(one.effect, one.free[0]): _size_of(one) for one in few}
         usual = {key: (info.preset or info.trial) * scale_of(info.unit, base) for key, info in infos.items()}
-        return cls(dataclasses.replace(nominal.plan, model=base), probes, usual, prior_slopes.T @ prior_slopes, gate)
+        plan = dataclasses.replace(nominal.plan, model=base)
+        return cls(plan, probes, usual, prior_slopes.T @ prior_slopes, temperature)
 
     def information(self, problem: Problem, point: Array) -> Array:
         """Returns what the runs of `problem` tell, at the coordinates `point` of the nominal parameters."""
@@ -255,17 +258,14 @@ class _Asked:
         return np.asarray(moved.T @ moved)
 
     def shown(self, known: Array) -> set[str]:
-        """Returns the effects of which what the parameters cannot take up is large enough at a usual size.
-
-        It is extrapolated as in `smallest_sizes`.
-        """
+        """Returns the effects of which what the parameters cannot take up is large enough at a usual size."""
         count = len(self.prior)
         cross = known[:count, count:]
         taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
-        strength = np.maximum((np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2, 1e-12)
+        strength = (np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2
         sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
         tried = [
-            (probe.part, size, size * math.sqrt(self.gate / one))
+            (probe.part, size, _needed(probe.part, size, one, self.temperature))
             for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
         ]
         return {part.effect for part, size in _nearest(tried) if size <= self.usual[part.effect, part.free[0]]}

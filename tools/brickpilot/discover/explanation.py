@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,12 +12,11 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
-from brickpilot.discover.parts import Excitation, Part, read_limits, sizes_of
+from brickpilot.discover.parts import Excitation, Part, read_limits
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import descend
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.fit.residual import Problem, Residual
-from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -204,57 +202,3 @@ def is_possible(found: Explanation, excitation: Excitation) -> bool:
         and all(limit > _LIMIT_OVER_READING * excitation.largest.get(signal, 0.0) for limit, signal in limits)
         and all(base > _LEAST_BASE_SHARE * added for base, added in additions)
     )
-
-
-def without_undetermined(data: Residual, found: Explanation, jobs: int) -> Explanation:
-    """Returns `found` without sizes whose interval holds zero, dropped one at a time, the least certain one first.
-
-    An effect without any size left is dropped as a whole. A size without an interval stays if the data determine
-    another form of it, as the voltage that makes up for a friction torque where nobody stated a mass.
-    """
-    while found.effects:
-        estimates = assess(data, found.model, found.plan.free).estimates
-        doubtful = [
-            (_certainty(estimate), part, name)
-            for part in found.effects
-            for name in sizes_of(part)
-            if not _excludes_zero(estimate := estimates[f"{part.effect}.{name}"]) and estimate.identified is None
-        ]
-        if not doubtful:
-            return found
-        _, part, doubted = min(doubtful, key=lambda one: one[0])
-        shorter = refine(data, [_without_parameter(found, part, _dropped_first(part, doubted))], jobs)
-        if not shorter:
-            return found
-        found = shorter[0]
-    return found
-
-
-def _without_parameter(found: Explanation, part: Part, name: str) -> Explanation:
-    """Returns `found` with one parameter of `part` held at zero; without the part if it has no size left."""
-    left = tuple(one for one in part.free if one != name)
-    smaller = dataclasses.replace(part, free=left, fixed={**part.fixed, name: 0.0})
-    if not sizes_of(smaller):
-        return without(found, part)
-    kept = [index for index, one in enumerate(found.plan.free) if one.name != f"{part.effect}.{name}"]
-    table = {**found.plan.model.effects[part.effect], name: 0.0}
-    model = dataclasses.replace(found.plan.model, effects={**found.plan.model.effects, part.effect: table})
-    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
-    return Explanation(tuple(smaller if one is part else one for one in found.parts), plan, found.point[kept])
-
-
-def _dropped_first(part: Part, name: str) -> str:
-    """Returns what goes before `name` does: an addition to it, as a breakaway torque is to dry friction."""
-    infos = catalogue.effect(part.effect).parameters
-    return next((one.name for one in infos if one.only_with == name and one.name in sizes_of(part)), name)
-
-
-def _excludes_zero(estimate: Estimate) -> bool:
-    return estimate.ci95 is not None and (estimate.ci95[0] > 0 or estimate.ci95[1] < 0)
-
-
-def _certainty(estimate: Estimate) -> float:
-    """Returns the value over the width of its interval; 0 if it has none."""
-    if estimate.ci95 is None:
-        return 0.0
-    return abs(estimate.value) / max(estimate.ci95[1] - estimate.ci95[0], 1e-300)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-import brickpilot
 from brickpilot import __version__
 from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.data.feedback import Loop
 from brickpilot.data.gap import Gap, Place
-from brickpilot.discover.feedback import Loop
-from brickpilot.discover.periods import Period
+from brickpilot.data.periods import Period
+from brickpilot.data.shown import Result, valid
 from brickpilot.fit.replay import Outputs
 from brickpilot.fit.uncertainty import Combination, Spread
 from brickpilot.vehicle import composed_terms
@@ -308,7 +307,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
@@ -394,10 +393,6 @@ class Finding:
         columns = ["effect", "claimed", "confidence", "parameter", "value", "unit", "low", "high"]
         return pandas.DataFrame(rows, columns=columns)
 
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
-
 
 _AS_THEY_ARE = (
     "verdict", "mechanism", "law_differs", "explanations", "predictable_left", "closed_loop", "disturbances", "effects",
@@ -429,21 +424,6 @@ def verdict_json(found: Finding) -> dict[str, Any]:
         }
     )
     return made
-
-
-def valid(value: Any) -> Any:
-    """Returns `value` as JSON can hold it: records as objects, sequences as lists, and None for NaN and Infinity."""
-    if hasattr(value, "to_json"):
-        value = value.to_json()
-    elif dataclasses.is_dataclass(value):
-        value = vars(value)
-    if isinstance(value, Mapping):
-        return {key: valid(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [valid(one) for one in value]
-    if isinstance(value, float):  # numpy's float64 is one too
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def _without(record: object, *names: str) -> dict[str, Any]:

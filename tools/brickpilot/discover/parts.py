@@ -212,12 +212,6 @@ def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(one for one in sets if one))
 
 
-def sizes_of(part: Part) -> list[str]:
-    """Returns its free parameters that say how large it is and may be zero."""
-    sizes = {name for name, one in part.infos.items() if one.role != "shape" and one.minimum <= 0}
-    return [name for name in part.free if name in sizes]
-
-
 def is_signed(one: ParameterInfo) -> bool:
     """Returns whether a parameter is a size that may be negative."""
     return one.minimum < 0 and one.role != "shape"

@@ -35,7 +35,7 @@ from threadpoolctl import threadpool_limits
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import adequacy
-from brickpilot.discover.compose import Composed, compose, refitted
+from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import Conclusion, conclude
 from brickpilot.discover.deadline import SEARCHED, Deadline, Span, Stages, estimate
 from brickpilot.discover.evidence import Judge
@@ -156,7 +156,7 @@ def _explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int =
     judge = Judge.of(prepared.coarse, prepared.seed)
     library = Library(prepared.excitation, runs_of(prepared.coarse), most)
     search = Search(
-        prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.until(SEARCHED), tell
+        prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.deadline.until(SEARCHED), tell
     )
     found: Found = search.run(judge)
     verdict: Verdict = weigh(found)
@@ -175,7 +175,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     of it fits there. It does over a window of one or two turns, which starts from the measured state.
     """
     windows = prepare_windows(whole.prepared)
-    if windows is None or not windows.until(SEARCHED).allows("the search in short windows"):
+    if windows is None or not windows.deadline.until(SEARCHED).allows("the search in short windows"):
         return whole
     tell("searching again in short windows")
     ready, nominal = calibrate(windows)
@@ -203,7 +203,7 @@ def _prove(
     written = best if kind in ("named", "ambiguous") else nominal
     if composed is not None:
         written = settle(prepared, composed.explanation)
-        composed = refitted(composed, written.explanation)
+        composed = Composed.of(written.explanation)
     proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
     if (kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
         kind = "unknown"

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.data import holdout
+from brickpilot.data import holdout, periods
 from brickpilot.data.audit import against_model
 from brickpilot.data.dataset import Dataset, Nominal, Run, motor_inputs
-from brickpilot.discover import numbers, periods
+from brickpilot.data.feedback import Loop, follows_outputs
+from brickpilot.data.motion import cut_into_windows, run_of
+from brickpilot.discover import numbers
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
 from brickpilot.discover.explanation import FINE, Explanation, fit
-from brickpilot.discover.feedback import Loop, follows_outputs, noise_model, whitening
 from brickpilot.discover.parts import Excitation
 from brickpilot.discover.seal import Sealed
 from brickpilot.errors import InputError
@@ -29,7 +30,7 @@ from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.descent import counted, search
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual, of_bins
-from brickpilot.fit.start_state import cut_into_windows, run_of
+from brickpilot.fit.robust import noise_model, whitening
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -91,10 +92,6 @@ class Prepared:
     jobs: int
     deadline: Deadline
     loop: Loop | None = None
-
-    def until(self, share: float) -> Deadline:
-        """Returns the deadline of a stage that has to be done after this share of the budget."""
-        return self.deadline.until(share)
 
     @property
     def is_biased(self) -> bool:
@@ -211,7 +208,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation) -> tuple[Prepared, 
     in turn. A loop that says next to nothing of the commands biases nothing, and free runs tell more there.
     """
     fitted = tuple(run for run in prepared.dataset.runs if run.outputs)
-    loop = follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted))
+    loop = follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
     prepared = dataclasses.replace(prepared, loop=loop)
     if not prepared.is_biased:
         return prepared, nominal

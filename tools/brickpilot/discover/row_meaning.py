@@ -17,51 +17,35 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
-from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.dataset import Dataset
 from brickpilot.data.description import UNKNOWN_TIMING, Sampling
-from brickpilot.data.input_timing import ramps, with_linear_inputs, with_rows
+from brickpilot.data.input_timing import Behind, Kind, Timing, inputs_acting, refined, with_linear_inputs
+from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation, fit
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.fit.comparable import on_coarse_grid
-from brickpilot.fit.replay import Replay, mean_over_steps
+from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, of_samples
-from brickpilot.fit.start_state import run_of
 from brickpilot.fit.uncertainty import CORRELATED_S
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
-Timing = Literal["held", "linear"]
-Kind = Literal["delay", "lag"]
-
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
 _FOLLOWABLE_ROW_S = 0.008  # in a log with shorter rows bins hide what inputs do between them
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
 _MOTOR_STEP_S = 0.003  # as the residual at the measured samples has
-_PARTS = 8  # of a row, between two of which the inputs are followed
 _ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # of the best of these: where it is then looked for
 _TRIALS = 6  # there
 _SURELY = 0.999  # no test is said to be surer
-
-
-@dataclass(frozen=True)
-class Behind:
-    """What the inputs are behind: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
-
-    kind: Kind = "delay"
-    seconds: float = 0.0
-
-    def __str__(self) -> str:
-        return f"a {self.kind} of {1e3 * self.seconds:.3g} ms"
 
 
 def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Dataset:
@@ -77,48 +61,10 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
     if row_s < _FOLLOWABLE_ROW_S:
         note = f"the rows are {1e3 * row_s:.2g} ms apart, so the inputs are taken as held"
     else:
-        timing, note = _found(prepare(_refined(dataset, row_s), model, seed=seed, jobs=jobs)[0], dataset, row_s)
+        timing, note = _found(prepare(refined(dataset), model, seed=seed, jobs=jobs)[0], dataset, row_s)
     notes = tuple(note if one == UNKNOWN_TIMING else one for one in dataset.notes)
     runs = tuple(with_linear_inputs(run) for run in dataset.runs) if timing == "linear" else dataset.runs
     return dataclasses.replace(dataset, runs=runs, notes=notes, input_timing=timing)
-
-
-def _refined(dataset: Dataset, row_s: float) -> Dataset:
-    """Returns the data set with short rows throughout, on which inputs of either kind can act late."""
-    runs = []
-    for run in dataset.runs:
-        parts = np.maximum(np.round(np.diff(run.time) * _PARTS / row_s), 1).astype(np.int64)
-        row = np.repeat(np.arange(parts.size), parts)
-        part = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[row]
-        time = np.append(run.time[row] + part * np.diff(run.time)[row], run.time[-1])
-        runs.append(with_rows(run, time, _acting(run, time, "held", Behind())))
-    return dataclasses.replace(dataset, runs=tuple(runs), input_timing="held")
-
-
-def _acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict[str, Array]:
-    """Returns the inputs of a logged run, of either kind, as means over the rows at `time`."""
-    at, inputs = run.time, run.inputs
-    if timing == "linear":
-        at, inputs = ramps(at, inputs, float(np.diff(time).min()))
-    values = np.column_stack(list(inputs.values()))
-    delay = behind.seconds if behind.kind == "delay" else 0.0
-    before = at[0] - delay - 1.0  # what acts before the first row
-    means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
-    if behind.kind == "lag":
-        means = _lagged(time, means, behind.seconds)
-    return dict(zip(inputs, means.T, strict=True))
-
-
-def _lagged(time: Array, values: Array, lag: float) -> Array:
-    """Returns (n, columns): the means of `values` behind a first-order lag that starts settled; NaN stays."""
-    steps = np.diff(time, append=2 * time[-1] - time[-2])
-    kept = np.exp(-steps / lag)
-    means = np.empty_like(values)
-    state = np.nan_to_num(values[0])
-    for row, held in enumerate(values):
-        means[row] = held + (state - held) * (1 - kept[row]) * lag / steps[row]
-        state = np.nan_to_num(held + (state - held) * kept[row])
-    return means
 
 
 def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, str]:
@@ -185,10 +131,9 @@ def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
 def _certainty(first: Array, second: Array) -> float:
     """Returns the probability that the model of the first losses, (stretches,), is nearer to the truth, 0..1."""
     apart = second - first
-    scatter = float(np.std(apart, ddof=1)) * len(apart) ** 0.5 if len(apart) > 1 else 0.0
-    if not scatter or not np.isfinite(apart).all():
+    if not np.isfinite(apart).all() or np.ptp(apart) == 0:
         return 0.5
-    return float(student.cdf(apart.sum() / scatter, len(apart) - 1))
+    return float(ttest_1samp(apart, 0.0, alternative="less").pvalue)
 
 
 def _percent(sure: float) -> str:
@@ -198,7 +143,7 @@ def _percent(sure: float) -> str:
 def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Behind) -> Dataset:
     """Returns the compared runs, or windows of runs, with inputs of one kind."""
     whole = {run.name: run for run in prepared.dataset.runs}
-    acting = {run.name: _acting(run, whole[run.name].time, timing, behind) for run in logged.runs}
+    acting = {run.name: inputs_acting(run, whole[run.name].time, timing, behind) for run in logged.runs}
     runs = []
     for run in prepared.compared.runs:
         name = run_of(run.name)

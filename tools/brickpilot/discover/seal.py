@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.gap import Gap, gaps
+from brickpilot.data.motion import cut_into_windows, run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.finding import Evidence, EvidenceKind
@@ -22,7 +23,6 @@ from brickpilot.fit.comparable import Comparable
 from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.fit.start_state import cut_into_windows, run_of
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
+from brickpilot.data.motion import run_of
 from brickpilot.discover import evidence, numbers
 from brickpilot.discover.deadline import Deadline
 from brickpilot.discover.evidence import Evidence, Judge
@@ -34,7 +35,6 @@ from brickpilot.discover.screen import Trial, screen
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Problem, Residual
 from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.fit.start_state import run_of
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.explanation import Explanation, refine, without_undetermined
+from brickpilot.discover.explanation import Explanation, refine
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Found, Library, Search, Tell, runs_of
 from brickpilot.errors import InputError, SimulationError
@@ -60,13 +60,8 @@ class Settled:
 
 
 def settle(prepared: Prepared, found: Explanation) -> Settled:
-    """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better.
-
-    Sizes that the data do not determine are left out of it, unless an effect would go as a whole.
-    """
+    """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better."""
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
-    less = without_undetermined(prepared.fine, found, prepared.jobs)
-    found = less if less.key == found.key else found
     whole = whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
@@ -176,7 +171,7 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
     """
     data, current = prepared.coarse, start
     whole = whole_runs(prepared)
-    deadline = prepared.until(COMPOSED)
+    deadline = prepared.deadline.until(COMPOSED)
     try:
         if whole is not None:
             data, current = follow(whole, start, prepared.jobs)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import brickpilot
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
+from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent
 from brickpilot.fit.comparable import Comparable, comparable, compared_signals
@@ -22,7 +22,15 @@ from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_a
 from brickpilot.fit.parameters import Plan, plan, value_of
 from brickpilot.fit.replay import Replay
 from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
-from brickpilot.fit.uncertainty import NOTHING_FITTED, Combination, Estimate, Spread, Uncertainty, assess
+from brickpilot.fit.uncertainty import (
+    NOTHING_FITTED,
+    Combination,
+    Estimate,
+    Spread,
+    Uncertainty,
+    assess,
+    estimates_frame,
+)
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
@@ -35,10 +43,13 @@ _ROUNDS = 3  # of weighing the signals by their residuals and fitting again
 
 @dataclass(frozen=True)
 class Gap:
-    """The norm of the error over that of the signal, of one signal of one run, before and after the fit.
+    """One signal of one run, before and after the fit.
 
-    It is 1 - `fit_percent` / 100 (see `data.agreement`). None where that has no value; `before` is also None where the
-    plant diverges with the values of the start.
+    Attributes:
+        before, after: the norm of the error over that of the signal: 1 - `fit_percent` / 100 (see `data.agreement`).
+            None where that has no value; `before` is also None where the plant diverges with the values of the start.
+        time: (n,) s.
+        measured, simulated: (n,) SI, for a plot; `unfitted`: simulated before the fit, None where the plant diverges.
     """
 
     run: str
@@ -46,22 +57,17 @@ class Gap:
     signal: str
     before: float | None
     after: float | None
-
-
-@dataclass(frozen=True)
-class FitTrace:
-    """One signal of one run, for a plot: (n,) each. `before` is None where the plant diverges with the first values."""
-
-    run: str
-    signal: str
     time: Array
     measured: Array
-    before: Array | None
-    after: Array
+    unfitted: Array | None
+    simulated: Array
+
+    def to_json(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("run", "role", "signal", "before", "after")}
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Result):
     """The result of `calibrate`.
 
     Attributes:
@@ -75,9 +81,7 @@ class Calibration:
         units: signal -> how the data set states it.
         frame: of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
-        traces: what the gaps are of.
         stated: what the data set states of the fitted parameters.
-        correlation: of the fitted parameters in their order, (parameters, parameters); empty where nothing was fitted.
         spread: how they may lie about their estimates, all together; None where nothing was fitted.
     """
 
@@ -95,29 +99,20 @@ class Calibration:
     after: Headline
     units: Mapping[str, OwnUnit]
     frame: str
-    traces: tuple[FitTrace, ...]
     stated: Mapping[str, Nominal]
-    correlation: tuple[tuple[float, ...], ...]
     spread: Spread | None
+
+    @property
+    def correlation(self) -> tuple[tuple[float, ...], ...]:
+        """Of the fitted parameters in their order, (parameters, parameters); empty where nothing was fitted."""
+        return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what fixes it.
 
         `low` and `high` are NaN where the data do not identify the parameter and nothing is stated of it.
         """
-        import pandas
-
-        rows = []
-        for name, one in self.parameters.items():
-            low, high = one.ci95 if one.ci95 is not None else (np.nan, np.nan)
-            known = {"identifiable": one.identifiable, "basis": one.basis}
-            rows.append({"parameter": name, "value": one.value, "unit": one.unit, "low": low, "high": high, **known})
-        columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
-        return pandas.DataFrame(rows, columns=columns)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
+        return estimates_frame(self.parameters)
 
     def to_json(self) -> dict[str, Any]:
         parameters = {}
@@ -131,7 +126,7 @@ class Calibration:
             "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
             "combinations": [dataclasses.asdict(one) | {"ci95": list(one.ci95)} for one in self.combinations],
             "headline": {"before": self.before.to_json(), "after": self.after.to_json()},
-            "gap": [dataclasses.asdict(gap) for gap in self.gaps],
+            "gap": [gap.to_json() for gap in self.gaps],
             "correlation": [list(row) for row in self.correlation],
             "spread": None if self.spread is None else self.spread.to_json(),
             "signals": {
@@ -229,7 +224,9 @@ def _coarse_fit(
     """
     nominal, chosen = plans
     rough = _residual(ready, nominal, threads, _COARSE_STEP)
-    best, starts = descent.search(Problem(rough, nominal, holds_priors=False), random, count)
+    best, starts = np.empty(0), tuple[Start, ...]()
+    if nominal.free:
+        best, starts = descent.search(Problem(rough, nominal, holds_priors=False), random, count)
     if len(chosen.free) > len(nominal.free):
         rough = _residual(ready, chosen, threads, _COARSE_STEP)
         best, starts = descent.search_sizes(Problem(rough, chosen, holds_priors=False), best, count)
@@ -275,14 +272,13 @@ def _result(
         unfitted = {}
     first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
     roles = ready.roles.by_run
-    gaps, traces = [], []
+    gaps = []
     for run in ready.measured.runs:
         begun, ended = unfitted.get(FREE_RUN, {}).get(run.name), fitted[FREE_RUN][run.name]
         for signal, measured in compared.measured[run.name].items():
-            shares = (one.of_run(run.name, signal).share for one in (first, last))
-            gaps.append(Gap(run.name, roles[run.name], signal, *shares))
-            begins = None if begun is None else begun[signal]
-            traces.append(FitTrace(run.name, signal, run.time, measured, begins, ended[signal]))
+            was, share = (one.of_run(run.name, signal).share for one in (first, last))
+            before = None if begun is None else begun[signal]
+            gaps.append(Gap(run.name, roles[run.name], signal, was, share, run.time, measured, before, ended[signal]))
     return Calibration(
         dataset=ready.measured.name,
         model=after,
@@ -298,8 +294,6 @@ def _result(
         after=last,
         units=own_units(ready.measured, compared.signals),
         frame=frame_text(ready.measured),
-        traces=tuple(traces),
         stated={one.name: one.known for one in chosen.free if one.known is not None},
-        correlation=tuple(tuple(row) for row in known.correlation.tolist()),
         spread=known.spread,
     )

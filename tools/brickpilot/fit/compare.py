@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import brickpilot
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.holdout import enough_to_fit
 from brickpilot.data.ils import SignalError, signal_error
+from brickpilot.data.motion import MOTOR_RATE_OF
 from brickpilot.data.own_units import OwnUnit, frame_text, own_units
+from brickpilot.data.shown import Result
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
-from brickpilot.fit.comparable import Comparable, comparable, compared_signals, enough_to_fit, is_compared
+from brickpilot.fit.comparable import Comparable, comparable, compared_signals, is_compared
+from brickpilot.fit.descent import Progress
 from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import plan
 from brickpilot.fit.replay import Array, Outputs
-from brickpilot.fit.start_state import MOTOR_RATE_OF
 from brickpilot.vehicle.model import Model
 
 if TYPE_CHECKING:
     import pandas
-
-Progress = Callable[[int, int, str], None]
 
 WINDOW_S = 1.0
 """s: default length of the open-loop windows in which a motor's velocity is compared."""
@@ -62,7 +62,7 @@ class RunComparison:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Result):
     """The result of `compare`.
 
     Attributes:
@@ -111,10 +111,6 @@ class Comparison:
         ]
         columns = ["run", "role", "signal", "horizon", "fit_percent", "r2", "rms_error", "rms_signal"]
         return pandas.DataFrame(rows, columns=columns)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
 
     def to_json(self) -> dict[str, Any]:
         runs = []

@@ -18,12 +18,12 @@ from scipy.signal import savgol_filter
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
+from brickpilot.data.motion import zero_phase_rate
 from brickpilot.data.noise import noise_of
 from brickpilot.data.signals import RATE_OF, SIGNALS, SUMMED
 from brickpilot.errors import SimulationError
 from brickpilot.fit.comparable import Comparable, is_compared
 from brickpilot.fit.replay import Mark, Outputs, Replay
-from brickpilot.fit.start_state import zero_phase_rate
 from brickpilot.vehicle.model import Model, output_names
 
 Array = NDArray[np.float64]

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.input_timing import held_back, later, mean_over_steps, scaled
+from brickpilot.data.motion import run_of
 from brickpilot.fit import start_state
-from brickpilot.fit.start_state import GEOMETRY, Reading, run_of
+from brickpilot.fit.start_state import GEOMETRY, Reading
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, State
@@ -126,10 +128,10 @@ class Replay:
         restarts = self._restarts(models, marks)
         carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects))[0]]
         others = [index for index in range(len(models)) if index not in carrying]
-        wanted = [one for one in self._aged if only is None or one[0].name in only]
-        until = self._aged.index(wanted[-1]) + 1 if wanted else 0
+        wanted = [one for one in self.aged if only is None or one[0].name in only]
+        until = self.aged.index(wanted[-1]) + 1 if wanted else 0
         carried = {index: State() for index in carrying}
-        for chosen, batch in [*((carrying, [one]) for one in self._aged[:until]), (others, wanted)]:
+        for chosen, batch in [*((carrying, [one]) for one in self.aged[:until]), (others, wanted)]:
             pairs = [(run, age, index) for run, age in batch for index in chosen]
             if not pairs:
                 continue
@@ -153,7 +155,7 @@ class Replay:
     ) -> dict[tuple[int, str], list[tuple[int, State]]]:
         """Returns (number of the model, run) -> (sample, state to go on from)."""
         places, readings = [], []
-        for run, age in self._aged:
+        for run, age in self.aged:
             for mark in marks.get(run.name, ()):
                 now = age + float(run.time[mark.sample] - run.time[0])
                 places += [((index, run.name), mark.sample) for index in range(len(models))]
@@ -164,7 +166,7 @@ class Replay:
         return found
 
     @cached_property
-    def _aged(self) -> list[tuple[Run, float]]:
+    def aged(self) -> list[tuple[Run, float]]:
         """The runs, each with the s from power-on to its start."""
         runs = self.dataset.runs
         lasted = [0.0, *(float(run.time[-1] - run.time[0]) for run in runs)]
@@ -236,46 +238,6 @@ def _start_key(model: Model) -> tuple[object, ...]:
     if model.by_run or start_state.has_sensor_effect(model):
         return ()
     return model.vehicle, _needs(tuple(model.effects))[1], *(model.parameters.get(name) for name in GEOMETRY)
-
-
-def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
-    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
-
-    Args:
-        time: (n,) s, when each row of `driven` begins to act; what acts before it is 0.
-        driven: (n, columns) V; NaN: the motor floats.
-        grid: (m,) s. Its last row is the last input.
-    """
-    held = np.where(np.isnan(driven), 0.0, driven)
-    summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
-    at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
-    means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
-    floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
-    means[floats] = np.nan
-    return means
-
-
-def later(time: Array, driven: Array, delay_s: float) -> Array:
-    """Returns (n, columns): inputs that act `delay_s` s later, or earlier below 0, at the same samples.
-
-    Before the first input arrives, 0 V act; the last one holds.
-    """
-    beyond = max(float(time[-1]), float(time[-1]) + delay_s) + 1.0
-    arrives = np.append(time + delay_s, beyond)
-    held = np.vstack([driven, driven[-1]])
-    return mean_over_steps(arrives, held, np.append(time, beyond))[:-1]
-
-
-def held_back(time: Array, driven: Array, held_s: float) -> Array:
-    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run; later ones act in time."""
-    steps = np.diff(time, append=2 * time[-1] - time[-2])
-    missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
-    return np.where(missing >= 1, 0.0, (1 - missing) * driven)
-
-
-def scaled(_: Array, driven: Array, gain: float) -> Array:
-    """Returns (n, columns): inputs that are larger by a share `gain`."""
-    return np.asarray(driven * (1 + gain))
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.motion import MOTOR_RATE_OF, run_of
 from brickpilot.data.noise import Noise, noise_of
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
@@ -33,7 +34,6 @@ from brickpilot.fit import robust
 from brickpilot.fit.comparable import SAMPLES, Bins, Block, blocks, on_coarse_grid, stack
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.fit.replay import Replay
-from brickpilot.fit.start_state import MOTOR_RATE_OF, run_of
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

@@ -1,12 +1,17 @@
-"""Robust statistics of a residual: the pseudo-Huber loss, a size without outliers, noise, and correlation in time."""
+"""Statistics of a residual: the pseudo-Huber loss, a size without outliers, noise, correlation in time, and its model.
+
+Source of the model of the noise: Ljung (1999), System Identification, 2nd ed., ch. 13.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, dia_array
 
 Array = NDArray[np.float64]
 
@@ -77,3 +82,62 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
     rho = total / total[0]
     below = np.flatnonzero(rho <= 0)
     return float(max(1.0, 1 + 2 * np.sum(rho[1 : below[0] if len(below) else longest])))
+
+
+def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
+    """Returns (p,): c with r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; p = 0..`highest_order` by BIC.
+
+    In a loop the input contains the noise of the past. Output error takes the noise of one sample for independent of
+    the input, which it is not; the error of a prediction one sample ahead is, whatever the loop does, if the noise has
+    the right model: fit the innovations (the direct method, Ljung 1999, sec. 13.4). Burg's
+    recursion (1975), its sums taken over all runs, gives a stable model however short they are.
+
+    Args:
+        residuals: one signal's, a run each: (n,), even in time, without NaN. Their means are removed.
+    """
+    forward = [one - one.mean() for one in residuals if len(one) > highest_order]
+    backward, samples = list(forward), sum(len(one) for one in forward)
+    power = sum(float(one @ one) for one in forward) / max(samples, 1)
+    found = np.empty(0)
+    best, score = found, math.log(power) if power > 0.0 else -math.inf
+    for order in range(1, highest_order + 1):
+        ahead, behind = [one[1:] for one in forward], [one[:-1] for one in backward]
+        size = sum(float(a @ a + b @ b) for a, b in zip(ahead, behind, strict=True))
+        if not size > 0.0:
+            break
+        turned = 2.0 * sum(float(a @ b) for a, b in zip(ahead, behind, strict=True)) / size
+        found = np.append(found - turned * found[::-1], turned)
+        forward = [a - turned * b for a, b in zip(ahead, behind, strict=True)]
+        backward = [b - turned * a for a, b in zip(ahead, behind, strict=True)]
+        power *= 1.0 - turned**2
+        if not power > 0.0:
+            break
+        if (own := math.log(power) + order * math.log(samples) / samples) < score:
+            best, score = found, own
+    return best
+
+
+def whitening(coefficients: Array, length: int) -> csr_array:
+    """Returns (n, n), lower banded: times a residual (n,) it gives innovations, all of the same variance.
+
+    The first p samples are predicted by the lower orders of the same model (Levinson's recursion backwards), scaled to
+    the variance of the later ones: exact for a stationary residual, and no row is zero.
+
+    Args:
+        coefficients: (p,), of `noise_model`; |reflection| < 1.
+        length: n, samples of the run.
+    """
+    order = len(coefficients)
+    bands = np.empty((order + 1, length))  # by lag and column
+    bands[0], bands[1:] = 1.0, -np.asarray(coefficients)[:, np.newaxis]
+    lower, scale = np.asarray(coefficients, dtype=np.float64), 1.0
+    for row in range(order - 1, -1, -1):
+        turned = lower[-1]
+        lower = (lower[:-1] + turned * lower[-2::-1] if row else lower[:0]) / (1.0 - turned**2)
+        scale *= math.sqrt(1.0 - turned**2)
+        if row < length:
+            bands[0, row] = scale
+            for lag in range(1, order + 1):
+                if row >= lag:
+                    bands[lag, row - lag] = -scale * lower[lag - 1]
+    return csr_array(dia_array((bands, -np.arange(order + 1)), shape=(length, length)))

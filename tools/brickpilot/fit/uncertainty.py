@@ -12,16 +12,19 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from brickpilot.fit.combinations import FORMULAS, Formula, forms
 from brickpilot.fit.parameters import WIDE_SD, Free, value_of
 from brickpilot.fit.residual import Residual
+from brickpilot.vehicle.combinations import FORMULAS, Formula, forms
 from brickpilot.vehicle.model import Model, with_values
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -71,6 +74,18 @@ class Estimate:
     identified: Combination | None = None
 
 
+def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:
+    """Returns a row for each parameter, in SI; the ends of its 95 % interval are NaN where it has none."""
+    import pandas
+
+    rows = [
+        (name, one.value, one.unit, *(one.ci95 or (np.nan, np.nan)), one.identifiable, one.basis)
+        for name, one in estimates.items()
+    ]
+    columns = ["parameter", "value", "unit", "low", "high", "identifiable", "basis"]
+    return pandas.DataFrame(rows, columns=columns)
+
+
 @dataclass(frozen=True)
 class Uncertainty:
     """The uncertainty of all parameters.
@@ -78,18 +93,16 @@ class Uncertainty:
     Attributes:
         groups: parameters of which only combinations are identifiable.
         traceless: parameters with no effect on the data at all.
-        correlation: of the estimates, in the order of `estimates`, (parameters, parameters).
     """
 
     estimates: Mapping[str, Estimate]
     groups: tuple[tuple[str, ...], ...]
     traceless: tuple[str, ...]
     combinations: tuple[Combination, ...]
-    correlation: Array
     spread: Spread | None
 
 
-NOTHING_FITTED = Uncertainty({}, (), (), (), np.empty((0, 0)), None)
+NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
@@ -145,9 +158,7 @@ def _assessed(
     vague = any(not estimate.identifiable for estimate in estimates.values())
     formulas = FORMULAS[model.vehicle] if vague else ()
     combinations = (_combination(one, known, free, sizes, covariance, quantile) for one in formulas)
-    some = np.where(sd > 0, sd, 1.0)
-    correlation = covariance / np.outer(some, some)
-    return Uncertainty(estimates, groups, traceless, tuple(one for one in combinations if one), correlation, spread)
+    return Uncertainty(estimates, groups, traceless, tuple(one for one in combinations if one), spread)
 
 
 def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Array:
@@ -294,6 +305,13 @@ class Spread:
     values: tuple[float, ...]
     units: tuple[float | None, ...]
     covariance: Array
+
+    @property
+    def correlation(self) -> Array:
+        """The correlation of the coordinates, (parameters, parameters)."""
+        sd = np.sqrt(np.diag(self.covariance))
+        some = np.where(sd > 0, sd, 1.0)
+        return np.asarray(self.covariance / np.outer(some, some))
 
     def at(self, coordinates: Array) -> dict[str, float]:
         """Returns the values at a point, SI, not limited to their ranges."""

@@ -6,7 +6,7 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.data.own_units import OwnUnit
-from brickpilot.fit.calibrate import Calibration, FitTrace
+from brickpilot.fit.calibrate import Calibration, Gap
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
 from brickpilot.report.plot import Curve, points_for, row_chart
@@ -97,7 +97,7 @@ def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]
     for gap in calibration.gaps:
         worst[gap.run] = max(worst.get(gap.run, 0.0), gap.after or 0.0)
     chosen = set(sorted(worst, key=lambda run: -worst[run])[:_DRAWN])
-    drawn = [one for one in calibration.traces if one.run in chosen]
+    drawn = [one for one in calibration.gaps if one.run in chosen]
     figures: dict[str, list[Markup]] = {}
     for one in drawn:
         figures.setdefault(one.run, []).append(
@@ -106,15 +106,15 @@ def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]
     return [(run, ROLES[calibration.roles[run]], found) for run, found in figures.items()]
 
 
-def _superimposed(one: FitTrace, own: OwnUnit, points: int) -> Markup:
+def _superimposed(one: Gap, own: OwnUnit, points: int) -> Markup:
     """Draws a measured signal and its simulations before and after the fit, and the residuals below."""
     factor = own.value(1.0)
     above, below = [measured(factor * one.measured)], []
-    if one.before is not None:
-        above.append(Curve("before", factor * one.before, "orange"))
-        below.append(Curve("before", factor * (one.measured - one.before), "orange"))
-    above.append(Curve("after", factor * one.after))
-    below.append(Curve("after", factor * (one.measured - one.after)))
+    if one.unfitted is not None:
+        above.append(Curve("before", factor * one.unfitted, "orange"))
+        below.append(Curve("before", factor * (one.measured - one.unfitted), "orange"))
+    above.append(Curve("after", factor * one.simulated))
+    below.append(Curve("after", factor * (one.measured - one.simulated)))
     said = one.signal.replace("_", " ")
     return discover_plots.superimposed(
         one.time - one.time[0],

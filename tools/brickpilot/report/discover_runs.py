@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Run
 from brickpilot.data.gap import Place, residual
+from brickpilot.data.motion import measured_rates
 from brickpilot.data.own_units import own_unit
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
-from brickpilot.fit.start_state import measured_rates
 from brickpilot.report.discover_plots import measured, superimposed
 from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
 from brickpilot.report.plot import Curve, points_for

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import brickpilot
+from brickpilot.data.shown import Result
 from brickpilot.errors import InputError
 from brickpilot.vehicle import flight, flight_checks, flight_figures
 from brickpilot.vehicle import scenario as scenarios
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Flown:
+class Flown(Result):
     """A flight with its figures.
 
     Attributes:
@@ -41,10 +41,6 @@ class Flown:
         import pandas
 
         return pandas.DataFrame(self.flight.log)
-
-    def _repr_html_(self) -> str:
-        """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
-        return brickpilot.to_html(self)
 
 
 def prepare(

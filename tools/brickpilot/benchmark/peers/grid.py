@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from brickpilot.benchmark.real_score import Predictions
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.motion import zero_phase_rate
 from brickpilot.data.signals import SUMMED
-from brickpilot.fit.start_state import zero_phase_rate
 
 Array = NDArray[np.float64]
 

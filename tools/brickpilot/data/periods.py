@@ -1,4 +1,4 @@
-"""Where data are periodic: the wheels' speeds as measured, and a residual along time, a wheel's angle and the position.
+"""Where data are periodic: the wheels' speeds as measured, and what a model leaves, in time.
 
 An order is a number of periods per turn.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,25 +16,25 @@ from scipy.signal import lombscargle
 from scipy.stats import f as fisher
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.discover import numbers
-from brickpilot.fit.start_state import HOLE_S, wheel_angles
+from brickpilot.data.motion import HOLE_S, wheel_angles
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
-Settings = tuple[tuple[str, float], ...]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
 _SLOW = 0.1  # quantile of the turn from sample to sample: the slow parts of the runs show the highest orders
 _TURNS = 1e-3  # rad between samples: a wheel that turns less stands
-_PADDING = 4  # points of a spectrum per resolution
+PADDING = 4
+"""Points of a spectrum per resolution."""
+
 _NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
 _PROMINENCE = 6.0  # times the median of its neighbourhood
 _PEAKS = 3  # of a spectrum, that are tried
 _LEAST_ROWS = 3  # a shorter part of a run has no acceleration
 _SAME = 0.003  # orders nearer than this are one: a search finds the way between them
 _LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
-_RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * _PADDING)
+_RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
 
 def orders(dataset: Dataset) -> tuple[float, ...]:
@@ -44,7 +44,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
     ripple is; and a phase for each run. The current is taken as the voltage that the speed does not explain. No model
     is needed, because an effect repeats more often per turn than the drive does.
     """
-    alone = np.zeros(_LONGEST * _PADDING // 2 + 1)
+    alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
     for whole in dataset.runs:
         run, rows = _measured(whole)
@@ -105,10 +105,10 @@ def _peaks(power: Array) -> list[float]:
 
     inside = np.flatnonzero((order > _LOWEST) & (order < _HIGHEST) & (power > 0.0))
     strongest = inside[np.argsort(-power[inside])][: 50 * _PEAKS]
-    return _separate(order, strongest, _NEIGHBOURHOOD, stands_out)
+    return separate(order, strongest, _NEIGHBOURHOOD, stands_out)
 
 
-def _separate(
+def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
     """Returns the first few of `places` at `indices` that count and lie `apart` from those before them."""
@@ -123,132 +123,9 @@ def _separate(
 
 def _sums(angle: Array, values: Array) -> Spectrum:
     """Returns (orders,): the Fourier sum over the angle of `values` (n,) at `angle` (n,)."""
-    length = _LONGEST * _PADDING
+    length = _LONGEST * PADDING
     bins = np.round(angle / _STEP).astype(np.intp) % length
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
-
-
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
-_LEAST_STEPS = 20  # of a spectrum, that a coordinate has to move by
-
-# What a period along it is called -> names of the coordinate, its step in a spectrum, rad or m, and what is one turn.
-_COORDINATES = {
-    "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
-    "wavelength": (("x", "position"), 0.005, 1.0),
-}
-
-
-@dataclass(frozen=True)
-class Segment:
-    """One signal of one run in the stacked residual.
-
-    Attributes:
-        place: its rows.
-        time: (n,) s since the run's first sample.
-        age: s from power-on to the run's first sample.
-        at: what the base model gives at these rows, by name: wheel angles, "x", or "angle" and "position" of a motor.
-            Terms that depend on a missing one are not screened.
-    """
-
-    run: str
-    signal: str
-    place: slice
-    time: Array
-    age: float
-    at: Mapping[str, Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Axis:
-    """A coordinate along which a residual may repeat: time, a wheel's angle or the position.
-
-    Attributes:
-        setting: what holds a period along it: a frequency in Hz, an order, or a wavelength in m.
-        clock: of time: ("clock", 0) where it counts from the start of each run, ("clock", 1) from power-on.
-        tracks: the segments with their coordinate (n,), once for each name that it has.
-        step: of the spectrum, in the coordinate's unit.
-        turn: what one period is counted for, in the coordinate's unit.
-        extent: the longest way along it that has one phase.
-    """
-
-    setting: str
-    clock: Settings
-    tracks: Sequence[Sequence[tuple[Segment, Array]]]
-    step: float
-    turn: float
-    extent: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the settings that a period along it has."""
-        return (self.setting, *(name for name, _ in self.clock))
-
-    @property
-    def resolution(self) -> float:
-        """The difference of periods per turn, m or s that the runs resolve."""
-        return self.turn / self.extent
-
-    @property
-    def least(self) -> float:
-        """The least frequency: what repeats less than once in all time is a drift."""
-        return self.resolution if self.clock else 0.0
-
-    def peaks(self, residual: Array) -> list[float]:
-        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along it."""
-        found: set[float] = set()
-        for track in self.tracks:
-            places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
-            longest = max(float(np.ptp(coordinate)) for _, coordinate in track)
-            inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (places[1:-1] >= 1.5 / longest)
-            indices = np.flatnonzero(inner) + 1
-            strongest = indices[np.argsort(-power[indices], kind="stable")]
-            found |= {one * self.turn for one in _separate(places, strongest, 0.5 / longest)}
-        return sorted(found)
-
-    def at(self, count: float) -> Settings:
-        """Returns the settings of so many periods per turn, m or s."""
-        return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
-
-    def beside(self, settings: Settings) -> list[Settings]:
-        """Returns settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
-        count = dict(settings)[self.setting]
-        count = 1 / count if self.setting == "wavelength" else count
-        near = [count + k * self.resolution for k in _NEIGHBOURS]
-        return [self.at(one) for one in near if one > 0 and one >= self.least]
-
-
-def axes(segments: Sequence[Segment]) -> list[Axis]:
-    """Returns the coordinates that are known: time first, from power-on too if the runs differ in age."""
-    step = min(float(np.median(np.diff(one.time))) for one in segments if len(one.time) > 1)
-    found = []
-    for clock in (0.0, 1.0) if len({one.age for one in segments}) > 1 else (0.0,):
-        track = [(one, one.time + clock * one.age) for one in segments]
-        extent = max(float(time[-1]) for _, time in track)
-        found.append(Axis("frequency", (("clock", clock),), [track], step, 1.0, extent))
-    for setting, (names, step, turn) in _COORDINATES.items():
-        known = [[(one, one.at[name]) for one in segments if name in one.at] for name in names]
-        ways = [float(np.ptp(coordinate)) for track in known for _, coordinate in track]
-        moved = [[pair for pair in track if np.ptp(pair[1]) > _LEAST_STEPS * step] for track in known]
-        if ways:
-            found.append(Axis(setting, (), [track for track in moved if track], step, turn, max(ways)))
-    return found
-
-
-def _spectrum(
-    track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
-) -> tuple[Array, Array]:
-    """Returns frequencies and power over each segment's coordinate. Coherent: runs are added with their phases."""
-    low = min(float(np.min(coordinate)) for _, coordinate in track)
-    high = max(float(np.max(coordinate)) for _, coordinate in track)
-    length = 2 ** math.ceil(math.log2(max(_PADDING * (high - low) / step, 8)))
-    sums: dict[tuple[str, ...], Spectrum] = {}
-    for one, coordinate in track:
-        values = residual[one.place]
-        bins = ((coordinate - low) / step).astype(np.intp)
-        key = (one.signal,) if coherent else (one.signal, one.run)
-        sums[key] = sums.get(key, 0.0) + np.fft.rfft(np.bincount(bins, values - values.mean(), length)[:length])
-    power = sum((np.abs(one) ** 2 for one in sums.values()), np.zeros(length // 2 + 1))
-    return np.arange(length // 2 + 1) / (length * step), power
 
 
 _AROUND = 8  # frequencies on either side: 32 degrees of freedom a piece know the background to a fourth
@@ -280,7 +157,7 @@ class Period:
         )
 
 
-def own_period(residuals: Sequence[tuple[Array, Array]]) -> Period | None:
+def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
     """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
 
     Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each (Scargle 1982, Astrophys. J.
@@ -291,6 +168,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]]) -> Period | None:
 
     Args:
         residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.
+        level: the chance of being wrong up to which it counts as shown.
     """
     known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
     if not known:
@@ -310,7 +188,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]]) -> Period | None:
     ratio = power[tested - 1] / background
     chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
     best = int(np.argmin(chances))
-    if not chances[best] < numbers.STRICT:
+    if not chances[best] < level:
         return None
     near = (tested[best] + np.linspace(-1.0, 1.0, 2 * _FINER + 1)) / duration
     shares = _power(pieces, near)

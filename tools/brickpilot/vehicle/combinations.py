@@ -12,6 +12,7 @@ import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
+from brickpilot.vehicle.coefficients import loss
 
 Values = Mapping[str, float]
 _Rule = Callable[[Values], float]
@@ -34,8 +35,7 @@ class Formula:
 
 def _steady(p: Values) -> float:
     """Returns D of the module's docstring, for one wheel."""
-    loss = p["viscous_friction"] + p["rolling_friction"] * p["mass"] * p["gravity"] * p["wheel_radius"] ** 2
-    return p["torque_constant"] * p["emf_constant"] + p["resistance"] * loss
+    return p["torque_constant"] * p["emf_constant"] + p["resistance"] * loss(p)
 
 
 def _wheel_gain(p: Values) -> float:

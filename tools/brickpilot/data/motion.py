@@ -1,0 +1,241 @@
+"""What a log shows of motion before any model: rates, the angles of wheels, starts of runs, and windows of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
+from brickpilot.data.signals import RATE_OF, SUMMED
+
+Array = NDArray[np.float64]
+
+_REST_S = 0.5  # at the start of a run at rest: the longest time that is averaged
+MOVING_SAMPLES = 12
+"""So many samples are fitted by a line where a run starts in motion."""
+_LEAST_KNOWN = 4  # of these, for a line
+_HELD_S = 0.1  # within which the first sample of a held channel is looked for
+_TREND_SD = 3.0  # a slope beyond so many of its sd is motion
+_SPIKE = 3.0  # times what 90 % of the run's samples span: a sample this far off the others is damaged
+
+
+def with_rates(dataset: Dataset) -> Dataset:
+    """Returns a motor's data set with velocities beside positions; positions only keep their first sample.
+
+    A position sums every error up while the run lasts. So the velocity is compared, and the position says where the
+    run starts.
+    """
+    runs = []
+    for run in dataset.runs:
+        outputs = dict(run.outputs)
+        for summed, rate in MOTOR_RATE_OF.items():
+            if summed in outputs and rate not in outputs:
+                outputs[rate] = measured_rates(run)[rate]
+            if summed in outputs:
+                start = np.full_like(outputs[summed], np.nan)
+                start[0] = outputs[summed][0]
+                outputs[summed] = start
+        runs.append(dataclasses.replace(run, outputs=outputs))
+    return dataclasses.replace(dataset, runs=tuple(runs))
+
+
+def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Dataset:
+    """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
+
+    A run starts from the state that its first sample measured. The noise of one sample would go on as a motion that
+    never was. Before the first command the samples are averaged; in motion a line is fitted to a few.
+
+    Args:
+        inputs: run -> (n, 1) or (n, 2) V.
+    """
+    runs = []
+    for run in dataset.runs:
+        outputs = dict(run.outputs)
+        rest = _samples_at_rest(run, inputs[run.name])
+        for name, values in outputs.items():
+            moving = MOVING_SAMPLES
+            if not np.isfinite(values[0]):  # a held channel: its next sample is a few rows away
+                moving = max(moving, int(np.searchsorted(run.time, run.time[0] + _HELD_S)))
+            if name in SUMMED or name.startswith("accel") or not np.isfinite(values[:moving]).any():
+                continue
+            first = np.array(values)
+            first[0] = _first_value(run.time, values, rest, moving)
+            first.flags.writeable = False
+            outputs[name] = first
+        runs.append(dataclasses.replace(run, outputs=outputs))
+    return dataclasses.replace(dataset, runs=tuple(runs))
+
+
+def _samples_at_rest(run: Run, driven: Array) -> int:
+    """Returns how many samples lie before the first change of command, within `_REST_S`."""
+    same = np.all((driven == driven[0]) | (np.isnan(driven) & np.isnan(driven[0])), axis=1)
+    count = len(same) if same.all() else int(np.argmin(same))
+    return min(count, int(np.searchsorted(run.time, run.time[0] + _REST_S)))
+
+
+def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
+    """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
+    known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
+    for count in (rest, moving):
+        chosen = known[known < count]
+        if len(chosen) < _LEAST_KNOWN:
+            continue
+        clock = time[chosen] - time[0]
+        slope, at_start = np.polyfit(clock, values[chosen], 1)
+        residual = values[chosen] - at_start - slope * clock
+        sd = float(np.std(residual, ddof=2)) / max(float(np.sqrt(np.sum((clock - clock.mean()) ** 2))), 1e-300)
+        if count == rest and abs(slope) < _TREND_SD * sd + 1e-300:
+            return float(np.mean(values[chosen]))
+        if count == moving:
+            return float(at_start)
+    return float(values[known[0]])
+
+
+def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns those of the first samples that lie no impossible way off the others."""
+    low, high = np.nanpercentile(values, [5, 95])
+    if len(known) < _LEAST_KNOWN or high <= low:
+        return known
+    usual = np.abs(values[known] - np.median(values[known])) <= _SPIKE * (high - low)
+    return np.asarray(known[usual])
+
+
+MOTOR_RATE_OF = {summed: RATE_OF[summed] for summed in ("position", "angle")}
+"""Position or angle of a motor -> its rate."""
+
+_SAMPLES = 21  # in the filter's window
+_FINEST = 20  # interpolated samples for each measured one, at most, where measured samples crowd
+
+
+def measured_rates(run: Run) -> dict[str, Array]:
+    """Returns velocity or speed of a motor's run: as measured, else the derivative of position or angle."""
+    rates = {
+        rate: zero_phase_rate(run.time, run.outputs[summed])
+        for summed, rate in MOTOR_RATE_OF.items()
+        if summed in run.outputs
+    }
+    return rates | {rate: run.outputs[rate] for rate in MOTOR_RATE_OF.values() if rate in run.outputs}
+
+
+def zero_phase_rate(time: Array, values: Array) -> Array:
+    """Returns the derivative of `values` without delay, (n,); NaN where `values` are.
+
+    The filter is that of Savitzky & Golay 1964, cubic over 21 samples. It needs even steps, so irregular samples are
+    first interpolated to the median step, or to a twentieth of the mean step where that is more.
+    """
+    from scipy.signal import savgol_filter
+
+    known = np.isfinite(values)
+    if known.sum() < 4:
+        return np.full_like(values, np.nan)
+    step = max(float(np.median(np.diff(time))), float(time[-1] - time[0]) / (_FINEST * len(time)))
+    even = np.arange(time[0], time[-1] + step / 2, step)
+    window = min(_SAMPLES, (len(even) - 1) // 2 * 2 + 1)
+    if window < 4:
+        return np.full_like(values, np.nan)
+    rate = savgol_filter(np.interp(even, time[known], values[known]), window, 3, deriv=1, delta=step)
+    return np.where(known, np.interp(time, even, rate), np.nan)
+
+
+_STILL = 0.01  # of the mean rate in the fastest run: a wheel that turns less and is not driven rests
+HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
+_WINDOW = ", window "  # between the run's name and the window's number
+
+
+def run_of(name: str) -> str:
+    """Returns the name of the run that a window was cut from; the name of a whole run stays."""
+    return name.rsplit(_WINDOW, 1)[0]
+
+
+def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
+    """Returns the data set cut into windows, each a run from the measured state, wheel angles included.
+
+    An effect that repeats with the angle of a wheel gets out of phase with a simulation in which the wheel turned a
+    little less. Over a short window it stays in phase.
+
+    Returns None where neither angles nor speeds of the wheels were measured.
+    """
+    windows: list[Run] = []
+    turned = {run.name: wheel_angles(run) for run in dataset.runs}
+    rates = [
+        float(np.ptp(values)) / float(run.time[-1] - run.time[0])
+        for run in dataset.runs
+        for values in (turned[run.name] or {}).values()
+    ]
+    still = _STILL * length_s * max(rates, default=0.0)
+    for run in dataset.runs:
+        angles = turned[run.name]
+        if not run.outputs:  # nothing of it is compared; heat and charge carry over
+            windows.append(run)
+            continue
+        if angles is None:
+            return None
+        windows += _windows(run, angles, length_s, still)
+    cut = dataclasses.replace(dataset, runs=tuple(windows))
+    return with_averaged_starts(cut, {run.name: motor_inputs(run, cut) for run in windows})
+
+
+def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: float) -> Iterator[Run]:
+    """Yields the windows of a run. Of an angle only the first sample stays: it says where the window starts.
+
+    A window in which nothing was measured, or in which the vehicle rests, is left out.
+    """
+    count = max(1, round(float(run.time[-1] - run.time[0]) / length_s))
+    edges = np.searchsorted(run.time, np.linspace(run.time[0], run.time[-1], count + 1))
+    for number, (first, last) in enumerate(pairwise(edges)):
+        rows = slice(int(first), int(last) + 1)
+        length = len(run.time[rows])
+        if length < 2 * MOVING_SAMPLES or _shows_nothing(run, angles, rows, still):
+            continue
+        outputs = {name: values[rows] for name, values in run.outputs.items() if name not in angles}
+        for name, values in angles.items():
+            outputs[name] = np.full(length, np.nan)
+            outputs[name][0] = values[first]
+        yield dataclasses.replace(
+            run,
+            name=f"{run.name}{_WINDOW}{number + 1}",
+            time=run.time[rows],
+            inputs={name: values[rows] for name, values in run.inputs.items()},
+            outputs=outputs,
+            raw_outputs={},
+            gap_s=run.gap_s if number == 0 else 0.0,
+            replicate_of=None,
+            initial={} if number else run.initial,
+        )
+
+
+def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: float) -> bool:
+    """Whether nothing was measured in a window, or nothing was driven in it and no wheel moved by more than `still`."""
+    if not any(np.isfinite(values[rows]).any() for values in run.outputs.values()):
+        return True
+    driven = any(np.nan_to_num(values[rows]).any() for values in run.inputs.values())
+    return not driven and all(np.ptp(values[rows]) < still for values in angles.values())
+
+
+def _without_holes(time: Array, values: Array | None) -> Array | None:
+    """Returns the values with short holes filled, as between held samples; None if a hole is long."""
+    known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
+    if values is None or len(known) < 2 or len(known) == len(values):
+        return values if len(known) else None
+    holes = np.diff(time[np.concatenate([[0], known])])  # what follows the last sample stays as it was
+    return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= HOLE_S else None
+
+
+def wheel_angles(run: Run) -> dict[str, Array] | None:
+    """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one."""
+    found = {}
+    for angle, rate in RATE_OF.items():
+        if "travel" in angle:
+            continue
+        angles, rates = (_without_holes(run.time, run.outputs.get(name)) for name in (angle, rate))
+        if angles is not None:
+            found[angle] = angles
+        elif rates is not None:
+            found[angle] = cumulative_trapezoid(rates, run.time, initial=0)
+    one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
+    return None if one_of_two else found or None

@@ -1,0 +1,33 @@
+"""How results of all rooms are shown: as a table in a notebook, and as JSON can hold them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import brickpilot
+
+
+class Result:
+    """What a notebook shows as a table."""
+
+    def _repr_html_(self: Any) -> str:
+        """Returns the table; the pages' room makes it, which the others must not know."""
+        return brickpilot.to_html(self)
+
+
+def valid(value: Any) -> Any:
+    """Returns `value` as JSON can hold it: records as objects, sequences as lists, and None for NaN and Infinity."""
+    if hasattr(value, "to_json"):
+        value = value.to_json()
+    elif dataclasses.is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {key: valid(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [valid(one) for one in value]
+    if isinstance(value, float):  # numpy's float64 is one too
+        return float(value) if math.isfinite(value) else None
+    return value
