@@ -55,6 +55,7 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .rest_speed_mm_s_q4 = 80,
             .slowest_weight_bits = 4,
             .blind_ms = 100,
+            .gyro_full_mrad_s = 10261,
         },
         .speed = {
             .accel_gain_q15 = 6553,
@@ -149,6 +150,7 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .rest_speed_mm_s_q4 = 80,
             .slowest_weight_bits = 4,
             .blind_ms = 100,
+            .gyro_full_mrad_s = 10261,
         },
         .speed = {
             .accel_gain_q15 = 6553,
@@ -251,6 +253,7 @@ static const FLASH loop_config_t PARAMS_PAPER = {
             .rest_speed_mm_s_q4 = 80,
             .slowest_weight_bits = 4,
             .blind_ms = 100,
+            .gyro_full_mrad_s = 10261,
         },
         .speed = {
             .accel_gain_q15 = 1638,

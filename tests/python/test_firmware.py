@@ -16,7 +16,7 @@ from brickpilot.constants import RCX
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, headers, params_header, ranges, robot, simulate, tuning
 from brickpilot.vehicle import model
-from brickpilot.vehicle.coefficients import coupled
+from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
 from brickpilot.vehicle.setting_defaults import plain
 from command import brickpilot
 
@@ -134,6 +134,52 @@ def test_the_loops_have_the_packaged_poles_at_one_pace(name: str, tmp_path: Path
         mine_faster = motion(values).acceleration(values["battery_voltage"])
         packaged_faster = motion(reference).acceleration(reference["battery_voltage"])
         assert min(1.0, np.sqrt(mine_faster / packaged_faster)) - 1e-9 <= paces[0] <= tuning.FASTEST
+
+
+LIGHT = """
+[parameters]
+mass = 0.25
+yaw_inertia = 0.0004
+wheel_inertia = 5e-6
+"""
+
+
+def fastest_of_a_half_turn(own: robot.Robot) -> float:
+    """The rate in rad/s after half a turn from rest at heading_limit; the current is a state of its own (eq. 12)."""
+    values, volts = plain(own.vehicle["parameters"]), own.value("controller", "coupled", "heading_limit")
+    lever = values["wheel_radius"] / values["half_track"]
+    step, angle, now = 1e-4, 0.0, np.zeros(2)
+    motor = motor_step(values, difference_inertia(values), step)
+    for _ in range(200_000):
+        now = motor.transition @ now + motor.voltage * volts
+        angle += now[1] * lever * step
+        if angle > np.pi:
+            break
+    return float(now[1] * lever)
+
+
+@pytest.mark.parametrize("gyro_range", [2.0, 5.24, 10.47])
+@pytest.mark.parametrize("text", [LIGHT, *OWN.values()], ids=["light", *OWN])
+def test_no_turn_is_faster_than_the_gyro_reads(text: str, gyro_range: float, tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, "one", text))
+    own = robot.changed(own, {("sensors", "imu", "gyro_range"): gyro_range})
+    assert fastest_of_a_half_turn(own) < 0.95 * gyro_range
+    battery = own.value("parameters", "battery_voltage") / 9.0
+    volts = own.value("controller", "coupled", "heading_limit")
+    assert volts == pytest.approx(6.0 * battery) or fastest_of_a_half_turn(own) > 0.85 * gyro_range
+
+
+def test_a_light_robot_flies_and_a_saturated_gyro_is_told_as_the_cause(tmp_path: Path) -> None:
+    done = make(tmp_path / "made", write(tmp_path, "light", LIGHT), "template")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["flight"]["gyro_full_steps"] == 0
+    spun = write(tmp_path, "spun", LIGHT + "[controller.coupled]\nheading_limit = 5.6\n")
+    done = make(tmp_path / "other", spun, "template")
+    steps = json.loads(done.stdout)["flight"]["gyro_full_steps"]
+    assert steps > 10
+    assert done.returncode == 1
+    assert f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit\n" in done.stderr
+    assert "at the end of its range" in (tmp_path / "other/flight/report.html").read_text()
 
 
 def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp_path: Path) -> None:

@@ -19,6 +19,9 @@ LONGEST_STEP_MS = 20
 TRAVEL_SCALE = "travel_scale_q15"
 """The compensation that has no field of its own: the travel per count holds it."""
 
+GYRO_FULL = 0.98
+"""Share of the gyro's range from which a reading is at its end: noise and a converter of a few bits stay within."""
+
 CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0)
 """Factors by which the model's currents may be smaller than those of the motors."""
 
@@ -47,12 +50,13 @@ def _model(profile: str, values: Mapping[str, float], step: float, with_pose: bo
     return {**predicted, **pose(step)} if with_pose else predicted
 
 
-def _heading(common: Mapping[str, float]) -> dict[str, Any]:
+def _heading(common: Mapping[str, float], gyro_range: float) -> dict[str, Any]:
     return {
         "quiet_mrad_s": integer(common["gyro_quiet"] * 1e3, 1, INT16, "gyro_quiet"),
         "rest_speed_mm_s_q4": integer(common["rest_speed"] * 16e3, 0, INT16, "rest_speed"),
         "slowest_weight_bits": _weight_bits(common, "gyro_bias_blocks", 7),
         "blind_ms": integer(common["blind_time"] * 1e3, 0, 65000, "blind_time"),
+        "gyro_full_mrad_s": integer(GYRO_FULL * gyro_range * 1e3, 1, INT16, "gyro_range"),
     }
 
 
@@ -104,7 +108,7 @@ def _loop(
     config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
-            "heading": _heading(common),
+            "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
             "speed": _speed(common, estimator, rolls_like, counts, step),
             "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor")},
             "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
