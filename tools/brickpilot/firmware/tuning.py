@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
-from brickpilot.vehicle.coefficients import difference_inertia, loss, mean_inertia
+from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia, wheel_speed_per_volt
 
 FASTEST = 2.0
 """The packaged robot's poles, times this, are as fast as a control step of 9 ms follows: 0.2 of a radian a step."""
@@ -80,7 +80,7 @@ def turn(values: Values) -> Motion:
 def _lag(values: Values, inertia: float) -> Motion:
     """Returns the wheel's speed, rad/s per V, with this inertia at the wheel."""
     resistance, torque = values["resistance"], values["torque_constant"]
-    held = values["emf_constant"] + resistance * loss(values) / torque
+    held = 1 / wheel_speed_per_volt(values)
     return Motion(1 / held, inertia * resistance / (torque * held))
 
 
