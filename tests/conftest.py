@@ -14,6 +14,7 @@ LONGEST = ("test_discover_measured.py", "test_h8_vectors.py", "test_hidden_verdi
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="run the long campaigns, with all vectors and all data")
+    parser.addoption("--most-skips", type=int, metavar="N", help="fail where more than N tests are skipped")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -32,6 +33,32 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             config.hook.pytest_deselected(items=out)
             items[:] = [item for item in items if item not in out]
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+def _counts(session: pytest.Session) -> tuple[int, int]:
+    """Returns how many tests have ended, passed or not, and how many were skipped."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    stats = {} if reporter is None else reporter.stats
+    return sum(len(stats.get(name, ())) for name in ("passed", "failed", "xfailed")), len(stats.get("skipped", ()))
+
+
+def _untested(session: pytest.Session) -> str | None:
+    """Returns why a run without a failure is none that passed."""
+    ran, skipped = _counts(session)
+    most = session.config.getoption("most_skips")
+    if skipped and not ran:
+        return f"all {skipped} tests were skipped: nothing was tested"
+    if most is not None and skipped > most:
+        return f"{skipped} tests were skipped, and {most} are the most: -rs tells why"
+    return None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Fails a run that has tested nothing, or skipped more than --most-skips."""
+    if exitstatus == 0 and not hasattr(session.config, "workerinput") and (why := _untested(session)):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        print(f"\n{why}")
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,12 @@ static void take_battery(const step_config_t *config, step_state_t *state, const
     }
 }
 
+/* What the model knows a voltage as. */
+static inline int16_t of_model(int16_t voltage_mv)
+{
+    return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_fraction(voltage_mv, MOTOR_VOLTAGE_BITS);
+}
+
 /* Moves the model on to now, with the voltages of the step before. */
 static void predict(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
                     step_output_t *output)
@@ -22,7 +28,7 @@ static void predict(const step_config_t *config, step_state_t *state, const sign
 
     state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
     for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
-        body_predict(config->model, &state->model, drive->left_mv, drive->right_mv);
+        body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
     bytes_copy(&output->predicted.motion, &state->model.motion, sizeof output->predicted.motion);
     output->predicted.driven = drive->left_mv != 0 || drive->right_mv != 0;
 }

@@ -19,9 +19,9 @@ static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t thir
     put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
 }
 
-static uint8_t *put32(uint8_t *at, int32_t value)
+static uint8_t *put32(uint8_t *at, const int32_t *value)
 {
-    return put16(put16(at, (uint16_t)value), (uint16_t)((uint32_t)value >> 16));
+    return put16(put16(at, (uint16_t)*value), (uint16_t)((uint32_t)*value >> 16));
 }
 
 static void put_pid(uint8_t *data, const pid_output_t *output)
@@ -31,7 +31,7 @@ static void put_pid(uint8_t *data, const pid_output_t *output)
 
 static uint8_t sat_u8(uint16_t value)
 {
-    return value > 255U ? (uint8_t)255 : (uint8_t)value;
+    return value >> 8 != 0 ? (uint8_t)255 : (uint8_t)value;
 }
 
 static uint8_t track_flags(const mode_state_t *mode, const signals_estimate_t *estimate)
@@ -75,10 +75,10 @@ void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t 
     data[TICK_AT] = (uint8_t)state->clock_ms;
     data[LAST] = 0;
     if (part == TELEMETRY_X) {
-        put16(put32(data, state->output.estimate.x_um), state->output.estimate.heading_bam16);
+        put16(put32(data, &state->output.estimate.x_um), state->output.estimate.heading_bam16);
         data[LAST] = state->step.mode.los.waypoint;
     } else if (part == TELEMETRY_Y) {
-        put16(put32(data, state->output.estimate.y_um), (uint16_t)state->output.estimate.speed_mm_s_q4);
+        put16(put32(data, &state->output.estimate.y_um), (uint16_t)state->output.estimate.speed_mm_s_q4);
         data[LAST] = sat_u8(state->step.mode.los.overshoots);
     } else if (part == TELEMETRY_TRACK) {
         put_three(data, state->output.estimate.yaw_rate_mrad_s, state->step.mode.los.cross_track_mm,
@@ -93,7 +93,8 @@ void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t 
     } else if (part == TELEMETRY_HEADING) {
         put_pid(data, &state->output.heading_pid);
     } else {
-        put_three(data, state->output.effort.surge_mv, state->output.effort.yaw_mv, 0);
+        put_three(data, state->output.effort.surge_mv, state->output.effort.yaw_mv,
+                  (int16_t)state->step.heading.full_steps);
     }
 }
 
@@ -102,7 +103,7 @@ void telemetry_heartbeat(const loop_state_t *state, message_t *message)
     const mode_state_t *const mode = &state->step.mode;
     uint8_t *const data = begin(message, WIRE_HEARTBEAT_FRAME_ID);
 
-    put16(put32(data, (int32_t)state->tick), state->late_ticks);
+    put16(put32(data, (const int32_t *)&state->tick), state->late_ticks);
     data[WIRE_HEARTBEAT_MODE_AT] = (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT) | mode->mode;
     data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(state->aborted);
 }

@@ -23,7 +23,7 @@ typedef struct {
     int16_t kp_mv_q10; /* mV per error unit, 0..32767 */
     int16_t ki_mv_q10; /* mV per error unit and second, 0..32767 */
     int16_t kd_mv_q10; /* mV per rate unit, 0..32767 */
-    int16_t limit_mv;  /* of the output, and of the integral: 0..20000 */
+    int16_t limit_mv;  /* of the output, and of the integral: 0..32000 */
 } pid_config_t;
 
 /* All zero is a controller at rest. */

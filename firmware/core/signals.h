@@ -58,7 +58,7 @@ typedef struct {
     int16_t yaw_rate_mrad_s; /* -32767..32767 */
     uint16_t rotation_left;  /* counts since power-on: wraps at 65536 */
     uint16_t rotation_right;
-    uint16_t battery_mv;    /* 0..20000 */
+    uint16_t battery_mv;    /* 0..32000 */
     int32_t reference_x_um; /* -2e9..2e9 */
     int32_t reference_y_um;
     uint16_t reference_heading_bam16;
@@ -104,7 +104,7 @@ typedef struct {
 
 /* Control -> mixer. The left motor gets surge plus yaw, the right motor surge minus yaw. */
 typedef struct {
-    int16_t surge_mv; /* -20000..20000 */
+    int16_t surge_mv; /* -32000..32000 */
     int16_t yaw_mv;
 } signals_effort_t;
 

@@ -80,8 +80,11 @@ static int16_t take_rate(const heading_config_t *config, heading_state_t *state,
                          const signals_predicted_t *predicted)
 {
     if (SIGNALS_HAVE(sensors, SENSOR_GYRO)) {
+        const int16_t gyro_mrad_s = sensors->yaw_rate_mrad_s;
         state->blind_ms = 0;
-        return measured_mrad_s(config, sensors->yaw_rate_mrad_s);
+        if (!SIGNALS_HAVE(sensors, SENSOR_REFERENCE) && fix_abs_u16(gyro_mrad_s) >= config->gyro_full_mrad_s)
+            state->full_steps = fix_count_u16(state->full_steps);
+        return measured_mrad_s(config, gyro_mrad_s);
     }
     state->blind_ms = fix_add_u16(state->blind_ms, sensors->period_ms);
     return fix_add16(fix_round16(predicted->motion.yaw_rate_mrad_s_q12, 12), fix_round16(state->bias.value, 8));
@@ -95,6 +98,7 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
     watch_rest(config, state, sensors, predicted, rate);
     estimate->yaw_rate_mrad_s = integrate(state, sensors->period_ms, rate);
     estimate->bias_unknown = state->bias.learnt == 0;
+    estimate->at_rest = state->at_rest;
     if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE)) {
         estimate->bias_unknown = false;
         state->heading_bam32 = (uint32_t)sensors->reference_heading_bam16 << 16;
@@ -102,6 +106,5 @@ void heading_step(const heading_config_t *config, heading_state_t *state, const 
         state->blind_ms = 0;
     }
     estimate->heading_bam16 = fix_round_bam16(state->heading_bam32);
-    estimate->at_rest = state->at_rest;
     estimate->valid = state->blind_ms <= config->blind_ms;
 }

@@ -8,6 +8,8 @@
  * or wheel radius turns the heading further than the gyro's bias does after a rest.
  * The configuration may hold a known bias and a known scale error. They are taken out first, to the nearest mrad/s;
  * then the bias that remains is learnt.
+ * A reading at the end of the gyro's range hides how fast the robot turns, and the heading is lost by the rest: such steps are
+ * counted.
  * Negate all rates, the known bias and the initial heading, and the output is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_HEADING_H
@@ -24,6 +26,7 @@ typedef struct {
     uint16_t rest_speed_mm_s_q4; /* at or below this speed the model is at rest, 0..32767 */
     uint8_t slowest_weight_bits; /* a block has at least the weight 2^-this, 0..7 */
     uint16_t blind_ms;           /* the model's yaw rate may replace the gyro for so long, 0..65000 */
+    uint16_t gyro_full_mrad_s;   /* a reading of this size or more is at the end of the gyro's range, 1..32767 */
     int16_t gyro_bias_mrad_s;    /* known bias: the gyro's reading at rest, any */
     int16_t gyro_scale_q15;      /* known scale error: true rate = rate * (1 + this), -32767..32767 = -1..1 */
 } heading_config_t;
@@ -38,7 +41,8 @@ typedef struct {
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
-    uint16_t blind_ms; /* since the last gyro sample or reference; stays at 65535 */
+    uint16_t blind_ms;   /* since the last gyro sample or reference; stays at 65535 */
+    uint16_t full_steps; /* steps without a reference in which the gyro was at the end of its range; stays at 65535 */
     uint8_t block_steps;
     bool at_rest; /* true from the end of the first quiet block until something moves */
 } heading_state_t;

@@ -20,17 +20,17 @@
 /* What is known of one side. */
 typedef struct {
     int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
-    int16_t offset_mv;   /* -20000..20000 */
-    int16_t friction_mv; /* 0..20000 */
+    int16_t offset_mv;   /* -32000..32000 */
+    int16_t friction_mv; /* 0..32000 */
     int16_t gain_q15;    /* share of the voltage to add: -32767..32767 = -1..1 */
 } drive_side_t;
 
 typedef struct {
     drive_side_t left;
     drive_side_t right;
-    int16_t deadband_mv;      /* 0..20000 */
+    int16_t deadband_mv;      /* 0..32000 */
     int16_t half_track_m_q14; /* 0..32767: up to 2 m */
-    int16_t reserve_mv;       /* part of the battery's voltage that is kept for all of these, 0..20000 */
+    int16_t reserve_mv;       /* part of the battery's voltage that is kept for all of these, 0..32000 */
 } drive_config_t;
 
 /* The speed over ground that turning adds on the left side and subtracts on the right; saturates. */

@@ -3,7 +3,7 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
-enum { VOLTAGE_MAX_MV = 20000 };
+enum { VOLTAGE_MAX_MV = 32000 };
 
 /* The battery's voltage, and the largest voltage that a motor may get. */
 typedef struct {

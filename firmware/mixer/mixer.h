@@ -11,7 +11,7 @@
 #include "mixer/drive.h"
 
 typedef struct {
-    uint16_t battery_floor_mv; /* a lower reading counts as this, 1000..20000 */
+    uint16_t battery_floor_mv; /* a lower reading counts as this, 1000..32000 */
     int16_t max_duty_q15;      /* 1..32767 = all of the battery voltage */
     drive_config_t drive;      /* all zero: the motors are those of the model */
 } mixer_config_t;
@@ -26,7 +26,7 @@ typedef struct {
  * motors really had. */
 void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv);
 
-/* Sets `drive`, and keeps a copy in state->drive. state->battery_mv any; above 20000 counts as 20000. Efforts any. Reads
+/* Sets `drive`, and keeps a copy in state->drive. state->battery_mv any; above 32000 counts as 32000. Efforts any. Reads
  * speed and yaw rate of `estimate`.
  * Voltages are within battery * max_duty minus the drive's reserve; they are what the model's motors would get. Duty is
  * drive_voltage_mv() of them, at most max_duty, over battery, rounded to the nearest 1/32767: the battery's own voltage

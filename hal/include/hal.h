@@ -47,7 +47,7 @@ hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);
 
-/* Gives the battery's voltage at the motor drive, mV, 0..20000. */
+/* Gives the battery's voltage at the motor drive, mV, 0..32000. */
 hal_status_t hal_battery_read(uint16_t *out_mv);
 
 /* Sets the duty of both motors: -32767..32767 is -1..1 times the battery's voltage, forward positive. It takes effect at

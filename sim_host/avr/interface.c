@@ -1,6 +1,7 @@
 /* interface.c: brickpilot_avr.h over world.h. */
 #include "brickpilot_avr.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +10,7 @@
 struct bp_avr {
     world_t world;
     profile_t profile;
+    wiring_t wiring;
 };
 
 _Static_assert((int)BP_AVR_MAIN_HELD == (int)CHIP_MAIN_HELD &&
@@ -18,6 +20,9 @@ _Static_assert((int)BP_AVR_MAIN_HELD == (int)CHIP_MAIN_HELD &&
                    (int)BP_AVR_ENCODER_NOISE == (int)CHIP_ENCODER_NOISE &&
                    (int)BP_AVR_RESET_PIN == (int)CHIP_RESET_PIN && (int)BP_AVR_BATTERY == (int)CHIP_FAULTS,
                "the faults of the interface are those of the chip, and the battery");
+_Static_assert((int)BP_AVR_GYRO == (int)ANALOG_GYRO && (int)BP_AVR_SURGE == (int)ANALOG_SURGE &&
+                   (int)BP_AVR_SWAY == (int)ANALOG_SWAY && (int)BP_AVR_BATTERY_INPUT == (int)ANALOG_BATTERY,
+               "the inputs of the interface are those of the wiring");
 
 static const wiring_t *wiring_of(const char *chip)
 {
@@ -29,7 +34,7 @@ static const wiring_t *wiring_of(const char *chip)
     return NULL;
 }
 
-static int opened(world_t *world, const bp_flight *request, const char *image, const char *chip, const char *trace)
+static int opened(bp_avr *brick, const bp_flight *request, const char *image, const char *chip, const char *trace)
 {
     static const int CODES[] = {[CHIP_OK] = 0,
                                 [CHIP_BAD_IMAGE] = BP_AVR_E_IMAGE,
@@ -43,8 +48,9 @@ static int opened(world_t *world, const bp_flight *request, const char *image, c
         return BP_E_RANGE;
     if (wiring == NULL)
         return BP_AVR_E_CHIP;
-    const chip_status_t status = chip_open(&world->chip, wiring, image, trace);
-    return status != CHIP_OK ? CODES[status] : world_start(world, request);
+    brick->wiring = *wiring;
+    const chip_status_t status = chip_open(&brick->world.chip, &brick->wiring, image, trace);
+    return status != CHIP_OK ? CODES[status] : world_start(&brick->world, request);
 }
 
 bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chip, const char *trace, int *status)
@@ -54,7 +60,7 @@ bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chi
     *status = BP_E_MEMORY;
     if (brick == NULL)
         return NULL;
-    *status = opened(&brick->world, request, image, chip, trace);
+    *status = opened(brick, request, image, chip, trace);
     if (*status == 0)
         return brick;
     bp_avr_close(brick);
@@ -65,6 +71,14 @@ void bp_avr_close(bp_avr *brick)
 {
     chip_close(&brick->world.chip);
     free(brick);
+}
+
+int bp_avr_scale(bp_avr *brick, int input, double per_count)
+{
+    if (input < 0 || input >= ANALOG_COUNT || !isfinite(per_count) || per_count == 0)
+        return BP_E_RANGE;
+    brick->wiring.analog[input].per_count = per_count;
+    return 0;
 }
 
 int bp_avr_wait(bp_avr *brick, int motor_steps)

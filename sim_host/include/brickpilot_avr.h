@@ -20,6 +20,11 @@ enum { BP_AVR_E_IMAGE = -20, BP_AVR_E_CHIP = -21, BP_AVR_E_TOO_LARGE = -22, BP_A
 bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chip, const char *trace, int *status);
 void bp_avr_close(bp_avr *brick);
 
+/* Says what one of 1024 counts at an input of the converter means, in rad/s, m/s^2 or V, for an image with scales of its own; negative:
+ * wired the other way round. Call it before bp_avr_wait(). Returns 0, or BP_E_RANGE. */
+enum { BP_AVR_GYRO = 0, BP_AVR_SURGE = 1, BP_AVR_SWAY = 2, BP_AVR_BATTERY_INPUT = 3 };
+int bp_avr_scale(bp_avr *brick, int input, double per_count);
+
 /* Lets so many motor steps pass before the flight begins; nothing is logged. Returns 0 or BP_E_. */
 int bp_avr_wait(bp_avr *brick, int motor_steps);
 

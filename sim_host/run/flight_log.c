@@ -14,9 +14,10 @@ static const char *const NAMES[] = {
     "measured_right_counts",
     /* controller */
     "estimate_x_m", "estimate_y_m", "estimate_heading_rad", "estimate_speed_m_s", "estimate_yaw_rate_rad_s", "at_rest",
-    "bias_unknown", "mode", "fault", "phase", "waypoint", "overshoots", "demand_speed_m_s", "demand_heading_rad",
-    "heading_error_rad", "cross_track_m", "speed_p_v", "speed_i_v", "speed_d_v", "yaw_p_v", "yaw_i_v", "yaw_d_v",
-    "surge_effort_v", "yaw_effort_v", "left_duty", "right_duty", "surge_saturated", "yaw_saturated"};
+    "bias_unknown", "gyro_full_steps", "mode", "fault", "phase", "waypoint", "overshoots", "demand_speed_m_s",
+    "demand_heading_rad", "heading_error_rad", "cross_track_m", "speed_p_v", "speed_i_v", "speed_d_v", "yaw_p_v",
+    "yaw_i_v", "yaw_d_v", "surge_effort_v", "yaw_effort_v", "left_duty", "right_duty", "surge_saturated",
+    "yaw_saturated"};
 
 _Static_assert(sizeof NAMES / sizeof *NAMES == FLIGHT_LOG_COLUMNS, "FLIGHT_LOG_COLUMNS counts NAMES");
 
@@ -76,6 +77,7 @@ static void put_controller(double *at, const loop_state_t *loop, const sil_port_
                              out->estimate.yaw_rate_mrad_s * 1e-3,
                              out->estimate.at_rest,
                              out->estimate.bias_unknown,
+                             loop->step.heading.full_steps,
                              mode->mode,
                              mode->fault,
                              mode->los.phase,

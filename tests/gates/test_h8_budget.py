@@ -35,7 +35,7 @@ MEASURED = {
 # The same by stage, states in external RAM, of the last of these.
 STAGES = {
     "model": 17232,
-    "heading": 7650,
+    "heading": 7861,
     "speed": 10534,
     "pose": 5620,
     "guidance": 23646,

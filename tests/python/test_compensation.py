@@ -149,7 +149,7 @@ def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
     assert found.raw["left_friction_mv"] == compensation.FORMATS["left_friction_mv"].high
     assert found.limited == ("left_friction_mv", "right_friction_mv", "reserve_mv")
     assert found.remarks[0].startswith("left_friction_mv: this robot needs 113 V (")
-    assert found.remarks[0].endswith("), but 20 is the limit")
+    assert found.remarks[0].endswith("), but 32 is the limit")
 
 
 def test_what_no_setting_carries_is_said() -> None:
@@ -251,8 +251,8 @@ BAD: dict[str, tuple[Change, str]] = {
         "parameters.speed: unknown key",
     ),
     "a raw number outside its format": (
-        lambda text: text.replace("raw = 564", "raw = 20001", 1),
-        "parameters.left_friction_mv.raw: 20001 is outside 0..20000",
+        lambda text: text.replace("raw = 564", "raw = 32001", 1),
+        "parameters.left_friction_mv.raw: 32001 is outside 0..32000",
     ),
     "a raw number that is none": (lambda text: text.replace("raw = 564", "raw = 1.5", 1), "is not a whole number"),
     "no raw number": (lambda text: text.replace("raw = 564, ", "", 1), "left_friction_mv.raw: is missing"),

@@ -16,7 +16,7 @@ from brickpilot.constants import RCX
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, headers, params_header, ranges, robot, simulate, tuning
 from brickpilot.vehicle import model
-from brickpilot.vehicle.coefficients import coupled
+from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
 from brickpilot.vehicle.setting_defaults import plain
 from command import brickpilot
 
@@ -136,11 +136,57 @@ def test_the_loops_have_the_packaged_poles_at_one_pace(name: str, tmp_path: Path
         assert min(1.0, np.sqrt(mine_faster / packaged_faster)) - 1e-9 <= paces[0] <= tuning.FASTEST
 
 
+LIGHT = """
+[parameters]
+mass = 0.25
+yaw_inertia = 0.0004
+wheel_inertia = 5e-6
+"""
+
+
+def fastest_of_a_half_turn(own: robot.Robot) -> float:
+    """The rate in rad/s after half a turn from rest at heading_limit; the current is a state of its own (eq. 12)."""
+    values, volts = plain(own.vehicle["parameters"]), own.value("controller", "coupled", "heading_limit")
+    lever = values["wheel_radius"] / values["half_track"]
+    step, angle, now = 1e-4, 0.0, np.zeros(2)
+    motor = motor_step(values, difference_inertia(values), step)
+    for _ in range(200_000):
+        now = motor.transition @ now + motor.voltage * volts
+        angle += now[1] * lever * step
+        if angle > np.pi:
+            break
+    return float(now[1] * lever)
+
+
+@pytest.mark.parametrize("gyro_range", [2.0, 5.24, 10.47])
+@pytest.mark.parametrize("text", [LIGHT, *OWN.values()], ids=["light", *OWN])
+def test_no_turn_is_faster_than_the_gyro_reads(text: str, gyro_range: float, tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, "one", text))
+    own = robot.changed(own, {("sensors", "imu", "gyro_range"): gyro_range})
+    assert fastest_of_a_half_turn(own) < 0.95 * gyro_range
+    battery = own.value("parameters", "battery_voltage") / 9.0
+    volts = own.value("controller", "coupled", "heading_limit")
+    assert volts == pytest.approx(6.0 * battery) or fastest_of_a_half_turn(own) > 0.85 * gyro_range
+
+
+def test_a_light_robot_flies_and_a_saturated_gyro_is_told_as_the_cause(tmp_path: Path) -> None:
+    done = make(tmp_path / "made", write(tmp_path, "light", LIGHT), "template")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["flight"]["gyro_full_steps"] == 0
+    spun = write(tmp_path, "spun", LIGHT + "[controller.coupled]\nheading_limit = 5.6\n")
+    done = make(tmp_path / "other", spun, "template")
+    steps = json.loads(done.stdout)["flight"]["gyro_full_steps"]
+    assert steps > 10
+    assert done.returncode == 1
+    assert f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit\n" in done.stderr
+    assert "at the end of its range" in (tmp_path / "other/flight/report.html").read_text()
+
+
 def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp_path: Path) -> None:
     own = robot.load(write(tmp_path, "middle", OWN["middle"]))
     with pytest.raises(ValueError, match="current may reach"):
         coupled(plain(own.vehicle["parameters"]), 0.009)
-    held = params_header._with_room_for_currents(own.vehicle, 0.009)
+    held = params_header.with_room(own.vehicle, 0.009)
     factors = {name: held["parameters"][name]["value"] / own.value("parameters", name) for name in held["parameters"]}
     assert {name for name, factor in factors.items() if factor != 1} == set(params_header.PER_CURRENT)
 
@@ -151,11 +197,74 @@ def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp
     np.testing.assert_allclose(top_and_lag(dict(held)), top_and_lag(own.vehicle), rtol=1e-12)
 
 
+def of_size(radius: float, volts: float) -> str:
+    """A robot of that wheel and battery, whose motors drive it as the packaged ones do theirs.
+
+    Its speed goes with the root of the wheel, its mass with the power 1.5; currents follow from voltage and torque.
+    """
+    by = radius / 0.0408
+    mass = 0.9 * by**1.5
+    speed, torque = 0.8 * by**0.5, 0.15 * mass * 9.81 * radius  # m/s without load; N m of both wheels at half speed
+    emf = volts / (speed / radius)
+    resistance = 0.5 * volts * emf / torque
+    return f"""
+[parameters]
+mass = {mass:.5g}
+yaw_inertia = {0.0067 * mass * by**2:.5g}
+half_track = {0.07 * by:.5g}
+wheel_radius = {radius}
+wheel_inertia = {0.05 * mass * radius**2:.5g}
+resistance = {resistance:.5g}
+inductance = {resistance * 4e-4:.5g}
+emf_constant = {emf:.5g}
+torque_constant = {0.8 * emf:.5g}
+viscous_friction = {0.01 * emf * emf / resistance:.5g}
+battery_voltage = {volts}
+"""
+
+
+RADII, VOLTS = (0.008, 0.0156, 0.0408, 0.0624, 0.075, 0.15), (2.0, 9.0, 16.3, 16.5, 28.0)
+
+
+@pytest.mark.parametrize("volts", VOLTS)
+@pytest.mark.parametrize("radius", RADII)
+def test_wheels_of_8_to_150_mm_and_batteries_of_2_to_28_v_have_formats(
+    radius: float, volts: float, tmp_path: Path
+) -> None:
+    own = robot.load(write(tmp_path, "sized", of_size(radius, volts)))
+    for step in (0.003, 0.009):
+        assert header(tmp_path / "sized.toml", step)
+        held = params_header.with_room(own.vehicle, step)
+        mine, model_has = plain(own.vehicle["parameters"]), plain(held["parameters"])
+        volt = 2.0 ** params_header.voltage_bits(own.vehicle)
+        for motion in (tuning.straight, tuning.turn):
+            real, modelled = motion(mine), motion(model_has)
+            np.testing.assert_allclose((modelled.gain, modelled.time), (volt * real.gain, real.time), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("radius", "volts"), [(0.008, 2.0), (0.075, 12.0), (0.15, 28.0)])
+def test_the_smallest_and_the_largest_robots_fly(radius: float, volts: float, tmp_path: Path) -> None:
+    done = make(tmp_path / "made", write(tmp_path, "sized", of_size(radius, volts)), "template")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["flight"]["waypoints_reached"] == 8
+
+
+def test_a_board_that_cannot_measure_the_battery_is_refused(tmp_path: Path) -> None:
+    own = robot.load(write(tmp_path, "high", of_size(0.0408, 24.0)))
+    (tmp_path / "avr").mkdir()
+    mission = simulate.mission(own, None)
+    headers.write(own, mission, boards.BOARDS["avr"], 0.003, tmp_path / "avr", ROOT)
+    assert "BOARD_BATTERY_FULL_MV 32000" in (tmp_path / "avr/avr/board.h").read_text()
+    assert "MOTOR_VOLTAGE_BITS 1" in (tmp_path / "avr/model/limits.h").read_text()
+    with pytest.raises(InputError, match="battery_voltage: 24 V is more than this board measures: 20 V charged"):
+        headers.write(own, mission, boards.BOARDS["rcx"], 0.009, tmp_path / "rcx", ROOT)
+
+
 REFUSED = {
     "parameters.resistance": ("[parameters]\nmass = 2.0\nresistance = 1e-4\n", "ohm"),
-    "parameters.battery_voltage": ("[parameters]\nbattery_voltage = 24.0\n", "V"),
+    "parameters.battery_voltage": ("[parameters]\nbattery_voltage = 35.0\nemf_constant = 0.9\n", "V"),
     "parameters.emf_constant": ("[parameters]\nemf_constant = 0.05\n", "V s/rad"),
-    "parameters.wheel_radius": ("[parameters]\nwheel_radius = 0.002\n", "m"),
+    "parameters.wheel_radius": ("[parameters]\nwheel_radius = 0.0009\n", "m"),
     "sensors.encoder.counts_per_turn": ("[parameters]\nmass = 1.0\n[sensors.encoder]\ncounts_per_turn = 2e5\n", ""),
     "sensors.imu.gyro_range": ("[parameters]\nmass = 1.0\n[sensors.imu]\ngyro_range = 35.0\n", "rad/s"),
     "controller.coupled.speed_kp": ("[parameters]\nmass = 1.0\n[controller.coupled]\nspeed_kp = 900.0\n", "V s/m"),

@@ -14,6 +14,7 @@ import pytest
 from brickpilot.firmware import robot, simulate
 from brickpilot.hil import avr_flight
 from brickpilot.vehicle import flight
+from command import brickpilot
 from test_firmware import OWN, make, write
 
 SHORT_S = 3.2  # of a flight on simavr: the rest, and more than a second of driving
@@ -47,6 +48,47 @@ def test_the_robot_flies_all_waypoints_and_its_image_fits(made: Path) -> None:
     assert figures["bytes"]["flash"] < figures["bytes"]["flash_of_chip"] == 32768
     assert figures["bytes"]["ram"] < figures["bytes"]["ram_of_chip"] == 2048
     assert (made / "brickpilot.hex").read_text().startswith(":10000000")
+
+
+def hil(*options: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return brickpilot("hil", *options, "--json", cwd=cwd)
+
+
+def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) -> None:
+    model = write(tmp_path, "small", OWN["small"])
+    done = make(tmp_path / "made", model, "avr", "--sensors", "imu+encoders")
+    assert done.returncode == 0, done.stderr
+    fly = json.loads(done.stdout)["fly"]
+    assert fly == f"brickpilot hil --image {tmp_path / 'made/brickpilot.elf'} --model {model}"
+    assert "PER_COUNT_Q8 8725" in (tmp_path / "made/include/avr/board.h").read_text()  # a gyro of 1000 degrees/s
+    flown = hil(*fly.split()[2:], cwd=tmp_path)
+    figures = json.loads(flown.stdout)
+    assert (flown.returncode, figures["waypoints_reached"], figures["link"]) == (0, 8, "avr:328p-rotation"), (
+        flown.stderr
+    )
+    assert figures["closest_approach_m"] == pytest.approx(
+        json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["closest_approach_m"], abs=0.02
+    )
+    again = hil("--image", "made/brickpilot.elf", "--model", str(model), "--seed", "0", cwd=tmp_path)
+    assert json.loads(again.stdout)["motor_stream_sha256"] == figures["motor_stream_sha256"]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--image", "made/brickpilot.elf"), "--image: needs --model"),
+        (("--image", "made/brickpilot.hex", "--model", "middle.toml"), "is no ELF file for an Arduino"),
+        (("--image", "middle.toml", "--model", "middle.toml"), "stands in no folder of `brickpilot firmware`"),
+        (("--image", "made/none.elf", "--model", "middle.toml"), "no such file"),
+        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--sensors", "imu"), "was made for imu+encoders"),
+        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--target", "h8sim"), "has an image of its own"),
+        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--gains", "g.toml"), "the image has its own"),
+    ],
+)
+def test_an_image_that_cannot_be_flown_so_is_one_line(options: tuple[str, ...], says: str, made: Path) -> None:
+    done = hil(*options, cwd=made.parent)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert says in done.stderr
 
 
 @pytest.fixture(scope="module")

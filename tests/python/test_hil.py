@@ -290,6 +290,24 @@ def test_settings_are_listed_and_written_by_the_command(tmp_path: Path) -> None:
         assert says in done.stderr
 
 
+def test_creep_is_not_set_above_cruise(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\nkind = "mission"\nduration_s = 0.6\nwaypoints_m = [[0.1, 0.0]]\n', encoding="utf-8"
+    )
+
+    def fly(*settings: str) -> tuple[int, str]:
+        options = [word for pair in settings for word in ("--set", pair)]
+        done = brickpilot("hil", "s.toml", "--link", "tcp", *options, cwd=tmp_path)
+        return done.returncode, done.stderr
+
+    refused = "creep: {} is above cruise, which is {}: it takes 0..cruise (1/16 mm/s)\n"
+    assert fly("creep=6401") == (2, "brickpilot: " + refused.format(6401, 6400))  # beside the brick's own cruise
+    assert fly("creep=1300", "cruise=1299") == (2, "brickpilot: " + refused.format(1300, 1299))
+    assert fly("align=1000", "pivot=999")[0] == 2
+    for settings in (("creep=6400",), ("creep=8000", "cruise=8000"), ("cruise=1200",)):
+        assert fly(*settings)[1].count("above cruise") == 0
+
+
 def test_a_route_is_written_read_back_and_refused_as_a_whole(session: Session) -> None:
     route = [(1000, -2000), (-30000, 30000), (0, 0)]
     session.upload(route)

@@ -79,7 +79,7 @@ def test_no_setting_is_typed_a_second_time_in_the_tools() -> None:
         ('format = "time", low = 20', 'format = "hours", low = 20', "settings.silent_time.format: 'hours' is not one"),
         ("low = 20, high = 10000", "low = 20, high = 19", "settings.silent_time.high: 19 is outside 20.."),
         ("low = 20, high = 10000", "low = 20, high = 70000", "a field of 32 bits takes 1..2147483647"),
-        ("low = -20000, high = 20000", "low = -20000, high = 40000", "a signed field has 16 bits"),
+        ("low = -32000, high = 32000", "low = -32000, high = 40000", "a signed field has 16 bits"),
         ('meaning = "speed on a leg"', 'help = "speed on a leg"', "settings.cruise.help: unknown key"),
         (', meaning = "speed on a leg"', "", "settings.cruise.meaning: needs a text"),
     ],

@@ -14,7 +14,7 @@ void draw_sensors(signals_sensors_t *sensors)
     sensors->yaw_rate_mrad_s = draw_between(-32767, 32767);
     sensors->rotation_left = (uint16_t)(sensors->rotation_left + (uint16_t)draw_s16());
     sensors->rotation_right = (uint16_t)(sensors->rotation_right + (uint16_t)draw_s16());
-    sensors->battery_mv = draw_up_to(20000);
+    sensors->battery_mv = draw_up_to(32000);
     sensors->reference_x_um = draw_within(REFERENCE_LIMIT_UM);
     sensors->reference_y_um = draw_within(REFERENCE_LIMIT_UM);
     sensors->reference_heading_bam16 = (uint16_t)draw_s16();
@@ -90,17 +90,17 @@ static void draw_side(drive_side_t *side)
 {
     side->gain_q15 = draw_between(-32767, 32767);
     side->emf_mv_q15 = draw_s16();
-    side->friction_mv = draw_between(0, 20000);
-    side->offset_mv = draw_between(-20000, 20000);
+    side->friction_mv = draw_between(0, 32000);
+    side->offset_mv = draw_between(-32000, 32000);
 }
 
 void draw_drive_config(drive_config_t *config)
 {
     draw_side(&config->left);
     draw_side(&config->right);
-    config->deadband_mv = draw_between(0, 20000);
+    config->deadband_mv = draw_between(0, 32000);
     config->half_track_m_q14 = draw_between(0, 32767);
-    config->reserve_mv = draw_between(0, 20000);
+    config->reserve_mv = draw_between(0, 32000);
 }
 
 void hash_body_state(const body_state_t *state)

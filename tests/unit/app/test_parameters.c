@@ -106,11 +106,11 @@ static void test_parameters_refuse_what_is_outside_their_range(void)
     refused(PARAMETERS_RANGE, NUMBER(SILENT_TIME), 19, false);
     refused(PARAMETERS_RANGE, NUMBER(SILENT_TIME), 10001, false);
     refused(PARAMETERS_RANGE, NUMBER(LEG_TIMEOUT), 0, false);
-    refused(PARAMETERS_RANGE, NUMBER(LEFT_OFFSET), -20001, false);
+    refused(PARAMETERS_RANGE, NUMBER(LEFT_OFFSET), -32001, false);
     refused(PARAMETERS_RANGE, NUMBER(GYRO_BIAS), -32768, false);
     write(NUMBER(LEG_TIMEOUT), 2147483647L);
     write(NUMBER(REST_TIME), 65535);
-    write(NUMBER(LEFT_OFFSET), -20000);
+    write(NUMBER(LEFT_OFFSET), -32000);
     write(NUMBER(MAX_OVERSHOOTS), 255);
 }
 

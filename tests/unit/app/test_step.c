@@ -77,7 +77,7 @@ static void drive_ahead(void)
 
 static void test_step_damps_the_controllers_by_what_is_measured(void)
 {
-    config.speed_pid = config.heading_pid = (pid_config_t){.kd_mv_q10 = 1024, .limit_mv = 20000};
+    config.speed_pid = config.heading_pid = (pid_config_t){.kd_mv_q10 = 1024, .limit_mv = 32000};
     config.feedforward_mv_q10 = 0;
     drive_ahead();
     TEST_ASSERT_NOT_EQUAL(0, output.estimate.accel_mm_s2);
@@ -89,7 +89,7 @@ static void test_step_damps_the_controllers_by_what_is_measured(void)
 static void integrals(int8_t surge, int8_t yaw, int32_t *speed, int32_t *heading)
 {
     setUp();
-    config.speed_pid = config.heading_pid = (pid_config_t){.ki_mv_q10 = 5000, .limit_mv = 20000};
+    config.speed_pid = config.heading_pid = (pid_config_t){.ki_mv_q10 = 5000, .limit_mv = 32000};
     state.mixer.drive.surge_saturated = surge;
     state.mixer.drive.yaw_saturated = yaw;
     drive_ahead();

@@ -81,6 +81,7 @@ static void test_telemetry_carries_demands_and_efforts(void)
     output->speed_pid = (pid_output_t){.proportional_mv = 1, .integral_mv = -2, .derivative_mv = 3};
     output->heading_pid = (pid_output_t){.proportional_mv = -4, .integral_mv = 5, .derivative_mv = -6};
     output->effort = (signals_effort_t){.surge_mv = 4500, .yaw_mv = -700};
+    state->heading.full_steps = 50000;
     pack();
     wire_telemetry_demand_unpack(&demand, parts[3].data, 8);
     wire_telemetry_speed_unpack(&speed, parts[4].data, 8);
@@ -98,6 +99,7 @@ static void test_telemetry_carries_demands_and_efforts(void)
     TEST_ASSERT_EQUAL_INT16(5, heading.integral);
     TEST_ASSERT_EQUAL_INT16(4500, effort.surge);
     TEST_ASSERT_EQUAL_INT16(-700, effort.yaw);
+    TEST_ASSERT_EQUAL_UINT16(50000, effort.gyro_full);
 }
 
 static void test_telemetry_parts_have_ids_in_a_row_and_the_same_tick(void)

@@ -42,7 +42,7 @@ static pid_input_t scattered_input(uint32_t index)
 
 static void test_pid_proportional_part_is_gain_times_error(void)
 {
-    const pid_config_t config = {.kp_mv_q10 = 3000, .limit_mv = 20000};
+    const pid_config_t config = {.kp_mv_q10 = 3000, .limit_mv = 32000};
     for (int error = -6000; error <= 6000; error++) {
         const pid_output_t output = step(&config, (pid_input_t){.error = (int16_t)error, .period_ms = 3});
         TEST_ASSERT_EQUAL_INT16(lround(error * 3000.0 / 1024.0), output.output_mv);
@@ -52,7 +52,7 @@ static void test_pid_proportional_part_is_gain_times_error(void)
 
 static void test_pid_derivative_part_opposes_the_rate_of_the_measurement(void)
 {
-    const pid_config_t config = {.kd_mv_q10 = 1536, .limit_mv = 20000};
+    const pid_config_t config = {.kd_mv_q10 = 1536, .limit_mv = 32000};
     TEST_ASSERT_EQUAL_INT16(-1500, step(&config, (pid_input_t){.rate = 1000, .period_ms = 3}).output_mv);
     TEST_ASSERT_EQUAL_INT16(1500, step(&config, (pid_input_t){.rate = -1000, .period_ms = 3}).derivative_mv);
 }
@@ -74,7 +74,7 @@ static void test_pid_new_demand_causes_no_derivative_kick(void)
 
 static void test_pid_integral_follows_the_closed_form_at_every_period(void)
 {
-    const pid_config_t config = {.ki_mv_q10 = 1700, .limit_mv = 20000};
+    const pid_config_t config = {.ki_mv_q10 = 1700, .limit_mv = 32000};
     for (uint8_t period = 1; period <= 20; period++) {
         state = (pid_state_t){0};
         pid_output_t output = {0};
@@ -122,7 +122,7 @@ static void test_pid_step_response_follows_the_closed_form(void)
 /* How long the speed stays above 0.55 m/s when, after 4 s of a demand that 9 V do not reach, 0.5 m/s is asked for. */
 static int recovery_ms(bool told)
 {
-    const pid_config_t config = {.kp_mv_q10 = 20 * 64, .ki_mv_q10 = 8533, .limit_mv = 20000};
+    const pid_config_t config = {.kp_mv_q10 = 20 * 64, .ki_mv_q10 = 8533, .limit_mv = 32000};
     double speed = 0.0;
     int above_until_ms = 0;
     int8_t saturated = 0;
@@ -172,15 +172,15 @@ static void test_pid_integrator_stops_when_its_own_limit_cuts(void)
 
 static void test_pid_integral_alone_stays_within_the_limit(void)
 {
-    const pid_config_t config = {.ki_mv_q10 = INT16_MAX, .limit_mv = 20000};
+    const pid_config_t config = {.ki_mv_q10 = INT16_MAX, .limit_mv = 32000};
     for (int i = 0; i < 1000; i++)
         step(&config, (pid_input_t){.error = INT16_MIN, .period_ms = 20});
-    TEST_ASSERT_EQUAL_INT32(-20000L * 65536, state.integral_mv_q16);
+    TEST_ASSERT_EQUAL_INT32(-32000L * 65536, state.integral_mv_q16);
 }
 
 static void test_pid_starts_without_a_bump(void)
 {
-    const pid_config_t config = {.kp_mv_q10 = 900, .ki_mv_q10 = 5000, .kd_mv_q10 = 700, .limit_mv = 20000};
+    const pid_config_t config = {.kp_mv_q10 = 900, .ki_mv_q10 = 5000, .kd_mv_q10 = 700, .limit_mv = 32000};
     for (uint32_t i = 0; i < 5000; i++) {
         const pid_input_t input = scattered_input(i);
         const int16_t wanted_mv = (int16_t)(scatter(i + 77777) / 4);
@@ -232,14 +232,14 @@ static void test_pid_is_the_same_backward(void)
 static void test_pid_takes_the_ends_of_every_range(void)
 {
     const pid_config_t config = {
-        .kp_mv_q10 = INT16_MAX, .ki_mv_q10 = INT16_MAX, .kd_mv_q10 = INT16_MAX, .limit_mv = 20000};
+        .kp_mv_q10 = INT16_MAX, .ki_mv_q10 = INT16_MAX, .kd_mv_q10 = INT16_MAX, .limit_mv = 32000};
     const pid_input_t lowest = {.error = INT16_MIN, .rate = INT16_MAX, .feedforward_mv = INT16_MIN, .period_ms = 20};
     const pid_input_t highest = {.error = INT16_MAX, .rate = INT16_MIN, .feedforward_mv = INT16_MAX, .period_ms = 20};
     const pid_output_t low = step(&config, lowest);
-    TEST_ASSERT_EQUAL_INT16(-20000, low.output_mv);
+    TEST_ASSERT_EQUAL_INT16(-32000, low.output_mv);
     TEST_ASSERT_EQUAL_INT16(-32767, low.proportional_mv);
     TEST_ASSERT_EQUAL_INT16(-32767, low.derivative_mv);
-    TEST_ASSERT_EQUAL_INT16(20000, step(&config, highest).output_mv);
+    TEST_ASSERT_EQUAL_INT16(32000, step(&config, highest).output_mv);
 }
 
 int main(void)

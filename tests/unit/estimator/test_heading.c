@@ -115,6 +115,26 @@ static void test_heading_needs_no_bias_with_a_reference(void)
     TEST_ASSERT_FALSE(estimate.bias_unknown);
 }
 
+static void test_heading_counts_the_steps_with_the_gyro_at_the_end_of_its_range(void)
+{
+    const int16_t full = (int16_t)CONFIG->gyro_full_mrad_s;
+    run_driven((int16_t)(full - 1), 3);
+    run_driven((int16_t)(1 - full), 3);
+    TEST_ASSERT_EQUAL_UINT16(0, state.full_steps);
+    run_driven(full, 3);
+    run_driven((int16_t)-full, 4);
+    TEST_ASSERT_EQUAL_UINT16(7, state.full_steps);
+    sensors.have = 0;
+    run_driven(full, 3);
+    sensors.have = SENSOR_GYRO | SENSOR_REFERENCE; /* which tells the heading, however fast it turns */
+    run_driven(full, 3);
+    TEST_ASSERT_EQUAL_UINT16(7, state.full_steps);
+    sensors.have = SENSOR_GYRO;
+    state.full_steps = 65534;
+    run_driven(full, 3);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.full_steps);
+}
+
 static void test_heading_is_valid_for_as_long_as_blind_ms_says_and_no_longer(void)
 {
     heading_config_t config = *CONFIG;
@@ -301,6 +321,7 @@ int main(void)
     RUN_TEST(test_heading_skips_samples_that_are_missing_from_a_block);
     RUN_TEST(test_heading_begins_a_block_anew_where_something_moves_without_a_sample);
     RUN_TEST(test_heading_needs_no_bias_with_a_reference);
+    RUN_TEST(test_heading_counts_the_steps_with_the_gyro_at_the_end_of_its_range);
     RUN_TEST(test_heading_is_valid_for_as_long_as_blind_ms_says_and_no_longer);
     RUN_TEST(test_heading_averages_a_noisy_gyro_at_rest);
     RUN_TEST(test_heading_bias_follows_slowly_once_learnt);

@@ -100,10 +100,10 @@ static void test_drive_is_the_same_forward_and_backward(void)
 
 static void test_drive_saturates(void)
 {
-    config.left = (drive_side_t){.gain_q15 = 32767, .emf_mv_q15 = 32767, .friction_mv = 20000, .offset_mv = 20000};
-    config.deadband_mv = 20000;
+    config.left = (drive_side_t){.gain_q15 = 32767, .emf_mv_q15 = 32767, .friction_mv = 32000, .offset_mv = 32000};
+    config.deadband_mv = 32000;
     TEST_ASSERT_EQUAL_INT16(INT16_MAX, left(INT16_MAX, INT16_MAX));
-    config.left.offset_mv = -20000;
+    config.left.offset_mv = -32000;
     TEST_ASSERT_EQUAL_INT16(-INT16_MAX, left(INT16_MIN, INT16_MIN));
 }
 

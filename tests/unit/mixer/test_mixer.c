@@ -90,7 +90,7 @@ static void test_mixer_swaps_motors_when_yaw_turns_over_and_negates_when_both_do
 
 static void test_mixer_duty_is_voltage_over_battery_to_half_a_unit(void)
 {
-    for (uint16_t battery = 6000; battery <= 20000; battery = (uint16_t)(battery + 613))
+    for (uint16_t battery = 6000; battery <= 32000; battery = (uint16_t)(battery + 613))
         for (int surge = -6000; surge <= 6000; surge += 37) {
             const signals_drive_t drive = mix_with(&CONFIG, (int16_t)surge, 0, battery);
             TEST_ASSERT_DOUBLE_WITHIN(0.5000001, 32767.0 * surge / battery, drive.left_q15);
@@ -99,7 +99,7 @@ static void test_mixer_duty_is_voltage_over_battery_to_half_a_unit(void)
 
 static void test_mixer_full_battery_voltage_is_duty_32767(void)
 {
-    for (uint32_t battery = 6000; battery <= 20000; battery++) {
+    for (uint32_t battery = 6000; battery <= 32000; battery++) {
         const signals_drive_t drive = mix_with(&CONFIG, INT16_MAX, 0, (uint16_t)battery);
         TEST_ASSERT_EQUAL_INT16(battery, drive.left_mv);
         TEST_ASSERT_EQUAL_INT16(32767, drive.left_q15);
@@ -123,15 +123,15 @@ static void test_mixer_takes_a_battery_below_the_floor_for_the_floor(void)
 
 static void test_mixer_takes_a_battery_above_20_v_for_20_v(void)
 {
-    assert_voltages(20000, 20000, mix_with(&CONFIG, INT16_MAX, 0, 20001));
-    assert_voltages(20000, 20000, mix_with(&CONFIG, INT16_MAX, 0, UINT16_MAX));
+    assert_voltages(32000, 32000, mix_with(&CONFIG, INT16_MAX, 0, 32001));
+    assert_voltages(32000, 32000, mix_with(&CONFIG, INT16_MAX, 0, UINT16_MAX));
 }
 
 static void test_mixer_never_passes_max_duty(void)
 {
     for (int16_t max_duty = 1; max_duty < 32000; max_duty = (int16_t)(max_duty + 501)) {
         const mixer_config_t config = {.battery_floor_mv = 6000, .max_duty_q15 = max_duty};
-        for (uint16_t battery = 6000; battery <= 20000; battery = (uint16_t)(battery + 377)) {
+        for (uint16_t battery = 6000; battery <= 32000; battery = (uint16_t)(battery + 377)) {
             const signals_drive_t drive = mix_with(&config, INT16_MIN, INT16_MIN, battery);
             TEST_ASSERT_GREATER_OR_EQUAL_INT16(-max_duty, drive.left_q15);
             TEST_ASSERT_LESS_OR_EQUAL_INT16(max_duty, drive.right_q15);
@@ -197,7 +197,7 @@ static void test_mixer_keeps_the_drives_reserve(void)
 static void test_mixer_never_passes_max_duty_whatever_the_motors_need(void)
 {
     const mixer_config_t config = {
-        .battery_floor_mv = 6000, .max_duty_q15 = 30000, .drive = {.left = {.gain_q15 = 32767}, .deadband_mv = 20000}};
+        .battery_floor_mv = 6000, .max_duty_q15 = 30000, .drive = {.left = {.gain_q15 = 32767}, .deadband_mv = 32000}};
     TEST_ASSERT_INT16_WITHIN(4, 30000, mix_with(&config, 6000, 0, BATTERY_MV).left_q15);
     TEST_ASSERT_INT16_WITHIN(4, -30000, mix_with(&config, -6000, 0, BATTERY_MV).right_q15);
 }

@@ -97,8 +97,8 @@ static void test_flight_refuses_what_it_cannot_fly(void)
     bad.waypoint_count = 1;
     TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&bad));
     static const bp_setting OUTSIDE[] = {{WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_FRICTION_CHOICE, -1},
-                                         {WIRE_PARAMETER_REQUEST_PARAMETER_DEADBAND_CHOICE, 20001},
-                                         {WIRE_PARAMETER_REQUEST_PARAMETER_RIGHT_OFFSET_CHOICE, -20001},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_DEADBAND_CHOICE, 32001},
+                                         {WIRE_PARAMETER_REQUEST_PARAMETER_RIGHT_OFFSET_CHOICE, -32001},
                                          {WIRE_PARAMETER_REQUEST_PARAMETER_HALF_TRACK_CHOICE, -1},
                                          {WIRE_PARAMETER_REQUEST_PARAMETER_BATTERY_SAGS_CHOICE, 2},
                                          {64, 0},

@@ -6,7 +6,7 @@
 enum { NUMBERS = 48, RUN_WRITES = 200, ENDS = 8 };
 
 /* Of the settings' ranges. */
-static const int32_t ends[ENDS] = {0, 20, 255, 10000, 20000, 32767, 65535L, -20000};
+static const int32_t ends[ENDS] = {0, 20, 255, 10000, 32000, 32767, 65535L, -32000};
 
 /* One request, taken and hashed. */
 static void take(parameters_t *parameters, uint8_t number, bool writes, int32_t value, bool running)

@@ -28,7 +28,7 @@ static void draw(step_state_t *state, step_output_t *output)
     state->mode.los.overshoots = draw_up_to(65535U);
     output->drive.surge_saturated = (int8_t)draw_between(-1, 1);
     output->drive.yaw_saturated = (int8_t)draw_between(-1, 1);
-    state->mixer.battery_mv = draw_up_to(20000);
+    state->mixer.battery_mv = draw_up_to(32000);
 }
 
 static void hash(const message_t *message)

@@ -10,7 +10,7 @@ static void begin(pid_config_t *config, pid_state_t *state)
     config->kp_mv_q10 = draw_between(0, 32767);
     config->ki_mv_q10 = draw_between(0, 32767);
     config->kd_mv_q10 = draw_between(0, 32767);
-    config->limit_mv = draw_between(0, 20000);
+    config->limit_mv = draw_between(0, 32000);
     state->integral_mv_q16 = 0;
 }
 

@@ -12,6 +12,7 @@ static void draw_config(heading_config_t *config)
     config->rest_speed_mm_s_q4 = draw_up_to(32767);
     config->slowest_weight_bits = (uint8_t)draw_up_to(7);
     config->blind_ms = draw_up_to(65000U);
+    config->gyro_full_mrad_s = (uint16_t)draw_between(1, 32767);
     config->gyro_bias_mrad_s = draw_s16();
     config->gyro_scale_q15 = draw_between(-32767, 32767);
 }
@@ -26,6 +27,7 @@ static void begin(heading_state_t *state)
     state->bias.value = draw_between(-127 * 256, 127 * 256);
     state->bias.learnt = draw_up_to(65535U);
     state->blind_ms = draw_up_to(65000U);
+    state->full_steps = draw_up_to(65535U);
 }
 
 static void hash(const heading_state_t *state, const signals_estimate_t *estimate)
@@ -41,6 +43,7 @@ static void hash(const heading_state_t *state, const signals_estimate_t *estimat
         hash_s16(state->block_most_mrad_s);
     }
     hash_u16(state->blind_ms);
+    hash_u16(state->full_steps);
     hash_u16(estimate->heading_bam16);
     hash_s16(estimate->yaw_rate_mrad_s);
     hash_u8(estimate->at_rest);

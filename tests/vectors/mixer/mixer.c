@@ -13,7 +13,7 @@ void vectors_feed(void)
     signals_drive_t drive;
 
     if (draw_rarely(5)) {
-        config.battery_floor_mv = (uint16_t)draw_between(1000, 20000);
+        config.battery_floor_mv = (uint16_t)draw_between(1000, 32000);
         config.max_duty_q15 = draw_between(1, 32767);
         draw_drive_config(&config.drive);
         if (draw_rarely(1))
@@ -24,7 +24,7 @@ void vectors_feed(void)
     estimate.speed_mm_s_q4 = draw_s16();
     estimate.yaw_rate_mrad_s = draw_s16();
     if (draw_rarely(3))
-        mixer_correct(&config, &state, draw_up_to(20000));
+        mixer_correct(&config, &state, draw_up_to(32000));
     hash_drive(&state.drive);
     state.battery_mv = draw_up_to(draw_rarely(3) ? 65535U : 12000);
     mixer_step(&config, &state, &effort, &estimate, &drive);

@@ -21,7 +21,8 @@ Row = dict[str, float | int | bool | str]
 
 _LOGGED = (
     "time_s", "true_x_m", "true_y_m", "true_heading_rad", "charge_c", "estimate_x_m", "estimate_y_m", "bias_unknown",
-    "mode", "fault", "phase", "waypoint", "overshoots", "demand_heading_rad", "surge_saturated", "yaw_saturated",
+    "gyro_full_steps", "mode", "fault", "phase", "waypoint", "overshoots", "demand_heading_rad", "surge_saturated",
+    "yaw_saturated",
 )  # fmt: skip
 """The columns of the log that the figures need."""
 

@@ -78,7 +78,7 @@ def firmware(
     folder = Path(out) if out else Path(f"firmware-{order.robot.model.name}-{board_name.replace(':', '-')}")
     with run_folder.fresh_folder(folder, package.files_of(board)) as beside:
         made = package.make(order, beside)
-        figures = _figures(order, made)
+        figures = _figures(order, made) | {"fly": _fly_image(model_file, order, folder)}
         command = _command(model_file, gains_file, order, folder)
         _write(order, made, figures, command, beside)
     if as_json:
@@ -93,6 +93,14 @@ def _command(model_file: str, gains_file: str | None, order: Order, folder: Path
     words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
     words += ["--sensors", order.sensors, "--seed", str(order.seed)]
     words += ["--gains", gains_file] if gains_file else []
+    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
+
+
+def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
+    """Returns the command that flies the image itself, where a simulator of its board can."""
+    if not order.board.library:
+        return None
+    words = ["brickpilot", "hil", "--image", str(folder / "brickpilot.elf"), "--model", model_file]
     return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
 
 
@@ -147,4 +155,6 @@ def _show(figures: dict[str, Any], folder: Path) -> None:
     click.echo(f"image               {sizes} bytes")
     for remark in figures["remarks"]:
         click.echo(f"not undone          {remark}")
+    if figures["fly"] is not None:
+        click.echo(f"fly this image      {figures['fly']}")
     click.echo(f"report: {folder / 'README.md'}")

@@ -23,6 +23,7 @@ from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
 
 if TYPE_CHECKING:
+    from brickpilot.firmware.own_image import OwnImage
     from brickpilot.hil.fly import HilFlight
     from brickpilot.hil.linked_flight import Progress
     from brickpilot.link.links import Link
@@ -48,6 +49,13 @@ if TYPE_CHECKING:
     "processor, in lockstep and without --link. h8sim:imu, h8sim:rotation: the firmware that is built for an RCX with "
     "these sensors. avr:328p-imu, avr:328p-rotation, avr:2560: the image for an ATmega328P or ATmega2560 on simavr, "
     "which reads the plant's volts and edges at its pins and drives its motors, in simulated time.",
+)
+@click.option(
+    "--image",
+    "image_file",
+    metavar="FILE.elf",
+    help="Fly this image, which `brickpilot firmware` has made for an Arduino, on simavr: with the robot of --model, "
+    "its mission, and the wiring of the folder's include/.",
 )
 @click.option(
     "--trace", "trace_file", metavar="FILE.vcd", help="With --target avr: write the signals at the pins to FILE (VCD)."
@@ -96,6 +104,7 @@ def hil(
     request: FlightRequest,
     spec: str | None,
     target: str,
+    image_file: str | None,
     trace_file: str | None,
     lockstep: bool,
     telemetry_every: int | None,
@@ -114,6 +123,8 @@ def hil(
     The run folder holds log.csv, ticks.csv, summary.json and report.html. A mission that was not flown, a fault, a
     safe stop and a lost link give one line and exit status 1.
     """
+    own = None if image_file is None else _own_image(Path(image_file), request, target)
+    target = target if own is None else own.target
     spec = _link_of(spec, target, lockstep)
     if target.startswith("avr:"):
         _check_avr(target, list_settings, replay_file)
@@ -128,7 +139,7 @@ def hil(
         record = None if record_file is None else Path(record_file)
         junit = None if junit_file is None else Path(junit_file)
         trace = None if trace_file is None else Path(trace_file)
-        _fly(request, _Session(spec, lockstep, every, written, record, junit, as_json, trace), out)
+        _fly(request, _Session(spec, lockstep, every, written, record, junit, as_json, trace, own), out)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,6 +154,7 @@ class _Session:
     junit: Path | None
     as_json: bool
     trace: Path | None
+    image: OwnImage | None
 
     @property
     def avr(self) -> bool:
@@ -182,6 +194,42 @@ def _link_of(spec: str | None, target: str, lockstep: bool) -> str:
     return target
 
 
+def _own_image(image: Path, request: FlightRequest, target: str) -> OwnImage:
+    """Returns the image that --image names.
+
+    Raises:
+        InputError: it cannot be flown, or an option contradicts it.
+    """
+    from brickpilot.firmware import own_image
+
+    if target != "host":
+        raise InputError("has an image of its own: leave it or --image out", field=f"--target {target}")
+    if request.model_file is None:
+        raise InputError("needs --model: the robot that the image was made for", field="--image")
+    for name, given in (("compensation", request.compensation_file), ("gains", request.gains_file)):
+        if given is not None:
+            raise InputError("has no place here: the image has its own", field=f"--{name}")
+    if request.profile not in (None, "coupled"):
+        raise InputError("the image has the profile coupled alone", field=f"--profile {request.profile}")
+    return own_image.find(image)
+
+
+def _plan(request: FlightRequest, session: _Session) -> Plan:
+    """Returns the plan of the flight, for sensors that the brick can have."""
+    from brickpilot.firmware import own_image
+    from brickpilot.hil.avr_robot import check_avr_sensors
+    from brickpilot.hil.h8_simulator import check_sensors
+
+    if session.image is None:
+        plan = request.plan()
+        (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
+        return plan
+    request.choices()  # checks that the scenario is given once
+    scenario = request.scenario_name or request.scenario_file
+    assert request.model_file is not None
+    return own_image.plan(session.image, Path(request.model_file), scenario, request.sensors, request.seed or 0)
+
+
 def _check_avr(target: str, list_settings: bool, replay_file: str | None) -> None:
     """Raises InputError for options that an AVR on simavr does not have."""
     if list_settings:
@@ -193,14 +241,11 @@ def _check_avr(target: str, list_settings: bool, replay_file: str | None) -> Non
 def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
     """Flies the mission, writes its run folder, prints its figures, and fails if the mission was not flown."""
     from brickpilot.hil import ends
-    from brickpilot.hil.avr_robot import check_avr_sensors
-    from brickpilot.hil.h8_simulator import check_sensors
     from brickpilot.report import junit, link_figures, run_folder, run_page
     from brickpilot.vehicle import flight_checks
 
     settings = settings_of(session.written)
-    plan = request.plan()
-    (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
+    plan = _plan(request, session)
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     command = _command(request, session, plan)
     priority = not session.lockstep and ends.claim_priority()
@@ -230,8 +275,10 @@ def _fly(request: FlightRequest, session: _Session, out: str | None) -> None:
 
 def _command(request: FlightRequest, session: _Session, plan: Plan) -> str:
     """Returns the command line that repeats the flight."""
-    where = ["--target", session.spec] if session.simulated else ["--link", session.spec, f"--{session.pace}"]
-    words = ["brickpilot", "hil", request.scenario, *where]
+    simulated = ["--target", session.spec] if session.image is None else ["--image", str(session.image.path)]
+    where = simulated if session.simulated else ["--link", session.spec, f"--{session.pace}"]
+    own_mission = session.image is not None and request.scenario_name is None and request.scenario_file is None
+    words = ["brickpilot", "hil", *([] if own_mission else [request.scenario]), *where]
     words += request.options(plan)
     return shlex.join(words + [word for pair in session.written for word in ("--set", pair)])
 
@@ -317,11 +364,12 @@ def _fly_on_simavr(plan: Plan, session: _Session, settings: dict[str, int]) -> H
         return avr_flight.fly(
             plan,
             session.spec,
-            avr_image(session.spec),
+            avr_image(session.spec) if session.image is None else session.image.path,
             telemetry_every=session.telemetry_every,
             progress=show,
             settings=settings,
             trace=session.trace,
+            scales={} if session.image is None else session.image.scales,
             wrap=wrap,
         )
 

@@ -25,6 +25,8 @@ def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     yield f"position error      {lost} rms: from where the controller takes the robot to be, to where it is"
     if figures["started_without_gyro_bias"]:
         yield "gyro bias           not learnt before the start: the heading drifts by what the gyro reads at rest"
+    if steps := figures["gyro_full_steps"]:
+        yield f"gyro                at the end of its range in {steps} steps, in which the heading is lost"
     yield f"mode at the end     {figures['final_mode']}, fault: {figures['fault']}"
     seconds, times = figures["simulated_s"], figures["times_real_time"]
     rounded = f"{times:.0f}" if times >= 10 else f"{times:.1f}"

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from brickpilot import compiled
-from brickpilot.firmware import boards, ranges
+from brickpilot.firmware import boards, headers, ranges
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import Robot
 from brickpilot.hil.checkout import checkout
@@ -25,11 +25,11 @@ class ClosedLoop:
     """What the library is made of; it is small, and so can be sent to another machine.
 
     Attributes:
-        constants: text of firmware/app/params_gen.h for the robot.
+        headers: file -> text of those that take the place of the project's: the robot's constants.
         flags: of the compiler, which make the firmware that of a board with some sensors.
     """
 
-    constants: str
+    headers: tuple[tuple[str, str], ...]
     flags: tuple[str, ...]
 
     def library(self) -> Path:
@@ -49,16 +49,17 @@ def of(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
         InputError: no checkout here; a value that a format cannot hold.
     """
     flags = boards.flags_of(board, sensors, checkout())
-    constants = ranges.header(robot, boards.step_of(flags))
-    return ClosedLoop(constants, tuple(flag for flag in flags if flag.startswith("-D")))
+    constants = {"app/params_gen.h": ranges.header(robot, boards.step_of(flags)), **headers.of_model(robot, checkout())}
+    return ClosedLoop(tuple(constants.items()), tuple(flag for flag in flags if flag.startswith("-D")))
 
 
 @cache
 def _compiled(loop: ClosedLoop) -> Path:
     root, folder = checkout(), Path(tempfile.mkdtemp(prefix="brickpilot-loop-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    (folder / "app").mkdir()
-    (folder / "app/params_gen.h").write_text(loop.constants, encoding="utf-8")
+    for name, text in loop.headers:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
     made = folder / "closed_loop.so"
     boards.run([str(root / "sim_host/run/build"), str(made), str(compiled.library()), f"-I{folder}", *loop.flags], root)
     return made

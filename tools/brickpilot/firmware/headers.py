@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from brickpilot.errors import InputError
-from brickpilot.firmware import ranges
+from brickpilot.firmware import params_header, ranges
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import Robot
 from brickpilot.vehicle.c_text import comment
@@ -18,6 +18,9 @@ _AXIS = re.compile(
     r"(static const board_axis_t BOARD_(GYRO|SURGE|SWAY) = \{\d+, )\d+, \d+(, (?:true|false)\};)(?: /\* range: .*\*/)?"
 )
 _PER_COUNT_Q8 = re.compile(r"(#define BOARD_(GYRO|SURGE|SWAY)_PER_COUNT_Q8 )\d+(?: /\*.*\*/)?")
+_BITS = re.compile(r"(#define MOTOR_VOLTAGE_BITS )\d+")
+_BATTERY = re.compile(r"(#define BOARD_BATTERY_FULL_MV )(\d+)")
+LIMITS = "model/limits.h"
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -28,11 +31,21 @@ def write(robot: Robot, mission: Scenario, board: Board, step: float, folder: Pa
         InputError: a value that a format cannot hold.
     """
     texts = {"app/params_gen.h": _named(ranges.header(robot, step), robot), "app/mission.h": _mission(mission)}
+    texts |= of_model(robot, root)
     if board.wiring:
         texts[board.wiring] = _wiring((root / "hal" / board.wiring).read_text(encoding="utf-8"), robot)
     for name, text in texts.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
+
+
+def of_model(robot: Robot, root: Path) -> dict[str, str]:
+    """Returns header -> text of the model's formats, where they are not the packaged ones."""
+    bits = params_header.voltage_bits(robot.vehicle)
+    if bits == 0:
+        return {}
+    text = (root / "firmware" / LIMITS).read_text(encoding="utf-8")
+    return {LIMITS: _BITS.sub(rf"\g<1>{bits}", text)}
 
 
 def _named(constants: str, robot: Robot) -> str:
@@ -66,5 +79,20 @@ def _wiring(text: str, robot: Robot) -> str:
     found = set(_AXIS.findall(text)) | set(_PER_COUNT_Q8.findall(text))
     if len(found) != len(_RANGES) or max(q8.values()) > 65535:
         raise InputError("has no scales that can be written for another robot", file="board.h")
+    text = _with_battery(text, robot)
     text = _AXIS.sub(lambda axis: f"{axis[1]}{q8[axis[2]] // 256}, {q8[axis[2]] % 256}{axis[3]}", text)
     return _PER_COUNT_Q8.sub(lambda axis: f"{axis[1]}{q8[axis[2]]}", text)
+
+
+def _with_battery(text: str, robot: Robot) -> str:
+    """Returns the header with a range for the battery that holds this one when it is charged."""
+    nominal = robot.value("parameters", "battery_voltage")
+    found = _BATTERY.search(text)
+    measured = int(found[2]) / MILLI if found else params_header.RCX_BATTERY
+    if nominal / params_header.BATTERY_MOST * params_header.VOLTAGE_MOST <= measured:
+        return text
+    if found is None:
+        robot.toml.refuse(
+            ("parameters", "battery_voltage"), f"{nominal:g} V is more than this board measures: {measured:g} V charged"
+        )
+    return _BATTERY.sub(rf"\g<1>{params_header.MILLIVOLTS} /* another divider than the packaged robot's */", text)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from brickpilot.vehicle.c_text import initialiser
-from brickpilot.vehicle.coefficients import PROFILES, pose
+from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, pose, wheel_speed_per_volt
 from brickpilot.vehicle.quantise import QuantisationError, integer
 from brickpilot.vehicle.setting_defaults import constants, default, plain
 from brickpilot.vehicle.settings import Setting
@@ -19,10 +19,27 @@ LONGEST_STEP_MS = 20
 TRAVEL_SCALE = "travel_scale_q15"
 """The compensation that has no field of its own: the travel per count holds it."""
 
-CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0)
-"""Factors by which the model's currents may be smaller than those of the motors."""
+GYRO_FULL = 0.98
+"""Share of the gyro's range from which a reading is at its end: noise and a converter of a few bits stay within."""
+
+CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
+"""Factors by which the model's currents may be smaller than those of the motors, or larger."""
 
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
+PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
+PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
+"""Parameter -> the power of a wheel's radius with which it grows, where the robot is to drive alike (eq. 12 to 14)."""
+
+SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
+"""m: between them the model's shares of wheel speed and surge are below 1."""
+
+BATTERY_MOST, VOLTAGE_MOST = 29.0, 32.0
+"""V: of a battery, nominal, and charged; the latter is VOLTAGE_MAX_MV of firmware/mixer."""
+
+RCX_BATTERY = 20.0
+"""V: what the RCX measures of its own battery at most."""
+
+MILLIVOLTS = round(VOLTAGE_MOST * 1e3)
 
 SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
 
@@ -47,12 +64,13 @@ def _model(profile: str, values: Mapping[str, float], step: float, with_pose: bo
     return {**predicted, **pose(step)} if with_pose else predicted
 
 
-def _heading(common: Mapping[str, float]) -> dict[str, Any]:
+def _heading(common: Mapping[str, float], gyro_range: float) -> dict[str, Any]:
     return {
         "quiet_mrad_s": integer(common["gyro_quiet"] * 1e3, 1, INT16, "gyro_quiet"),
         "rest_speed_mm_s_q4": integer(common["rest_speed"] * 16e3, 0, INT16, "rest_speed"),
         "slowest_weight_bits": _weight_bits(common, "gyro_bias_blocks", 7),
         "blind_ms": integer(common["blind_time"] * 1e3, 0, 65000, "blind_time"),
+        "gyro_full_mrad_s": integer(GYRO_FULL * gyro_range * 1e3, 1, INT16, "gyro_range"),
     }
 
 
@@ -104,10 +122,10 @@ def _loop(
     config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
-            "heading": _heading(common),
+            "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
             "speed": _speed(common, estimator, rolls_like, counts, step),
-            "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, 20000, "battery_floor")},
-            "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, 20000, "battery_voltage"),
+            "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor")},
+            "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, LONGEST_STEP_MS, "watchdog_time"),
     }
@@ -128,11 +146,14 @@ def _block(
     steps: Sequence[float],
     settings: Mapping[str, Setting],
     known: Mapping[str, int],
+    in_model: Mapping[str, Any] | None = None,
 ) -> str:
+    """Returns the constants of a profile; `in_model`: the vehicle that the model holds, where it is another one."""
+    held = in_model or vehicle
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
-        f"{initialiser(_coefficients(profile, vehicle, step), 0)};\n"
+        f"{initialiser(_coefficients(profile, held, step), 0)};\n"
         f"static const FLASH loop_config_t PARAMS_{profile.upper()} = "
         f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
         for i, step in enumerate(steps)
@@ -173,28 +194,73 @@ def render_own(
     Raises:
         QuantisationError: as `render`.
     """
-    return _header(_block("coupled", _with_room_for_currents(vehicle, step), (step,), settings, known))
+    return _header(_block("coupled", vehicle, (step,), settings, known, with_room(vehicle, step)))
 
 
-def _with_room_for_currents(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
-    """Returns the vehicle with motors whose currents fit the model's format, and that drive alike.
+def voltage_bits(vehicle: Mapping[str, Any]) -> int:
+    """Returns a robot's MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 for a battery beyond the model's voltages."""
+    return int(float(vehicle["parameters"]["battery_voltage"]["value"]) > VOLTAGE_LIMIT)
 
-    A motor of n times the resistance, inductance and torque per current has an n-th of the current, and the same
-    torque at each voltage and speed (eq. 12). The model's current is its own matter: nothing else reads it.
+
+def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
+    """Returns the vehicle that the model holds: one that drives alike, and whose motion fits the model's formats.
+
+    What the model reads are voltages, and what is read of it are speed and yaw rate of the body. The rest is free:
+
+    - With wheels of n times the radius, and motors geared to them, a wheel turns at an n-th of the speed.
+    - A motor of n times the resistance, inductance and torque per current has an n-th of the current (eq. 12).
+    - With a half of the resistance, inductance and back EMF, half the voltage has the same effect.
+
+    The first choice is the vehicle as it is.
+
+    Raises:
+        QuantisationError: no such vehicle fits.
     """
-    first: QuantisationError | None = None
-    for share in CURRENT_SHARES:
-        scaled = {name: vehicle["parameters"][name]["value"] * share for name in PER_CURRENT}
-        rows = {name: {**vehicle["parameters"][name], "value": value} for name, value in scaled.items()}
-        tried = {**vehicle, "parameters": {**vehicle["parameters"], **rows}}
-        try:
-            PROFILES["coupled"](plain(tried["parameters"]), step)
-        except QuantisationError as error:
-            first = first or error
-            continue
-        return tried
-    assert first is not None
-    raise first
+    values = plain(vehicle["parameters"])
+    volts = dict.fromkeys(PER_VOLTAGE, 0.5 ** voltage_bits(vehicle))
+    failed: QuantisationError | None = None
+    for wheel in _wheels(values["wheel_radius"]):
+        turns = {name: wheel**power for name, power in PER_TURN.items()}
+        for current in CURRENT_SHARES:
+            factors = _product(volts, turns, dict.fromkeys(PER_CURRENT, current))
+            tried = _times(vehicle, factors)
+            try:
+                _prove(plain(tried["parameters"]))
+                PROFILES["coupled"](plain(tried["parameters"]), step)
+            except QuantisationError as error:
+                failed = error
+                continue
+            return tried
+    raise failed or QuantisationError("a wheel has no radius")
+
+
+def _wheels(radius: float) -> list[float]:
+    """Returns factors of the radius, powers of two, with which it has room: 1 first, if it has."""
+    middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
+    found = [2.0**power for power in (0, middle, middle + 1, middle - 1)]
+    return [one for one in dict.fromkeys(found) if SMALLEST_WHEEL < radius * one < LARGEST_WHEEL]
+
+
+def _product(*factors: Mapping[str, float]) -> dict[str, float]:
+    names = {name for one in factors for name in one}
+    return {name: math.prod(one.get(name, 1.0) for one in factors) for name in names}
+
+
+def _times(vehicle: Mapping[str, Any], factors: Mapping[str, float]) -> dict[str, Any]:
+    rows = {
+        name: {**vehicle["parameters"][name], "value": vehicle["parameters"][name]["value"] * factor}
+        for name, factor in factors.items()
+    }
+    return {**vehicle, "parameters": {**vehicle["parameters"], **rows}}
+
+
+def _prove(values: Mapping[str, float]) -> None:
+    """Proves that a wheel stays within the model's speeds at full voltage."""
+    top = values["battery_voltage"] / 2 ** int(values["battery_voltage"] > VOLTAGE_LIMIT) * wheel_speed_per_volt(values)
+    if top > WHEEL_SPEED_LIMIT:
+        raise QuantisationError(
+            f"a wheel turns at {top:.3g} rad/s at full voltage, and {WHEEL_SPEED_LIMIT:g} is the most"
+        )
 
 
 def _header(blocks: str) -> str:

@@ -13,9 +13,9 @@ from typing import NoReturn
 
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.firmware import params_header, robot, tuning
+from brickpilot.firmware import params_header, robot
+from brickpilot.firmware.params_header import BATTERY_MOST, VOLTAGE_MOST
 from brickpilot.firmware.robot import Place, Robot
-from brickpilot.vehicle.coefficients import VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT
 from brickpilot.vehicle.quantise import QuantisationError
 from brickpilot.vehicle.setting_defaults import constants, plain
 from brickpilot.vehicle.settings import settings
@@ -56,24 +56,9 @@ def header(one: Robot, step: float) -> str:
 
 
 def _made(one: Robot, step: float) -> str:
-    _prove(one)
-    return params_header.render_own(one.vehicle, settings(), step, one.known)
-
-
-def _prove(one: Robot) -> None:
-    """Proves that what moves stays within the model's range.
-
-    Raises:
-        QuantisationError: it does not.
-    """
-    values = plain(one.vehicle["parameters"])
-    top = tuning.straight(values).gain / values["wheel_radius"] * values["battery_voltage"]
-    if top > WHEEL_SPEED_LIMIT:
-        raise QuantisationError(
-            f"a wheel turns at {top:.3g} rad/s at full voltage, and {WHEEL_SPEED_LIMIT:g} is the most"
-        )
-    if not values["torque_constant"] > 0:
+    if not one.value("parameters", "torque_constant") > 0:
         raise QuantisationError("the motors have no torque")
+    return params_header.render_own(one.vehicle, settings(), step, one.known)
 
 
 def _limits(one: Robot) -> Iterator[Limit]:
@@ -81,8 +66,8 @@ def _limits(one: Robot) -> Iterator[Limit]:
     turn = 2 * math.pi * wheel * COUNT_UM_Q2
     battery = one.value("parameters", "battery_voltage")
     least = FLOOR if FLOOR_AT in one.stated else FLOOR * battery / one.value(*FLOOR_AT)
-    ends = "the model's voltages end there, and battery_floor follows it"
-    yield Limit(("parameters", "battery_voltage"), battery, least, VOLTAGE_LIMIT, "V", ends)
+    ends = f"charged it has a tenth more, voltages end at {VOLTAGE_MOST:g} V, and battery_floor follows it"
+    yield Limit(("parameters", "battery_voltage"), battery, least, BATTERY_MOST, "V", ends)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
         yield Limit(("sensors", "imu", name), imu[name], 0.1, READING_MOST, unit, "a reading has 16 bits")
     counts = one.value("sensors", "encoder", "counts_per_turn")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -56,6 +57,9 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
 _SEEN = ("imu", "encoder")
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
 """Settings without a value of their own in a vehicle file: they follow from the robot's length and its losses."""
+
+LONGEST_COUNT = 0.016
+"""m: just below what the format of the travel per count holds."""
 
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
@@ -224,6 +228,12 @@ def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Plac
         length = plain(reference["robot"])["length"] * own["half_track"] / other["half_track"]
         found["robot", "length"] = tuning.Chosen(length, "as the half-track")
         vehicle["robot"]["length"]["value"] = length
+    counts = ("sensors", "encoder", "counts_per_turn")
+    if counts not in stated:
+        finer = _counts(own["wheel_radius"], entry(vehicle, counts)["value"])
+        if finer != entry(vehicle, counts)["value"]:
+            found[counts] = tuning.Chosen(finer, "a count of 16 mm, the longest that has a format")
+            entry(vehicle, counts)["value"] = finer
     constants = plain(reference["controller"]["coupled"])
     found |= {
         ("controller", "coupled", name): one
@@ -233,6 +243,11 @@ def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Plac
     for name, one in tuning.estimator(_seen(vehicle), _seen(reference), {**common, **coupled}).items():
         found[("estimator", name) if name in common else ("estimator", "coupled", name)] = one
     return found
+
+
+def _counts(radius: float, packaged: float) -> float:
+    """Returns the counts of a turn where nobody states them: the packaged robot's, or more for a large wheel."""
+    return max(packaged, float(math.ceil(2 * math.pi * radius / LONGEST_COUNT)))
 
 
 def _size(vehicle: Tables) -> tuning.Size:

@@ -12,8 +12,9 @@ The gains of another robot give its loops the same polynomials, with all poles m
   voltage that an error of the heading asks for stays the same.
 - More where the robot's own damping is beyond what that pace asks for, up to `FASTEST`.
 
-Speeds follow the speed that the battery holds, decelerations the acceleration, lengths the robot's length. The packaged
-robot gets back its own constants.
+Speeds follow the speed that the battery holds, decelerations the acceleration, lengths the robot's length. The voltage
+that turns follows the battery, and is no more than the gyro can follow (`_within_gyro`). The packaged robot gets back
+its own constants.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from brickpilot.vehicle.coefficients import difference_inertia, loss, mean_inertia
+from scipy.optimize import brentq
+
+from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia, wheel_speed_per_volt
 
 FASTEST = 2.0
 """The packaged robot's poles, times this, are as fast as a control step of 9 ms follows: 0.2 of a radian a step."""
@@ -32,6 +35,12 @@ NOTHING = 0.01
 
 FASTEST_CRUISE = 1.6
 """m/s: four fifths of what the format of a speed holds."""
+
+LONGEST_TURN = math.pi
+"""rad: no error of the heading is larger."""
+
+GYRO_SHARE = 0.9
+"""Of the gyro's range that a turn may reach: its bias and noise, and stronger motors, stay below the rest."""
 
 Values = Mapping[str, float]
 
@@ -71,7 +80,7 @@ def turn(values: Values) -> Motion:
 def _lag(values: Values, inertia: float) -> Motion:
     """Returns the wheel's speed, rad/s per V, with this inertia at the wheel."""
     resistance, torque = values["resistance"], values["torque_constant"]
-    held = values["emf_constant"] + resistance * loss(values) / torque
+    held = 1 / wheel_speed_per_volt(values)
     return Motion(1 / held, inertia * resistance / (torque * held))
 
 
@@ -107,6 +116,21 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: fl
     }
 
 
+def _within_gyro(about: Motion, gyro_range: float) -> float:
+    """Returns the voltage that turns a robot half round from rest, and at its end to the gyro's range, or nearly.
+
+    A lag under the voltage V reaches the rate gain V (1 - e) after the angle gain V time (x - 1 + e), where x is the
+    time over that of the lag and e = exp(-x). A light robot reaches all of gain V at once, a heavy one never.
+    """
+    rate = GYRO_SHARE * gyro_range
+
+    def beyond(x: float) -> float:
+        return rate * about.time * (x + math.expm1(-x)) + LONGEST_TURN * math.expm1(-x)
+
+    x = float(brentq(beyond, 1e-9, 2 + LONGEST_TURN / (rate * about.time)))
+    return rate / (about.gain * -math.expm1(-x))
+
+
 @dataclass(frozen=True)
 class Size:
     """What the rules need of a robot: nominal parameters, its length in m, and the range of its gyro in rad/s."""
@@ -134,7 +158,7 @@ def controller(own: Size, packaged: Size, constants: Values) -> dict[str, Chosen
     top = ahead.gain * battery / ahead_packaged.gain
     cruise = min(constants["cruise"] * min(top, math.sqrt(faster * length)), FASTEST_CRUISE)
     slower = cruise / constants["cruise"]
-    spin = (own.gyro_range / about.gain) / (packaged.gyro_range / about_packaged.gain)
+    turning = min(constants["heading_limit"] * battery, _within_gyro(about, own.gyro_range))
     poles = "the packaged robot's poles, see tuning.py"
     found = {
         **{name: (value, poles) for name, value in _speed_gains(ahead, ahead_packaged, constants, faster).items()},
@@ -146,7 +170,7 @@ def controller(own: Size, packaged: Size, constants: Values) -> dict[str, Chosen
         "creep": (constants["creep"] * slower, "as cruise"),
         "decel": (constants["decel"] * faster, "as the acceleration at full voltage"),
         "speed_limit": (constants["speed_limit"] * battery, "as the battery"),
-        "heading_limit": (constants["heading_limit"] * min(battery, spin), "as the battery, and as the gyro's range"),
+        "heading_limit": (turning, "as the battery, and no faster than nine tenths of the gyro's range in half a turn"),
         "bearing_hold": (constants["bearing_hold"] * length, "as the length"),
         "overshoot": (constants["overshoot"] * length, "as the length"),
         "leg_timeout": (constants["leg_timeout"] * max(length, 1.0) / min(slower, 1.0), "as length over cruise"),

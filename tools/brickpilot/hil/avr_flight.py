@@ -48,6 +48,7 @@ def fly(
     progress: Progress,
     settings: Mapping[str, int] = MappingProxyType({}),
     trace: Path | None = None,
+    scales: Mapping[str, float] = MappingProxyType({}),
     wrap: Wrap = lambda link: link,
     each_step: Callable[[AvrRobot, int], None] = lambda _robot, _step: None,
 ) -> over_a_link.HilFlight:
@@ -61,6 +62,7 @@ def fly(
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override the plan's.
         trace: a VCD file of the signals at the pins.
+        scales: of the sensors of an image with others than the packaged one's: see `open_robot`.
         wrap: puts another link over the host's line, such as one that records.
         each_step: called with the robot and the number of each control step before it is flown.
 
@@ -71,7 +73,7 @@ def fly(
     _check_plan(plan, target)
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
-    with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace) as robot:
+    with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace, scales) as robot:
         run = LinkedFlight(Ends(wrap(robot), None, REPLY_S), target, plan, REALTIME, REPLY_S, progress)
         over_a_link.prepare(run.session, plan, REALTIME, telemetry_every, settings)
         began = time.perf_counter()

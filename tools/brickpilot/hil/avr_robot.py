@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -187,6 +188,7 @@ def open_robot(
     log: NDArray[np.float64],
     motors: NDArray[np.int16],
     trace: Path | None = None,
+    scales: Mapping[str, float] = MappingProxyType({}),
 ) -> Iterator[AvrRobot]:
     """Powers a robot with an image, and waits until the image listens. The flight fills `log` and `motors`.
 
@@ -197,6 +199,8 @@ def open_robot(
         log: (steps, columns).
         motors: (steps, 2), the mean duty of the drives in each step.
         trace: a VCD file of the signals at the pins.
+        scales: input -> what one of 1024 counts means to the image (`BP_AVR_GYRO` and so on); left out: as to the
+            packaged one.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.
@@ -211,6 +215,9 @@ def open_robot(
             _refuse(int(status[0]), plan, image, trace)
         try:
             robot = AvrRobot(ffi, library, brick)
+            for name, per_count in scales.items():
+                if library.bp_avr_scale(brick, getattr(library, f"BP_AVR_{name}"), per_count):
+                    raise InputError(f"a count of {name} cannot mean {per_count:g}", file=image)
             robot.wait(BOOT_STEPS)
             yield robot
         finally:

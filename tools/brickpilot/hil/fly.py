@@ -22,6 +22,7 @@ from brickpilot.link.links import LinkGoneError
 from brickpilot.link.session import REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.faults import AVR_KINDS
+from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
@@ -66,14 +67,15 @@ def prepare(
     """Opens a session and sends all that the flight needs: compensation, gains, settings and route.
 
     Raises:
-        InputError: the brick refuses one of them.
+        InputError: the brick refuses one of them, or two settings contradict each other; none is written then.
     """
     session.open(plan.controller, pace)
+    cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
+    chosen = {**flight.written(plan), **settings}
+    check_pairs(chosen, lambda name: cruise[name] if name in cruise else session.read(name))
     if telemetry_every is not None:
         session.write("telemetry_every", telemetry_every)
-    if plan.cruise > 0:
-        session.write("cruise", known_settings()["cruise"].raw(plan.cruise))
-    for name, raw in (*flight.written(plan).items(), *settings.items()):
+    for name, raw in (*cruise.items(), *flight.written(plan).items(), *settings.items()):
         session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
     session.resets.begin()

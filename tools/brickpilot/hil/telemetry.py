@@ -20,6 +20,7 @@ COLUMNS = {
     "estimate_yaw_rate_rad_s": ("TELEMETRY_TRACK", "yaw_rate"),
     "cross_track_m": ("TELEMETRY_TRACK", "cross_track"),
     "heading_error_rad": ("TELEMETRY_TRACK", "heading_error"),
+    "gyro_full_steps": ("TELEMETRY_EFFORT", "gyro_full"),
     "mode": ("TELEMETRY_TRACK", "mode"),
     "phase": ("TELEMETRY_TRACK", "phase"),
     "at_rest": ("TELEMETRY_TRACK", "at_rest"),

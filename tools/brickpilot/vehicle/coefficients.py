@@ -68,6 +68,11 @@ def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
     return MotorStep(exact[:2, :2], exact[:2, 2], exact[:2, 3])
 
 
+def wheel_speed_per_volt(values: Values) -> float:
+    """Returns the speed that a voltage holds, rad/s per V (eq. 12 and 14)."""
+    return 1 / (values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"])
+
+
 def mean_inertia(values: Values) -> float:
     """Returns the inertia per wheel for the mean of both coupled wheels, kg m^2."""
     return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / 2

@@ -75,7 +75,7 @@ def _fault(figures: Mapping[str, Any]) -> str:
     ended = figures["ended_at_s"]
     when = "" if ended is None else f" at {ended:.3f} s"
     where = f", on the way to waypoint {reached + 1}" if reached < figures["waypoints_total"] else ""
-    return f'the controller stopped with the fault "{figures["fault"]}"{when}{where}'
+    return f'the controller stopped with the fault "{figures["fault"]}"{when}{where}{_lost_heading(figures)}'
 
 
 def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
@@ -96,8 +96,12 @@ def _believes(figures: Mapping[str, Any]) -> str:
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
         "idle": ": the mission was not started",
-    }.get(figures["final_mode"], "") + _drifts(figures)
+    }.get(figures["final_mode"], "") + _lost_heading(figures)
 
 
-def _drifts(figures: Mapping[str, Any]) -> str:
-    return "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""
+def _lost_heading(figures: Mapping[str, Any]) -> str:
+    """Why the controller may not have known its heading."""
+    steps = figures["gyro_full_steps"]
+    beyond = f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit" if steps else ""
+    drifts = "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""
+    return beyond + drifts

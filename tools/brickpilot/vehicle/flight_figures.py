@@ -173,6 +173,7 @@ def final_figures(flight: Flight) -> dict[str, Any]:
         },
         "overshoots": int(log["overshoots"][-1]),
         "started_without_gyro_bias": bool(len(steered) and log["bias_unknown"][steered[0]]),
+        "gyro_full_steps": int(log["gyro_full_steps"][-1]),
         "final_mode": _MODES[int(log["mode"][-1])],
         "fault": _FAULTS[int(log["fault"][-1])],
         "ended_at_s": float(log["time_s"][ended[0]]) if len(ended) else None,

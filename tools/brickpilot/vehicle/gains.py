@@ -6,13 +6,14 @@ an image.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import tomlkit
 
 from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError
 from brickpilot.vehicle import whole_file
 from brickpilot.vehicle.settings import Setting, settings
 
@@ -84,6 +85,27 @@ def load(path: Path | str) -> Gains:
         if less in found and more in found and _value(less, found) > _value(more, found):
             toml.refuse(("gains", less), f"may not be above {more}")
     return Gains(toml.file_name(("name",), toml.data["name"]), found)
+
+
+def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
+    """Checks settings that are going to be written against each other and against those that stay.
+
+    The second of a pair may be lowered alone: the firmware takes the first one for as low.
+
+    Args:
+        chosen: setting -> raw integer.
+        held: returns the raw integer of a setting that is not chosen.
+
+    Raises:
+        InputError: the first of a pair of `AT_MOST` is above the second.
+    """
+    for less, more in AT_MOST:
+        if less not in chosen:
+            continue
+        high = chosen[more] if more in chosen else held(more)
+        if chosen[less] > high:
+            takes = f"it takes {settings()[less].low}..{more} ({settings()[less].format.text})"
+            raise InputError(f"{chosen[less]} is above {more}, which is {high}: {takes}", field=less)
 
 
 def _value(name: str, raw: Mapping[str, int]) -> float:
