@@ -116,15 +116,15 @@ def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
         assert found.verdict == "none"  # no effect of the library is missing
     (values,) = found.run_values
     assert set(values.runs) == set(FITTED)
-    # What all runs share of a gain, the nominal values may hold.
-    shared = np.mean(list(planted.values())) - np.mean([one for one, _ in values.runs.values()])
+    # What all runs share of a gain or a delay, the model may hold. Nothing depends on a start before the first input: the
+    # interval of one that a fit left there says so.
+    told = {name: one for name, (one, (low, high)) in values.runs.items() if kind != "start" or high - low < 0.1}
+    known = [planted[name] for name in told]
+    shared = 0.0 if kind == "start" and not found.effects else np.mean(known) - np.mean(list(told.values()))
     inside = [low <= planted[name] - shared <= high for name, (_, (low, high)) in values.runs.items()]
-    fitted = [one for one, _ in values.runs.values()]
-    if kind == "start" and found.effects:  # a late start that all runs share hides the shorter ones
-        assert max(fitted) > 0.1
-        return
+    assert len(told) >= len(inside) - 1
     assert sum(inside) >= len(inside) - 1
-    assert np.std(fitted) == pytest.approx(np.std(list(planted.values())), rel=0.15)
+    assert np.std(list(told.values())) == pytest.approx(np.std(known), rel=0.15)
     (entry,) = verdict_json(found)["run_values"]
     assert entry["kind"] == kind
     assert "differs from run to run" in entry["sentence"]
