@@ -38,6 +38,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 """V: multiplies a duty where a data set states no battery voltage."""
 
 _LONGEST_RUN_S = 1e6
+_SHOWN_RUNS = 8  # in a printed data set
 
 _DROPOUT_SHARE = 0.25  # of the running median: a battery sags by less within one sample
 _MEDIAN_SAMPLES = 5
@@ -79,7 +80,7 @@ class Run:
         return pandas.DataFrame({"time": self.time, **self.inputs, **self.outputs})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Dataset:
     """A data set that has been read and checked.
 
@@ -188,6 +189,16 @@ class Dataset:
             for run in self.runs
         ]
         return pandas.DataFrame(rows)
+
+    def __repr__(self) -> str:
+        """Returns a line on the data set, and one for each of its first runs."""
+        shown = [
+            f"  {run.name}: {len(run.time)} samples, {run.time[-1] - run.time[0]:.4g} s, {run.role or 'no role stated'}"
+            for run in self.runs[:_SHOWN_RUNS]
+        ]
+        more = [f"  and {len(self.runs) - _SHOWN_RUNS} more"] if len(self.runs) > _SHOWN_RUNS else []
+        size = f"{self.vehicle}, {len(self.runs)} runs, {len(self.faults)} faults, {len(self.notes)} notes"
+        return "\n".join([f"Dataset {self.name}: {size}", f"  signals: {', '.join(self.signals)}", *shown, *more])
 
     def _repr_html_(self) -> str:
         """Returns the table that a notebook shows; the pages' room makes it, which this one must not know."""
