@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.column_rules import COUNTS_PER_TURN, Column, Taken, column_of, taken_for
+from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.formula import Place
-from brickpilot.importers.mapping import Source, parse_mapping
+from brickpilot.importers.mapping import Source, parse_mapping, read_formulas, take
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
@@ -75,14 +76,27 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, fra
         reasons[found.signal] = found.reason
     left_out += _one_input_set(sources, reasons, vehicle)
     _check_found(table, sources)
-    shown, why = _frame(table, columns, sources, frame)
+    shown, why = _frame(table, sources, frame)
     notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
-    if counted := [one.text.split("/")[0] for one in sources.values() if one.text.endswith(f"/{COUNTS_PER_TURN}")]:
-        notes.append(
-            f"NOBODY SAID how many counts a turn has: {COUNTS_PER_TURN} IS A GUESS for {' and '.join(counted)}, and "
-            "every speed is wrong by as much as it is; state it with --map SIGNAL=COLUMN/COUNTS:rotation"
-        )
+    notes += _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
     return Guess(sources, vehicle, shown, reasons, (*notes, *left_out, *why))
+
+
+def _guessed_bases(sources: Mapping[str, Source]) -> list[str]:
+    """Returns a loud note on each number that nobody stated and on which every speed or voltage rests."""
+    found = []
+    for stems, what, spoiled, form in (
+        (("wheel_angle", "angle"), "how many counts a turn has", "speed", "COUNTS:rotation"),
+        (("duty",), "which number is full drive", "voltage", "FULL"),
+    ):
+        scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
+        if scaled:
+            columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
+            found.append(
+                f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
+                f"is; state it with --map SIGNAL=COLUMN/{form}"
+            )
+    return found
 
 
 def _values(table: TextTable, name: str) -> Vector:
@@ -98,6 +112,10 @@ def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
         return f"{sources[found.signal].text} is {found.signal} already"
     if found.signal not in SIGNALS or vehicle not in SIGNALS[found.signal].vehicles:
         return f"a {vehicle} has no signal {found.signal}"
+    try:
+        si_factor(found.unit, SIGNALS[found.signal].unit)
+    except ValueError as error:
+        return f"it looks like {found.signal}, but {error}"
     return None
 
 
@@ -122,17 +140,16 @@ def _check_found(table: TextTable, sources: Mapping[str, Source]) -> None:
             raise InputError(message, file=table.file, line=table.first_line, field="--guess")
 
 
-def _frame(
-    table: TextTable, columns: Sequence[Column], sources: Mapping[str, Source], frame: Frame
-) -> tuple[Frame, tuple[str, ...]]:
+def _frame(table: TextTable, sources: Mapping[str, Source], frame: Frame) -> tuple[Frame, tuple[str, ...]]:
     """Returns the frame that wheels and gyro show, and a note."""
     yaw = next((one for one in ("yaw_rate", "yaw_angle") if one in sources), None)
     if yaw is None:
         return frame, ()
-    logged = {
-        signal: next((one.values for one in columns if source.text.startswith(one.name)), np.empty(0))
-        for signal, source in sources.items()
-    }
+    formulas = read_formulas(sources, table.formula_names)
+    here = {name: one for name, one in formulas.items() if all(place.name in table.names for place in one.places)}
+    logged = take(here, lambda name, place: table.column(name, place)[0][:_LOOKED_AT], table.file).columns
+    if yaw not in logged:
+        return frame, ()
     turning = logged[yaw] if yaw == "yaw_rate" else _rate(logged[yaw])
     for stem in ("wheel_angle", "wheel_travel", "wheel_speed", "duty", "voltage"):
         if f"{stem}_left" not in logged or f"{stem}_right" not in logged:
