@@ -11,17 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle
+from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.formula import Place
-from brickpilot.importers.mapping import Source, parse_mapping, read_formulas, take
+from brickpilot.importers.mapping import Source, parse_mapping
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_SURE = 0.8  # correlation of gyro and wheels; above it, the sign of the gyro is known
 _LOOKED_AT = 200_000  # rows, so that a long log is guessed in a moment
 
 
@@ -32,26 +31,23 @@ class Guess:
     Attributes:
         sources: signal -> column, formula and unit.
         vehicle: None: neither stated nor guessed.
-        frame: of sway and yaw.
         reasons: signal -> why it was taken for this.
         notes: for the user, a sentence each.
     """
 
     sources: dict[str, Source]
     vehicle: Vehicle | None
-    frame: Frame
     reasons: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
-def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, frame: Frame) -> Guess:
+def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> Guess:
     """Returns what the columns of a table are taken for.
 
     Args:
         table: with a header.
         mapping: entries of ``--map``, which stand as they are.
         vehicle: None: a log with a column of the left or the right is a diff_drive's, any other a motor's.
-        frame: taken unless wheels and gyro show the other one.
 
     Raises:
         InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
@@ -76,10 +72,9 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, fra
         reasons[found.signal] = found.reason
     left_out += _one_input_set(sources, reasons, vehicle)
     _check_found(table, sources)
-    shown, why = _frame(table, sources, frame)
     notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
     notes += _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
-    return Guess(sources, vehicle, shown, reasons, (*notes, *left_out, *why))
+    return Guess(sources, vehicle, reasons, (*notes, *left_out))
 
 
 def _guessed_bases(sources: Mapping[str, Source]) -> list[str]:
@@ -138,40 +133,3 @@ def _check_found(table: TextTable, sources: Mapping[str, Source]) -> None:
         if kind not in kinds:
             message = f"finds no {'time' if kind == 'time' else f'complete {kind}'} among {known}; add --map {example}"
             raise InputError(message, file=table.file, line=table.first_line, field="--guess")
-
-
-def _frame(table: TextTable, sources: Mapping[str, Source], frame: Frame) -> tuple[Frame, tuple[str, ...]]:
-    """Returns the frame that wheels and gyro show, and a note."""
-    yaw = next((one for one in ("yaw_rate", "yaw_angle") if one in sources), None)
-    if yaw is None:
-        return frame, ()
-    formulas = read_formulas(sources, table.formula_names)
-    here = {name: one for name, one in formulas.items() if all(place.name in table.names for place in one.places)}
-    logged = take(here, lambda name, place: table.column(name, place)[0][:_LOOKED_AT], table.file).columns
-    if yaw not in logged:
-        return frame, ()
-    turning = logged[yaw] if yaw == "yaw_rate" else _rate(logged[yaw])
-    for stem in ("wheel_angle", "wheel_travel", "wheel_speed", "duty", "voltage"):
-        if f"{stem}_left" not in logged or f"{stem}_right" not in logged:
-            continue
-        lead = logged[f"{stem}_right"] - logged[f"{stem}_left"]
-        agree = _agreement(_rate(lead) if stem in ("wheel_angle", "wheel_travel") else lead, turning)
-        if abs(agree) >= _SURE:
-            shown: Frame = "FLU" if agree > 0.0 else "FRD"
-            sense = "counter-clockwise" if shown == "FLU" else "clockwise"
-            return shown, (f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive",)
-    return frame, (f"the sign of {yaw} is not shown by the wheels: the frame is taken as {frame}; see --frame",)
-
-
-def _rate(values: Vector) -> Vector:
-    return np.diff(values, prepend=values[:1])
-
-
-def _agreement(lead: Vector, turning: Vector) -> float:
-    """Returns the correlation of two signals over means of some rows; 0 where one of them does not change."""
-    sound = np.isfinite(lead) & np.isfinite(turning)
-    width = min(100, max(1, int(np.count_nonzero(sound)) // 40))
-    one, two = (np.convolve(values[sound], np.full(width, 1 / width), "valid") for values in (lead, turning))
-    if one.size < 2 or np.std(one) == 0.0 or np.std(two) == 0.0:
-        return 0.0
-    return float(np.mean((one - one.mean()) * (two - two.mean())) / (np.std(one) * np.std(two)))
