@@ -57,6 +57,15 @@ def test_frames_and_files_give_the_same_data_set(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(one.to_frame(), other.to_frame(), rtol=0, atol=0)
 
 
+def test_a_printed_data_set_has_some_lines() -> None:
+    text = repr(read(bench(), name="rig"))
+    assert text.startswith("Dataset rig: motor, 2 runs, 0 faults")
+    assert "low: 50 samples, 0.49 s" in text
+    assert len(text) < 400
+    many = bp.Dataset.from_frames({f"r{k}": bench() for k in range(40)}, vehicle="motor", signals=SIGNALS)
+    assert len(str(many).splitlines()) < 15
+
+
 def test_what_a_file_states_of_runs_can_be_stated_of_frames() -> None:
     dataset = read(
         bench(), gap_s={"high": 60.0}, replicate_of={"high": "low"}, initial={"low": {"speed": np.float64(2.0)}},

@@ -43,7 +43,30 @@ def test_what_a_map_states_stands(tmp_path: Path) -> None:
     dataset = read(made.folder)
     assert dataset.signals["wheel_angle_left"].scale == 1 / 1440
     assert "duty_left" in dataset.signals
-    assert not any("IS A GUESS" in note for note in made.notes)
+    assert not any("counts a turn has" in note for note in made.notes)
+
+
+def test_a_unit_of_another_kind_leaves_the_column_out(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", [HEADER.replace("gz", "yaw [V]"), *lines_of(driven())])
+    made = import_table([log], tmp_path / "set", guessed=True)
+    assert any("yaw [V] is left out: it looks like yaw_angle, but 'V' is of another kind" in one for one in made.notes)
+
+
+@pytest.mark.parametrize("entry", ["enc_left/960", "wheel_angle_left=enc_left/960:rotation", "yaw_rate=gzz"])
+def test_a_typo_in_a_map_beside_a_guess_is_one_line(tmp_path: Path, entry: str) -> None:
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(driven())])
+    done = brickpilot("import", "log.csv", "--guess", "--map", entry, "--out", "set", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "did you mean" in done.stderr or entry in done.stderr
+
+
+def test_one_number_is_full_drive_of_both_sides_and_is_said_to_be_a_guess(tmp_path: Path) -> None:
+    log = driven()
+    log[:, 1:3] = np.round(log[:, 1:3] * [265 / 200, 240 / 200])
+    made = import_table([write_log(tmp_path / "log.csv", [HEADER, *lines_of(log)])], tmp_path / "set", guessed=True)
+    signals = read(made.folder).signals
+    assert signals["duty_left"].scale == signals["duty_right"].scale == 1 / 1000
+    assert any("NOBODY SAID which number is full drive: 1000 IS A GUESS for pwmL and pwmR" in one for one in made.notes)
 
 
 def test_the_frame_follows_the_wheels(tmp_path: Path) -> None:
@@ -79,6 +102,8 @@ WAVE = 200 * np.sin(RISING / 300)
         ("gyroZ", np.round(WAVE * 100), ("yaw_rate", "gyroZ/131", "deg/s")),
         ("yaw_rate_dps", WAVE / 100, ("yaw_rate", "yaw_rate_dps", "deg/s")),
         ("yaw", WAVE, ("yaw_angle", "yaw", "deg")),
+        ("yaw_dps", WAVE, ("yaw_rate", "yaw_dps", "deg/s")),
+        ("heading_rpm", WAVE, ("yaw_rate", "heading_rpm", "rpm")),
         ("battery", np.full(100, 7.4), ("battery_voltage", "battery", "V")),
         ("vbat_mV", np.full(100, 7400.0), ("battery_voltage", "vbat_mV", "mV")),
         ("rpmL", WAVE, None),

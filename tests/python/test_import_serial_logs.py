@@ -166,9 +166,9 @@ def test_a_heading_goes_on_where_it_jumps_by_a_turn(tmp_path: Path, low: float, 
     log[:, 5] = np.round((heading - low) % turn + low, 2)
     made = import_table(
         [write_log(tmp_path / "log.csv", [HEADER, *lines_of(log)])], tmp_path / "set",
-        [*MAPPING[:5], f"yaw_angle=gz:{unit}"], vehicle="diff_drive",
+        [*MAPPING[:5], f"yaw_angle=gz:{unit}"], vehicle="diff_drive", frame="FLU",
     )  # fmt: skip
-    yaw = read(made.folder).runs[0].raw_outputs["yaw_angle"] * turn / (2 * np.pi)
+    yaw = -read(made.folder).runs[0].raw_outputs["yaw_angle"] * turn / (2 * np.pi)
     np.testing.assert_allclose(yaw - yaw[0], heading - heading[0], atol=0.02)
     assert any("yaw_angle jumps by a turn" in note for note in made.notes)
 

@@ -98,7 +98,7 @@ def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
     assert refused.stderr.startswith("brickpilot: --map: works only with matlab, table, ")
     done = run("lines", "log.txt", "--vehicle", "motor", "--out", "bench", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout) == {"dataset": "bench", "runs": ["only"], "notes": []}
+    assert json.loads(done.stdout) == {"dataset": "bench", "runs": ["only"], "notes": [], "wiring": [], "mend": ""}
 
 
 def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.
     given: dict[str, object] = {}
 
     class Made:
-        folder, runs, notes = Path("bench"), ("a", "b"), ("slow",)
+        folder, runs, notes, wiring, mend = Path("bench"), ("a", "b"), ("slow",), (), ""
 
     monkeypatch.setattr(Importer, "load", lambda self: lambda files, out, **rest: given.update(rest) or Made)
     command = import_command((*IMPORTERS, row))

@@ -13,8 +13,9 @@ import numpy as np
 import pages
 import pytest
 import yaml
+from brickpilot.report.why_page import Constants, files_of
 from brickpilot.vehicle import plant
-from brickpilot.vehicle.drive_constants import drives, feed_forward, odometry
+from brickpilot.vehicle.drive_constants import FeedForward, Odometry, drives, feed_forward, odometry
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 from command import brickpilot
@@ -83,6 +84,19 @@ def test_a_log_becomes_an_answer_with_files(tmp_path: Path) -> None:
     ks = float(subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout)
     p = robot().parameters
     assert ks == pytest.approx(0.012 * p["resistance"] / p["torque_constant"], rel=0.15)
+
+
+@pytest.mark.parametrize("value", [0.0, -0.0, 3.0, 0.25, 1e-7, 2.5e6])
+def test_the_header_compiles_with_each_kind_of_number(tmp_path: Path, value: float) -> None:
+    constants = Constants(FeedForward(value, value, value, "m"), Odometry(value, value, value, value, value))
+    (tmp_path / "robot_constants.h").write_text(files_of("rig", constants)["robot_constants.h"])
+    lines = [line.split()[1] for line in (tmp_path / "robot_constants.h").read_text().splitlines() if "#define" in line]
+    used = [name for name in lines if not name.endswith("_H")]
+    assert len(used) == 6
+    source = tmp_path / "main.c"
+    source.write_text(f'#include "robot_constants.h"\nfloat all[] = {{ {", ".join(used)} }};\n')
+    compiler = shutil.which("cc") or pytest.skip("no C compiler")
+    subprocess.run([compiler, "-std=c99", "-Wall", "-Werror", "-c", source, "-o", tmp_path / "a.o"], check=True)
 
 
 def test_a_motor_s_answer_speaks_of_no_wheels(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, jobs_option, seed_option
+from brickpilot.cli.terminal import as_json, jobs_option, seed_option, wiring_lines
 
 
 @click.command()
@@ -25,9 +25,11 @@ def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     from brickpilot.discover import check as check_module
     from brickpilot.report import check_text
 
-    found = check_module.check(dataset_module.read(Path(dataset)), seed=seed, jobs=jobs)
+    measured = dataset_module.read(Path(dataset))
+    wiring = [one.sentence for one in measured.wiring]
+    found = check_module.check(measured, seed=seed, jobs=jobs)
     if as_json:
-        click.echo(json.dumps(found.to_json(), allow_nan=False))
+        click.echo(json.dumps({"wiring": wiring, **found.to_json()}, allow_nan=False))
         return
-    for line in check_text.lines(found):
+    for line in (*wiring_lines(wiring), *check_text.lines(found)):
         click.echo(line)

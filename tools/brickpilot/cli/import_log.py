@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from brickpilot.cli.completion import import_kinds
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, progress_shown, wiring_lines
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
 from brickpilot.importers.registry import Importer, Option, kind_of
@@ -141,8 +141,11 @@ def options_taken(importer: Importer, importers: Sequence[Importer], given: dict
 
 def _show(made: Imported, as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps({"dataset": str(made.folder), "runs": list(made.runs), "notes": list(made.notes)}))
+        told = {"runs": made.runs, "wiring": made.wiring, "mend": made.mend, "notes": made.notes}
+        click.echo(json.dumps({"dataset": str(made.folder), **told}))
         return
+    for line in wiring_lines(made.wiring, made.mend):
+        click.echo(line)
     for note in made.notes:
         click.echo(f"note: {note}")
     click.echo(f"{made.folder}: {len(made.runs)} run{'s' if len(made.runs) != 1 else ''}")

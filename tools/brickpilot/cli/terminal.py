@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import click
@@ -97,3 +97,8 @@ def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
             printed = text
 
         yield report
+
+
+def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
+    """Returns the lines on channels that are wired or stated wrongly, which stand before all others."""
+    return [*(f"wiring: {one}" for one in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from brickpilot.data.dataset import Dataset
     from brickpilot.discover.finding import Finding
+    from brickpilot.importers.writer import Imported
     from brickpilot.report.why_page import Constants
     from brickpilot.report.why_text import Answer
 
@@ -56,10 +57,10 @@ def why(
     folder = Path(out) if out else Path("runs") / f"why-{path.stem}"
     command = shlex.join(["brickpilot", "why", log, *_given(vehicle, frame, mapping, nominal, budget, seed)])
     with run_folder.fresh_folder(folder, {"why.html", *why_page.FILES} | _terms(folder)) as beside:
-        data, notes = _read(path, beside / _DATA, vehicle, frame, mapping, nominal)
+        data, notes, mend = _read(path, beside / _DATA, vehicle, frame, mapping, nominal)
         with progress_shown(as_json) as progress:
             found = pipeline.discover(data, seed=seed, jobs=jobs, budget_s=budget, progress=progress)
-        answer, constants = _write(found, beside, log, command, notes)
+        answer, constants = _write(found, beside, log, command, notes, mend)
     if as_json:
         said = {"what": answer.what, "sure": answer.sure, "todo": answer.todo, "symptoms": answer.symptoms}
         told = {**said, "constants": constants.to_json(), "verdict": verdict_json(found)}
@@ -74,26 +75,28 @@ def why(
 
 def _read(
     path: Path, into: Path, vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...]
-) -> tuple[Dataset, tuple[str, ...]]:
-    """Returns the data set at `path`, or one made `into` a folder of the log there, with the notes on it."""
+) -> tuple[Dataset, tuple[str, ...], str]:
+    """Returns the data set at `path`, or one made `into` a folder of the log there, its notes and what mends it."""
     from brickpilot.data import dataset as dataset_module
 
     if not (path / "dataset.toml").is_file():
-        notes = _import(path, into, vehicle, frame, mapping, nominal)
-        return dataset_module.read(into), notes
+        made = _import(path, into, vehicle, frame, mapping, nominal)
+        return dataset_module.read(into), made.notes, made.mend
     if mapping or nominal or vehicle or frame:
         raise InputError("a data set describes itself: --map, --nominal, --vehicle and --frame are for logs", file=path)
-    return dataset_module.read(path), ()
+    return dataset_module.read(path), (), ""
 
 
-def _write(found: Finding, beside: Path, log: str, command: str, notes: Sequence[str]) -> tuple[Answer, Constants]:
+def _write(
+    found: Finding, beside: Path, log: str, command: str, notes: Sequence[str], mend: str
+) -> tuple[Answer, Constants]:
     """Writes the pages and files into `beside`, and returns what they say."""
     from brickpilot.discover.finding import verdict_json
     from brickpilot.report import composed_law, discover_page, experiment_files, why_page, why_text
     from brickpilot.vehicle import compensation, model
 
     undone = compensation.from_model(found.augmented)
-    answer, constants = why_text.answer(found, undone), why_page.constants_of(found)
+    answer, constants = why_text.answer(found, undone, mend), why_page.constants_of(found)
     texts = {
         "verdict.json": json.dumps(verdict_json(found), indent=2, allow_nan=False) + "\n",
         "report.html": discover_page.page(found, command),
@@ -142,8 +145,8 @@ def _terms(folder: Path) -> set[str]:
 
 def _import(
     path: Path, into: Path, vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Makes a data set of a log, with guesses where its kind allows them, and returns the notes on it.
+) -> Imported:
+    """Makes a data set of a log, with guesses where its kind allows them.
 
     Raises:
         InputError: there is no such file, its kind is not known, or an option is missing that its kind needs.
@@ -159,5 +162,4 @@ def _import(
     asked |= {option.keyword: ("rests",) for option in importer.options if option.keyword == "split"}
     asked |= {"vehicle": vehicle, "mapping": mapping} | ({"frame": frame} if frame else {})
     taken = options_taken(importer, IMPORTERS, asked)
-    made = importer.load()(files, into, nominal=parse_nominal(nominal), name=path.stem, **taken)
-    return tuple(made.notes)
+    return importer.load()(files, into, nominal=parse_nominal(nominal), name=path.stem, **taken)

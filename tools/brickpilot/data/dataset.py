@@ -16,6 +16,7 @@ from scipy.ndimage import median_filter
 
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
+from brickpilot.data.audit.wiring import Channels, Miswired, mended, miswired
 from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
@@ -38,6 +39,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 """V: multiplies a duty where a data set states no battery voltage."""
 
 _LONGEST_RUN_S = 1e6
+_SHOWN_RUNS = 8  # in a printed data set
 
 _DROPOUT_SHARE = 0.25  # of the running median: a battery sags by less within one sample
 _MEDIAN_SAMPLES = 5
@@ -79,7 +81,7 @@ class Run:
         return pandas.DataFrame({"time": self.time, **self.inputs, **self.outputs})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Dataset(Result):
     """A data set that has been read and checked.
 
@@ -95,6 +97,8 @@ class Dataset(Result):
         notes: for the user: presets used, readings repaired, damage found. One sentence each.
         input_timing: what an input does between two rows. The runs of "linear" have rows of at most 5 ms where an input
             changes, with blank outputs; those of "unknown" are held.
+        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; the runs here have them mended
+            where that is sure.
     """
 
     name: str
@@ -109,6 +113,7 @@ class Dataset(Result):
     faults: tuple[Fault, ...]
     notes: tuple[str, ...]
     input_timing: InputTiming = "held"
+    wiring: tuple[Miswired, ...] = ()
 
     def motor_inputs(self, run: Run) -> Vector:
         """See `motor_inputs`."""
@@ -189,6 +194,16 @@ class Dataset(Result):
         ]
         return pandas.DataFrame(rows)
 
+    def __repr__(self) -> str:
+        """Returns a line on the data set, and one for each of its first runs."""
+        shown = [
+            f"  {run.name}: {len(run.time)} samples, {run.time[-1] - run.time[0]:.4g} s, {run.role or 'no role stated'}"
+            for run in self.runs[:_SHOWN_RUNS]
+        ]
+        more = [f"  and {len(self.runs) - _SHOWN_RUNS} more"] if len(self.runs) > _SHOWN_RUNS else []
+        size = f"{self.vehicle}, {len(self.runs)} runs, {len(self.faults)} faults, {len(self.notes)} notes"
+        return "\n".join([f"Dataset {self.name}: {size}", f"  signals: {', '.join(self.signals)}", *shown, *more])
+
 
 def read(folder: Path | str) -> Dataset:
     """Reads a data set.
@@ -222,7 +237,14 @@ def _checked(
 ) -> Dataset:
     """Returns the data set whose runs' columns `columns` reads, audited."""
     measured = [_run(entry, description, columns) for entry in description.runs]
-    runs, faults, damage = _audited(measured, description)
+    wiring, wired = _wired(measured, description)
+    runs, damaged, damage = _audited(wired, description)
+    order = [run.name for run in runs]
+    whole = [
+        Fault(run.name, name, one.kind, float(run.time[0]), float(run.time[-1]), one.factor)
+        for run in measured for one in wiring if one.is_mended and one.kind != "frozen" for name in one.signals
+    ]  # fmt: skip
+    faults = tuple(sorted([*whole, *damaged], key=lambda one: (order.index(one.run), one.from_s, one.signal)))
     runs, fewer = _decimated(runs)
     if description.input_timing == "linear":
         runs = tuple(with_linear_inputs(run) for run in runs)
@@ -237,8 +259,9 @@ def _checked(
         runs=runs,
         gap_s=description.gap_s,
         faults=faults,
-        notes=(*description.notes, *damage, *fewer),
+        notes=(*(f"wiring: {one.sentence}" for one in wiring), *description.notes, *damage, *fewer),
         input_timing=description.input_timing,
+        wiring=wiring,
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
         raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")
@@ -308,6 +331,28 @@ def _run(
         replicate_of=entry.replicate_of,
         initial=entry.initial,
     )
+
+
+def channels_of(run: Run) -> Channels:
+    """Returns the channels of a run with the damaged samples as measured."""
+    return Channels(run.time, run.inputs, run.raw_outputs)
+
+
+def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], list[Run]]:
+    """Returns what is wired wrongly in all runs, and the runs with what is sure of it mended."""
+    channels = [channels_of(run) for run in runs]
+    nominal = {name: known.value for name, known in description.nominal.items()}
+    found = miswired(channels, nominal)
+    if not any(one.is_mended for one in found):
+        return found, runs
+    right = [mended(one, found) for one in channels]
+    for one in right:
+        for values in (one.time, *one.inputs.values(), *one.outputs.values()):
+            values.setflags(write=False)
+    return found, [
+        replace(run, time=one.time, inputs=one.inputs, outputs=one.outputs, raw_outputs=one.outputs)
+        for run, one in zip(runs, right, strict=True)
+    ]
 
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:

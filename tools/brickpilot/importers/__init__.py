@@ -20,7 +20,10 @@ MAP = Option(
 VEHICLE = Option(
     "vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_drive", "motor"), required=True, unless="guessed"
 )
-FRAME = Option("frame", "--frame", "The frame of sway and yaw.", choices=("FRD", "FLU"), default="FRD")
+FRAME = Option(
+    "frame", "--frame", "The frame of sway and yaw; without it, the one that wheels and yaw show, else FRD.",
+    choices=("FRD", "FLU"),
+)  # fmt: skip
 DELIMITER = Option(
     "delimiter", "--delimiter", "The character between two columns; without it, it is found.", metavar="TEXT"
 )

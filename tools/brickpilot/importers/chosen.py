@@ -36,7 +36,8 @@ class ChannelImporter(Protocol):
         out: the new folder.
         mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; without a unit the one that the file states holds,
             or else the SI unit.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
+        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
+            the one that wheels and yaw show.
         rate: rows per second; None: the rows are the samples of the fastest output.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
         cut: whether a file that ends inside a record is read up to there.
@@ -52,7 +53,7 @@ class ChannelImporter(Protocol):
         mapping: Sequence[str],
         *,
         vehicle: Vehicle,
-        frame: Frame = "FRD",
+        frame: Frame | None = None,
         rate: str | None = None,
         split: Sequence[str] = (),
         cut: bool = False,
@@ -79,7 +80,7 @@ def channel_importer(read: Reader) -> ChannelImporter:
         mapping: Sequence[str],
         *,
         vehicle: Vehicle,
-        frame: Frame = "FRD",
+        frame: Frame | None = None,
         rate: str | None = None,
         split: Sequence[str] = (),
         cut: bool = False,
@@ -108,6 +109,7 @@ def channel_importer(read: Reader) -> ChannelImporter:
             nominal or {},
             notes,
             common_scalings([log.signals for log in logs], files),
+            sources=sources,
         )
         return write(new, out, files[0])
 

@@ -25,6 +25,7 @@ _UNITS = {
     "radps": "rad/s", "rps": "rotation/s",
     "mps": "m/s", "mmps": "mm/s", "cmps": "cm/s", "deg": "deg", "degrees": "deg", "rad": "rad", "mm": "mm", "cm": "cm",
 }  # fmt: skip
+_RATES = {"deg/s", "rad/s", "rpm", "rotation/s"}
 _TIME = {"t", "time", "millis", "micros", "timestamp", "clock", "uptime", "tms", "tus"}
 _DUTY = {"pwm", "duty", "cmd", "command", "power", "throttle", "motor", "mot", "dutycycle"}
 _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", "pulses"}
@@ -111,7 +112,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     if words & _BATTERY:
         return _battery(column)
     if words & _DUTY and not words & _SPEED:
-        return _duty(column)
+        return _duty(column, [one for one in columns if one.words & _DUTY and not one.words & _SPEED] or [column])
     if words & _ENCODER:
         signal = f"wheel_angle_{column.side}" if column.side else "angle"
         reason = f"named like an encoder; {COUNTS_PER_TURN} counts per turn is a guess"
@@ -122,6 +123,8 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         return "it is a turn rate about a level axis, which no signal takes"
     if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y", "surge", "sway"}):
         return _acceleration(column, columns)
+    if words & {"yaw", "heading"} and column.unit in _RATES:
+        return _yaw_rate(column)
     if words & {"yaw", "heading"}:
         unit = column.unit or ("deg" if column.largest > 7.0 else "rad")
         return Taken("yaw_angle", column.name, unit, f"its name; values up to {column.largest:g}")
@@ -142,15 +145,14 @@ def _time(column: Column) -> Taken | str:
     return Taken("time", column.name, unit, f"its name; a step is {usual:g}, so the unit is {unit}")
 
 
-def _duty(column: Column) -> Taken:
+def _duty(column: Column, both: Sequence[Column]) -> Taken:
+    """One driver drives `both` sides, so one number is their full drive."""
     signal = f"duty_{column.side}" if column.side else "duty"
-    scales = [scale for scale in _FULL_SCALES if scale >= column.largest] or [column.largest]
-    full = scales[0]
-    if "pwm" in column.words and column.whole and full <= 255.0:
+    largest = max(one.largest for one in both)
+    full = next((scale for scale in _FULL_SCALES if scale >= largest), largest)
+    if "pwm" in column.words and all(one.whole for one in both) and full <= 255.0:
         full = 255.0
-    elif full == 1.0 and column.whole and column.largest == 1.0:
-        full = 1.0
-    reason = f"its name; values up to {column.largest:g}, so full drive is taken as {full:g}"
+    reason = f"its name; values up to {largest:g}, so full drive is taken as {full:g}"
     return Taken(signal, column.name if full == 1.0 else f"{column.name}/{full:g}", "1", reason)
 
 

@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle
+from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.column_rules import COUNTS_PER_TURN, Column, Taken, column_of, taken_for
+from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.formula import Place
 from brickpilot.importers.mapping import Source, parse_mapping
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_SURE = 0.8  # correlation of gyro and wheels; above it, the sign of the gyro is known
 _LOOKED_AT = 200_000  # rows, so that a long log is guessed in a moment
 
 
@@ -31,26 +31,23 @@ class Guess:
     Attributes:
         sources: signal -> column, formula and unit.
         vehicle: None: neither stated nor guessed.
-        frame: of sway and yaw.
         reasons: signal -> why it was taken for this.
         notes: for the user, a sentence each.
     """
 
     sources: dict[str, Source]
     vehicle: Vehicle | None
-    frame: Frame
     reasons: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
-def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, frame: Frame) -> Guess:
+def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> Guess:
     """Returns what the columns of a table are taken for.
 
     Args:
         table: with a header.
         mapping: entries of ``--map``, which stand as they are.
         vehicle: None: a log with a column of the left or the right is a diff_drive's, any other a motor's.
-        frame: taken unless wheels and gyro show the other one.
 
     Raises:
         InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
@@ -75,14 +72,26 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None, fra
         reasons[found.signal] = found.reason
     left_out += _one_input_set(sources, reasons, vehicle)
     _check_found(table, sources)
-    shown, why = _frame(table, columns, sources, frame)
     notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
-    if counted := [one.text.split("/")[0] for one in sources.values() if one.text.endswith(f"/{COUNTS_PER_TURN}")]:
-        notes.append(
-            f"NOBODY SAID how many counts a turn has: {COUNTS_PER_TURN} IS A GUESS for {' and '.join(counted)}, and "
-            "every speed is wrong by as much as it is; state it with --map SIGNAL=COLUMN/COUNTS:rotation"
-        )
-    return Guess(sources, vehicle, shown, reasons, (*notes, *left_out, *why))
+    notes += _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
+    return Guess(sources, vehicle, reasons, (*notes, *left_out))
+
+
+def _guessed_bases(sources: Mapping[str, Source]) -> list[str]:
+    """Returns a loud note on each number that nobody stated and on which every speed or voltage rests."""
+    found = []
+    for stems, what, spoiled, form in (
+        (("wheel_angle", "angle"), "how many counts a turn has", "speed", "COUNTS:rotation"),
+        (("duty",), "which number is full drive", "voltage", "FULL"),
+    ):
+        scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
+        if scaled:
+            columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
+            found.append(
+                f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
+                f"is; state it with --map SIGNAL=COLUMN/{form}"
+            )
+    return found
 
 
 def _values(table: TextTable, name: str) -> Vector:
@@ -98,6 +107,10 @@ def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
         return f"{sources[found.signal].text} is {found.signal} already"
     if found.signal not in SIGNALS or vehicle not in SIGNALS[found.signal].vehicles:
         return f"a {vehicle} has no signal {found.signal}"
+    try:
+        si_factor(found.unit, SIGNALS[found.signal].unit)
+    except ValueError as error:
+        return f"it looks like {found.signal}, but {error}"
     return None
 
 
@@ -120,41 +133,3 @@ def _check_found(table: TextTable, sources: Mapping[str, Source]) -> None:
         if kind not in kinds:
             message = f"finds no {'time' if kind == 'time' else f'complete {kind}'} among {known}; add --map {example}"
             raise InputError(message, file=table.file, line=table.first_line, field="--guess")
-
-
-def _frame(
-    table: TextTable, columns: Sequence[Column], sources: Mapping[str, Source], frame: Frame
-) -> tuple[Frame, tuple[str, ...]]:
-    """Returns the frame that wheels and gyro show, and a note."""
-    yaw = next((one for one in ("yaw_rate", "yaw_angle") if one in sources), None)
-    if yaw is None:
-        return frame, ()
-    logged = {
-        signal: next((one.values for one in columns if source.text.startswith(one.name)), np.empty(0))
-        for signal, source in sources.items()
-    }
-    turning = logged[yaw] if yaw == "yaw_rate" else _rate(logged[yaw])
-    for stem in ("wheel_angle", "wheel_travel", "wheel_speed", "duty", "voltage"):
-        if f"{stem}_left" not in logged or f"{stem}_right" not in logged:
-            continue
-        lead = logged[f"{stem}_right"] - logged[f"{stem}_left"]
-        agree = _agreement(_rate(lead) if stem in ("wheel_angle", "wheel_travel") else lead, turning)
-        if abs(agree) >= _SURE:
-            shown: Frame = "FLU" if agree > 0.0 else "FRD"
-            sense = "counter-clockwise" if shown == "FLU" else "clockwise"
-            return shown, (f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive",)
-    return frame, (f"the sign of {yaw} is not shown by the wheels: the frame is taken as {frame}; see --frame",)
-
-
-def _rate(values: Vector) -> Vector:
-    return np.diff(values, prepend=values[:1])
-
-
-def _agreement(lead: Vector, turning: Vector) -> float:
-    """Returns the correlation of two signals over means of some rows; 0 where one of them does not change."""
-    sound = np.isfinite(lead) & np.isfinite(turning)
-    width = min(100, max(1, int(np.count_nonzero(sound)) // 40))
-    one, two = (np.convolve(values[sound], np.full(width, 1 / width), "valid") for values in (lead, turning))
-    if one.size < 2 or np.std(one) == 0.0 or np.std(two) == 0.0:
-        return 0.0
-    return float(np.mean((one - one.mean()) * (two - two.mean())) / (np.std(one) * np.std(two)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.audit.wiring import Taken
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
@@ -167,6 +170,33 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
             raise InputError("is not NAME=NUMBER", field=f"--nominal {entry}")
         nominal[name.strip()] = value
     return nominal
+
+
+def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
+    """Returns the options of `import` that take each signal from where it should be taken from; "": there are none."""
+    found = []
+    for signal, one in taken.items():
+        if one.source not in sources or not math.isfinite(one.factor):
+            continue
+        was = sources[one.source]
+        unit = f":{was.unit}" if was.states_unit and was.unit != SIGNALS[signal].unit else ""
+        found.append(f"--map {shlex.quote(f'{signal}={_times(was.text, one.factor)}{unit}')}")
+    return " ".join(found)
+
+
+def _times(text: str, factor: float) -> str:
+    """Returns a formula times a factor, as "encL/1440" of "encL/960"."""
+    column, slash, number = text.partition("/")
+    try:
+        counts = float(number) / factor if slash else math.nan
+    except ValueError:
+        counts = math.nan
+    if math.isfinite(counts):
+        return f"{column}/{round(counts) if abs(counts) >= 100 else float(f'{counts:.6g}'):g}"
+    if factor == 1.0:
+        return text
+    plain = text if re.fullmatch(r"[\w./\[\]]+", text) else f"({text})"
+    return f"-{plain}" if factor == -1.0 else f"{plain}*{factor:.6g}"
 
 
 def units_of(sources: Mapping[str, Source]) -> dict[str, str]:

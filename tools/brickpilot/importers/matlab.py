@@ -24,7 +24,7 @@ def import_matlab(
     mapping: Sequence[str],
     *,
     vehicle: Vehicle,
-    frame: Frame = "FRD",
+    frame: Frame | None = None,
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
@@ -35,7 +35,8 @@ def import_matlab(
         out: the new folder.
         mapping: ``SIGNAL=VARIABLE:UNIT``, ``SIGNAL=VARIABLE[COLUMN]:UNIT`` for a column of a matrix, from 0, or a
             formula of them; ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
+        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
+            the one that wheels and yaw show.
 
     Raises:
         InputError: naming file and variable, or the option. Nothing is written then.
@@ -47,7 +48,14 @@ def import_matlab(
     runs = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)]
     scalings = common_scalings(logs, files)
     new = NewDataset(
-        name or out.resolve().name, vehicle, frame, units_of(sources), runs, nominal or {}, scalings=scalings
+        name or out.resolve().name,
+        vehicle,
+        frame,
+        units_of(sources),
+        runs,
+        nominal or {},
+        scalings=scalings,
+        sources=sources,
     )
     return write(new, out, files[0])
 

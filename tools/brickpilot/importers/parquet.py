@@ -26,7 +26,7 @@ def import_parquet(
     mapping: Sequence[str],
     *,
     vehicle: Vehicle,
-    frame: Frame = "FRD",
+    frame: Frame | None = None,
     split: Sequence[str] = (),
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
@@ -38,7 +38,8 @@ def import_parquet(
         out: the new folder.
         mapping: ``SIGNAL=COLUMN[:UNIT]``, or a formula of columns; a field of a struct is ``column.field``. A column of
             time stamps or durations is in s, from its first value or as it stands.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
+        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
+            the one that wheels and yaw show.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
 
     Raises:
@@ -60,7 +61,8 @@ def import_parquet(
         runs += made
         notes += [f"{file.name}: {note}" for note in told]
     scalings = common_scalings(logs, files)
-    new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings)
+    new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings,
+                     sources=sources)  # fmt: skip
     return write(new, out, files[0])
 
 

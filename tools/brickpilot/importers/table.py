@@ -32,7 +32,7 @@ def import_table(
     mapping: Sequence[str] = (),
     *,
     vehicle: Vehicle | None = None,
-    frame: Frame = "FRD",
+    frame: Frame | None = None,
     delimiter: str | None = None,
     header: bool = False,
     guessed: bool = False,
@@ -48,7 +48,8 @@ def import_table(
         files: text files with the same columns.
         out: the new folder.
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; a column is its name, or its number from 0.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder.
+        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
+            the one that wheels and yaw show.
         delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
@@ -66,7 +67,7 @@ def import_table(
     if not guessed:
         parse_mapping(mapping)  # a fault in an option is told before a fault in a file
     tables = [read_table(file, delimiter, header) for file in files]
-    found = guess(tables[0], mapping, vehicle, frame) if guessed else Guess(parse_mapping(mapping), vehicle, frame)
+    found = guess(tables[0], mapping, vehicle) if guessed else Guess(parse_mapping(mapping), vehicle)
     if found.vehicle is None:
         raise InputError("is needed to import a table, or --guess", field="--vehicle")
     sources = found.sources
@@ -81,8 +82,8 @@ def import_table(
         runs += made
         notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
     new = NewDataset(
-        name or out.resolve().name, found.vehicle, found.frame, units_of(sources), runs, nominal or {}, notes, scalings,
-        found.reasons, input_timing,
+        name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {}, notes, scalings,
+        found.reasons, input_timing, sources,
     )  # fmt: skip
     return write(new, out, files[0])
 

@@ -8,18 +8,22 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
 from brickpilot.data import dataset
+from brickpilot.data.audit.wiring import Channels, Miswired, miswired, taken_from
+from brickpilot.data.dataset import Dataset, channels_of
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
+from brickpilot.importers.mapping import Source, mending
 
 _ROWS_AT_ONCE = 50_000  # are turned into text, so that a long log needs little memory
 _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
@@ -27,11 +31,21 @@ _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
 
 @dataclass(frozen=True)
 class Imported:
-    """The result of an importer: the folder, its runs' names in order, and notes for the user, a sentence each."""
+    """The result of an importer.
+
+    Attributes:
+        folder: of the data set.
+        runs: their names in order.
+        notes: for the user, a sentence each.
+        wiring: what is wired wrongly in all runs, a sentence each.
+        mend: the options of `import` that mend this; empty: nothing is to be mended, or nothing mends it.
+    """
 
     folder: Path
     runs: tuple[str, ...]
     notes: tuple[str, ...]
+    wiring: tuple[str, ...] = ()
+    mend: str = ""
 
 
 @dataclass(frozen=True)
@@ -59,11 +73,13 @@ class NewDataset:
         scalings: signal -> how its cells become values; absent: they are values.
         reasons: signal -> why it was taken for what it is: a comment behind its line.
         input_timing: what an input does between two rows.
+        sources: signal -> where it stands in the log, for the options that mend a wrong wiring.
+        frame: None: nobody states it, and it is the one that wheels, drives and yaw show, else FRD.
     """
 
     name: str
     vehicle: Vehicle
-    frame: Frame
+    frame: Frame | None
     units: Mapping[str, str]
     runs: Sequence[NewRun]
     nominal: Mapping[str, float] = field(default_factory=dict)
@@ -71,6 +87,7 @@ class NewDataset:
     scalings: Mapping[str, Scaling] = field(default_factory=dict)
     reasons: Mapping[str, str] = field(default_factory=dict)
     input_timing: InputTiming = "held"
+    sources: Mapping[str, Source] = field(default_factory=dict)
 
 
 def check_out(out: Path) -> None:
@@ -119,6 +136,10 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
         partial.mkdir()
         _fill(new, partial)
         read_back = dataset.read(partial)
+        if new.frame is None:
+            new = replace(new, **_framed(new, read_back))
+            _describe(new, partial)
+            read_back = dataset.read(partial)
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.is_dir():
             place.rmdir()  # it is empty; Windows renames to no folder that exists
@@ -130,7 +151,40 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
         raise InputError(f"makes no valid data set: {reason}", file=source) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-    return Imported(out, tuple(run.name for run in new.runs), (*new.notes, *read_back.notes))
+    wiring = tuple(one.sentence for one in read_back.wiring)
+    notes = (note for note in read_back.notes if not note.startswith("wiring: "))
+    mend = mending(new.sources, taken_from(read_back.wiring))
+    return Imported(out, tuple(run.name for run in new.runs), (*new.notes, *notes), wiring, mend)
+
+
+def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
+    """Returns the frame that the data show, and the notes with one on it.
+
+    The sign of the yaw is shown if one of both signs contradicts wheels and drives.
+    """
+    yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
+    if yaw is None or new.vehicle == "motor":
+        return {"frame": "FRD"}
+    nominal = {name: one.value for name, one in as_frd.nominal.items()}
+    turned = [_turned(channels_of(run)) for run in as_frd.runs]
+
+    def is_against(found: Sequence[Miswired]) -> bool:
+        return any(one.kind == "sign" and yaw in one.mend for one in found)
+
+    shown: Frame | None = (
+        "FLU" if is_against(as_frd.wiring) else "FRD" if is_against(miswired(turned, nominal)) else None
+    )
+    if shown is None:
+        note = f"the sign of {yaw} is not shown by the wheels: the frame is taken as FRD; see --frame"
+        return {"frame": "FRD", "notes": (*new.notes, note)}
+    sense = "counter-clockwise" if shown == "FLU" else "clockwise"
+    note = f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive"
+    return {"frame": shown, "notes": (*new.notes, note)}
+
+
+def _turned(one: Channels) -> Channels:
+    outputs = {name: -values if name.startswith("yaw_") else values for name, values in one.outputs.items()}
+    return replace(one, outputs=outputs)
 
 
 def _fill(new: NewDataset, folder: Path) -> None:
@@ -141,6 +195,10 @@ def _fill(new: NewDataset, folder: Path) -> None:
             for start in range(0, len(columns[0]), _ROWS_AT_ONCE):
                 rows = zip(*(_cells(values[start : start + _ROWS_AT_ONCE]) for values in columns), strict=True)
                 file.writelines(f"{','.join(row)}\n" for row in rows)
+    _describe(new, folder)
+
+
+def _describe(new: NewDataset, folder: Path) -> None:
     (folder / "dataset.toml").write_text(_description(new), encoding="utf-8", newline="\n")
 
 
@@ -156,7 +214,7 @@ def _description(new: NewDataset) -> str:
     document = tomlkit.document()
     for note in new.notes:
         document.add(tomlkit.comment(note))
-    document.update({"name": new.name, "vehicle": new.vehicle, "frame": new.frame})
+    document.update({"name": new.name, "vehicle": new.vehicle, "frame": new.frame or "FRD"})
     if new.input_timing != "held":
         document["input_timing"] = new.input_timing
     document["csv"] = _inline({"delimiter": ",", "header": True})

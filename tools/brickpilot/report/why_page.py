@@ -67,10 +67,17 @@ def files_of(name: str, constants: Constants) -> dict[str, str]:
     speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
     given: Mapping[str, object] = {
         "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,
+        "c_float": _c_float,
     }  # fmt: skip
     if constants.odometry is None:
         return {MOTOR_HEADER: render_plain(HEADER, **given, what="MOTOR")}
     return {one: render_plain(one, **given, what="ROBOT") for one in (HEADER, CONTROLLER)}
+
+
+def _c_float(value: float) -> str:
+    """Returns a constant of type float in C, which needs a point or an exponent before its suffix."""
+    text = f"{value:.6g}"
+    return f"{text if '.' in text or 'e' in text else f'{text}.0'}f"
 
 
 def page(

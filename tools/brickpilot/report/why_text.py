@@ -47,6 +47,7 @@ _OF_A_MOTOR = {
 }
 """The same for a motor and its load."""
 
+_ALL = 99.0  # % of the signals: what is left is no complaint
 _VEERS = math.radians(1.0)  # rad/m: less is hardly seen
 _DIFFERS = 0.03  # of a speed or a way: less is hardly seen
 
@@ -67,13 +68,21 @@ class Answer:
     symptoms: tuple[str, ...]
 
 
-def answer(finding: Finding, undone: Compensation | None) -> Answer:
-    """Returns the answer that a finding gives.
+def answer(finding: Finding, undone: Compensation | None, mend: str = "") -> Answer:
+    """Returns the answer that a finding gives: a wrong wiring first, as all else rests on it.
 
     Args:
         undone: the compensation that was made of it; None: the firmware can undo nothing.
+        mend: the options of `import` that mend a wrong wiring.
     """
-    found = Answer(_what(finding), _sure(finding), tuple(_todo(finding, undone)), tuple(_symptoms(finding)))
+    what, todo = _what(finding), _todo(finding, undone)
+    if wiring := finding.dataset.wiring:
+        mended = all(one.is_mended for one in wiring)
+        after = "With that mended" if mended else "What follows rests on data that contradict themselves"
+        what = f"{' '.join(one.sentence for one in wiring)} {after}: {what[0].lower()}{what[1:]}"
+        first = "Mend the wiring, or state the log otherwise"
+        todo = [f"{first}: {mend}." if mend else f"{first}.", *todo]
+    found = Answer(what, _sure(finding), tuple(todo), tuple(_symptoms(finding)))
     return Answer(**{name: told(finding.dataset, value) for name, value in vars(found).items()})
 
 
@@ -81,6 +90,8 @@ def _what(finding: Finding) -> str:
     names = [explanation(one) for one in found_names(finding)]
     if finding.verdict == "none" and leaves_more_than_noise(finding):
         fit = discover_fit.headline(finding)
+        if fit is not None and _is_all(finding):
+            return f"Nothing is wrong: the simulation explains {fit_text(fit.after)} of the signals on {fit.runs}."
         size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
         return f"The simulation explains {size}, and no cause was found for the rest."
     if finding.verdict == "none":
@@ -96,6 +107,12 @@ def _what(finding: Finding) -> str:
         return "The robot does something that the simulation does not, and the logs do not say in which part."
     likely = f", most likely {listed(names)}" if names else ""
     return f"The robot does something that the simulation does not. It is in the {finding.mechanism}{likely}."
+
+
+def _is_all(finding: Finding) -> bool:
+    """Whether the simulation explains the signals so far that nobody would ask why."""
+    fit = discover_fit.headline(finding)
+    return fit is not None and fit.after is not None and fit.after >= _ALL
 
 
 def _sure(finding: Finding) -> str:
@@ -136,12 +153,16 @@ def _todo(finding: Finding, undone: Compensation | None) -> list[str]:
         found.append(f"Measure {one.parameter} again: {stated} is stated, and the logs fit {fitted}.")
     if undone is not None and undone.undone:
         found.append(f"Or let the firmware undo it: compensation.toml does so for {listed(undone.undone)}.")
-    elif undone is not None and any(NOMINAL in sources for sources in undone.sources.values()):
+    elif (
+        finding.verdict != "none"
+        and undone is not None
+        and any(NOMINAL in sources for sources in undone.sources.values())
+    ):
         found.append("The firmware believes in the packaged robot: compensation.toml tells it of this one.")
     if finding.next_experiment is not None:
         found.append(finding.next_experiment.advice)
     found += _lengths(finding)
-    if not found and leaves_more_than_noise(finding):
+    if not found and leaves_more_than_noise(finding) and not _is_all(finding):
         return ["Drive more manoeuvres, or measure more signals: `brickpilot check` says which manoeuvres tell more."]
     return found or ["Nothing. Drive more manoeuvres if you still doubt it: `brickpilot check` says which."]
 
