@@ -116,8 +116,8 @@ def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
         assert found.verdict == "none"  # no effect of the library is missing
     (values,) = found.run_values
     assert set(values.runs) == set(FITTED)
-    # What all runs share of a gain or a delay, the model may hold. Nothing depends on a start before the first input: the
-    # interval of one that a fit left there says so.
+    # What all runs share of a gain or a delay, the model may hold. Nothing depends on a start before the first input:
+    # the interval of one that a fit left there says so.
     told = {name: one for name, (one, (low, high)) in values.runs.items() if kind != "start" or high - low < 0.1}
     known = [planted[name] for name in told]
     shared = 0.0 if kind == "start" and not found.effects else np.mean(known) - np.mean(list(told.values()))
