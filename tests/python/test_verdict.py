@@ -34,8 +34,8 @@ FRICTION = {"coulomb_friction": {"torque": 0.006}}
     [
         (Adequacy({"speed": 0.1, "yaw_rate": 0.2}, 0.1, 0.9), True, ""),
         (Adequacy({"speed": 0.1, "yaw_rate": 0.21}, 0.1, 0.9), False, "21 % of the error of yaw_rate"),
-        (Adequacy({"speed": 0.1}, 5.0, 0.34), True, ""),
-        (Adequacy({"speed": 0.1}, 0.31, 0.33), False, "neither a law of the library nor a black box predicts it"),
+        (Adequacy({"speed": 0.1}, 5.0, 0.51), True, ""),
+        (Adequacy({"speed": 0.1}, 0.31, 0.49), False, "neither a law of the library nor a black box predicts it"),
         (Adequacy({"speed": 0.1}, 0.29, 0.0), True, ""),
         (Adequacy({}, 0.0, 0.0), True, ""),
     ],

@@ -45,9 +45,10 @@ UNEXPLAINED_NATS = 0.3
 """What is left above noise, in nats a value, that is too much for `none` and for a name: a residual a third larger than
 noise."""
 
-EXPLAINED = 1 / 3
-"""Effects that remove less than this share of the squared error above noise do not explain the machine, if more than
-the above is left."""
+EXPLAINED = 1 / 2
+"""A law explains an error if it removes more of its square above noise than it leaves. A law that joins others and does
+not is no name: what they leave may as well be their own error. Nor do laws explain a machine that together remove less,
+if more than the above is left."""
 
 RULER, BENCH, ESTIMATE, GUESS = 0.03, 0.05, 0.1, 0.3
 """The sd of a nominal value that is stated without one, as a share of it: lengths, masses and voltages are read off a

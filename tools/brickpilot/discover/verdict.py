@@ -71,7 +71,7 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
 def weigh(found: Found) -> Verdict:
     """Returns the verdict of the evidence alone, before what is left is looked at."""
     temperature = found.temperature
-    ranked = _needed(found.ranked(), temperature)
+    ranked = _needed(found.ranked(), found)
     weight = evidence.weigh(ranked, temperature)
     order = np.argsort(-weight, kind="stable")
     last = int(np.searchsorted(np.cumsum(weight[order]), numbers.SURE))
@@ -110,20 +110,24 @@ def best_so_far(found: Found) -> Explanation:
     return best.explanation if gain > numbers.CHANCE_NATS * found.judge.correlation(best) else nothing.explanation
 
 
-def _needed(ranked: Sequence[Evidence], temperature: float) -> list[Evidence]:
-    """Returns the explanations but for those with more parts than another one that is no worse in anything.
+def _needed(ranked: Sequence[Evidence], found: Found) -> list[Evidence]:
+    """Returns the explanations but for those beside which a simpler one says as much.
 
-    The more parts, the more sets of them there are: many that nothing speaks for would together outweigh a name. Parts
-    that join another explanation and do not lower its cost say nothing either, whatever stretches left out say.
+    Those that contain a simpler one have to remove more than they leave of what that one leaves, of the squared error
+    above noise and of how far values are from what was stated: no law is exact, and another law often improves on the
+    error of the first. And no explanation has more parts than another one that is no worse in anything: there are the
+    more sets of parts, the larger they are, and many that nothing speaks for would together outweigh a name.
     """
+    temperature = found.temperature
+    prior = {one: one.log_prior(temperature) for one in ranked}
+    left = {one: found.judge.excess(one) / 2 + temperature * evidence.surprise(one.away) for one in ranked}
 
-    prior = {id(one): one.log_prior(temperature) for one in ranked}
-
-    def is_better(one: Evidence, other: Evidence) -> bool:
+    def says_as_much(one: Evidence, other: Evidence) -> bool:
         first, second = one.explanation, other.explanation
-        predicts_as_well = one.total >= other.total or (first.key < second.key and first.cost <= second.cost)
-        return len(first.parts) < len(second.parts) and prior[id(one)] >= prior[id(other)] and predicts_as_well
+        if second.contains(first) and left[other] >= (1 - numbers.EXPLAINED) * left[one]:
+            return True
+        return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
 
-    needed = [other for other in ranked if not any(is_better(one, other) for one in ranked)]
+    needed = [other for other in ranked if not any(says_as_much(one, other) for one in ranked if one is not other)]
     first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
     return [one for one in needed if first[one.explanation.laws] is one]
