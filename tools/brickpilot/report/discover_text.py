@@ -263,7 +263,7 @@ def why_unclaimed(finding: Finding) -> str:
     signal = max(left, key=lambda name: left[name], default=None)
     if signal is not None and left[signal] > numbers.SHARED_REST:
         return f"A black box still predicts {percent(left[signal])} of what is left of {say(signal)}."
-    return "The data do not determine its size, or too much error is left beside it."
+    return "The measured samples do not show it surely, or too much error is left beside it."
 
 
 def _with_sizes(effects: Sequence[Effect]) -> str:
