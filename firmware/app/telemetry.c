@@ -19,6 +19,7 @@ static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t thir
     put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
 }
 
+/* By address: 32 bits as an argument make more code, and the RCX has hardly any left. */
 static uint8_t *put32(uint8_t *at, const int32_t *value)
 {
     return put16(put16(at, (uint16_t)*value), (uint16_t)((uint32_t)*value >> 16));

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
-from brickpilot.data.audit.wiring import SURE, Channels, Miswired, mended, miswired
+from brickpilot.data.audit.wiring import mended, miswired
+from brickpilot.data.audit.wiring_motion import SURE, Channels, Miswired
 from hidden import measure
 from hidden.manoeuvre import catalogue, varied
 from hidden.recipe import Recipe, Vehicle

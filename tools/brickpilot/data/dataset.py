@@ -16,7 +16,8 @@ from scipy.ndimage import median_filter
 
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
-from brickpilot.data.audit.wiring import Channels, Miswired, mended, miswired
+from brickpilot.data.audit.wiring import mended, miswired
+from brickpilot.data.audit.wiring_motion import Channels, Miswired
 from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables

@@ -129,14 +129,14 @@ def smallest_sizes(prepared: Prepared, best: Explanation, temperature: float) ->
     tried = []
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
         size = abs(values[part.free[0]])
-        needed = _needed(part, size, strength, temperature)
+        needed = _size_named(part, size, strength, temperature)
         if needed <= _size_of(part).maximum:
             tried.append((part, size, needed))
     found = {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in _nearest(tried)}
     return dict(sorted(found.items()))
 
 
-def _needed(part: Part, size: float, strength: float, temperature: float) -> float:
+def _size_named(part: Part, size: float, strength: float, temperature: float) -> float:
     """Returns the size at which a part would be named: extrapolated from `size`, which shows with so many nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
@@ -265,7 +265,7 @@ class _Asked:
         strength = (np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2
         sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
         tried = [
-            (probe.part, size, _needed(probe.part, size, one, self.temperature))
+            (probe.part, size, _size_named(probe.part, size, one, self.temperature))
             for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
         ]
         return {part.effect for part, size in _nearest(tried) if size <= self.usual[part.effect, part.free[0]]}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.wiring import Taken
+from brickpilot.data.audit.wiring_motion import Taken
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError

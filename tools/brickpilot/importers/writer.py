@@ -17,7 +17,8 @@ import tomlkit
 from numpy.typing import NDArray
 
 from brickpilot.data import dataset
-from brickpilot.data.audit.wiring import Channels, Miswired, miswired, taken_from
+from brickpilot.data.audit.wiring import miswired, taken_from
+from brickpilot.data.audit.wiring_motion import Channels, Miswired
 from brickpilot.data.dataset import Dataset, channels_of
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.signals import Frame, Vehicle

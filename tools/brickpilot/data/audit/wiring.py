@@ -1,104 +1,34 @@
 """Finds channels that are wired or stated wrongly in all runs: swapped, reversed, dead, or by a wrong factor.
 
-One idea: each channel is what the others say of it. The wheels follow their drives, straight and turning, each with a
-positive gain and a lag; the yaw follows the difference of the wheels. Each way to swap and reverse the channels is a
-hypothesis, and explains a share of the motion. Its weight is that share's likelihood, times a prior for each fault in
-it. Factors are read off the same regressions once swaps and signs are right.
+One idea: each channel is what the others say of it; see `wiring_motion`. Factors are read off the same regressions once
+swaps and signs are right.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import product
 from math import erf, exp, log, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from brickpilot.data.audit.fault import Kind
 from brickpilot.data.audit.view import drives
-from brickpilot.data.audit.windows import cut
+from brickpilot.data.audit.wiring_motion import (
+    FREE,
+    LAGS,
+    SURE,
+    UNIT_FITS,
+    USUAL,
+    Channels,
+    Miswired,
+    Motion,
+    Taken,
+    pair,
+)
 
-Vector = NDArray[np.float64]
-
-SURE = 0.99
-"""From this share of the trust on, a fault is mended before the analysis."""
-
-WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
-
-_WINDOW_S = 0.1
-_PER_SECOND = 4.0  # independent windows
-_MOST = 60.0  # of them that count: the model is a rough one, and more data do not make it truer
-_FLOOR = 0.02  # of the motion: what the rough model leaves even where it is right
-_EXPLAINED = 0.4  # of the motion: less is no evidence
-_PER_FAULT = 6.0  # logarithm of the prior odds against each fault
-_LAGS = (1.0, 0.5, 0.25, 0.1)  # share of a step that the motion makes in a window
-_DEAD = 0.01  # of the other channels' motion
-_APART = 0.3  # of the drives: a smaller turn shows nothing of left and right
-_FREE = (0.75, 1.33)  # what slip and inexact lengths may do to a ratio
 _SIDES_FREE = 2.5  # ratio of the gains of two motors, of which one is weak
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
-_USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest, in SI
-_UNIT_FITS = 3.0  # a ratio over the factor of a unit
-_ONE_RUN = 30.0  # times the motion of the other runs: another unit in one run
-_ONE_NUMBER = 0.93  # of a turn that two wheels without slip explain
-_COLLINEAR = 1e4  # condition of the squares of two columns: left and right are told apart
 _STEPS_S = (1e-4, 0.5)  # between samples, of a log that shows how a robot moves
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-
-
-@dataclass(frozen=True)
-class Taken:
-    """A signal's values are `factor` times those of the channel `source`."""
-
-    source: str
-    factor: float = 1.0
-
-
-@dataclass(frozen=True)
-class Miswired:
-    """One fault, in words, with what mends it.
-
-    Attributes:
-        kind: "swapped", "sign", "frozen", "unit" or "clock", as of a data fault.
-        signals: the channels that are wrong.
-        text: what is wrong, as the beginning of a sentence.
-        sure: share of the trust, 0..1.
-        mend: signal -> what it should be taken from; empty: nothing mends it.
-        factor: stated over true value, where it is a factor.
-        is_open: whether something else may be wrong instead, as a length that was measured; then nothing is mended.
-    """
-
-    kind: Kind
-    signals: tuple[str, ...]
-    text: str
-    sure: float
-    mend: Mapping[str, Taken] = field(default_factory=dict)
-    factor: float | None = None
-    is_open: bool = False
-
-    @property
-    def is_mended(self) -> bool:
-        """Whether the analysis goes on with mended channels."""
-        return bool(self.mend) and self.sure >= SURE and not self.is_open
-
-    @property
-    def sentence(self) -> str:
-        sure = f"{100 * min(self.sure, 0.999):.3g} % sure"
-        text = self.text if "_" in self.text.split()[0] else f"{self.text[0].upper()}{self.text[1:]}"
-        return f"{text} ({sure}{', mended here' if self.is_mended else ''})."
-
-
-@dataclass(frozen=True, eq=False)
-class Channels:
-    """One run as it was measured, SI; NaN where blank."""
-
-    time: Vector
-    inputs: Mapping[str, Vector]
-    outputs: Mapping[str, Vector]
 
 
 def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Miswired, ...]:
@@ -143,296 +73,20 @@ def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
     return Channels(values["time"], {n: values[n] for n in run.inputs}, {n: values[n] for n in run.outputs})
 
 
-class _Motion:
-    """The motion in short windows of all runs: of drives, wheels and yaw; (w,) each, NaN where unknown."""
-
-    def __init__(self, runs: Sequence[Channels]) -> None:
-        self.inputs = list(runs[0].inputs)
-        self.names = [name for name in runs[0].outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
-        self.kind = next((kind for kind in WHEEL_KINDS if set(_pair(f"wheel_{kind}")) & set(self.names)), None)
-        self.wheels: tuple[str, ...] = () if self.kind is None else _pair(f"wheel_{self.kind}")
-        self.yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in self.names), None)
-        parts: list[dict[str, Vector]] = []
-        for run in runs:
-            driven = {side: drive for side, drive in drives(run.inputs).items() if side != "yaw"}
-            wanted = {name: run.outputs[name] for name in self.names if name.startswith(("wheel_", "yaw_"))}
-            seconds = float(run.time[-1] - run.time[0])
-            windows = cut(run.time, driven | wanted, int(np.clip(seconds / _WINDOW_S, 8, 2000)))
-            nothing = np.full_like(windows.seconds, np.nan)
-            part = {name: windows.moved.get(name, nothing) / windows.seconds for name in (*driven, *wanted)}
-            for number, share in enumerate(_LAGS):
-                for side in driven:
-                    part[f"{side}{number}"] = lfilter([share], [1.0, share - 1.0], part[side])
-            parts.append(part | {"seconds": windows.seconds})
-        for name in (name for name in self.names if name.startswith("wheel_")):
-            sizes = np.array([_rms(part[name]) if name in part else 0.0 for part in parts])
-            usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 0.0
-            for part, size in zip(parts, sizes, strict=True):
-                if size > _ONE_RUN * usual:
-                    part[name][:] = np.nan  # in this run alone, which the audit finds
-        self.at = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-    @cached_property
-    def drives(self) -> float:
-        """The rms of the drives."""
-        return _rms(np.concatenate([self.at["left"], self.at["right"]]))
-
-    @cached_property
-    def still(self) -> tuple[str, ...]:
-        """The wheels that stand still in all runs although something else moves."""
-        sizes = {name: _rms(self.at[name]) if name in self.at else np.nan for name in self.wheels}
-        largest = max(sizes.values(), default=0.0)
-        turns = self.yaw is not None and _rms(self.at[self.yaw]) > 0.05
-        return tuple(
-            name for name, size in sizes.items()
-            if name in self.at and (size <= _DEAD * largest or (largest == 0.0 and turns))
-        )  # fmt: skip
-
-    def dead(self) -> list[Miswired]:
-        """Returns the encoders that count nothing."""
-        if len(self.still) == 2:
-            text = f"both encoders stand still while {self.yaw} turns"
-            return [Miswired("frozen", self.still, text, 1.0, {name: Taken(name, np.nan) for name in self.still})]
-        found = []
-        for name in self.still:
-            side, other = ("left", "right") if name.endswith("left") else ("right", "left")
-            own = self.at[side]
-            if _rms(own) < _APART * self.drives:
-                continue
-            # A wheel that is blocked would turn the robot round it.
-            sure = 1.0 if self._goes_straight(other) else 0.9
-            text = f"the {side} encoder stands still while its motor is driven and the {other} wheel moves"
-            found.append(Miswired("frozen", (name,), text, sure, {name: Taken(name, np.nan)}))
-        return found
-
-    def _goes_straight(self, moving: str) -> bool:
-        """Whether the yaw follows both drives rather than the wheel that moves, so that the other one turns as well."""
-        if self.yaw is None:
-            return False
-        turn, left, right = (self.at[name] for name in (self.yaw, "left1", "right1"))
-        alone = _alike(turn, self.at[self.wheels[0 if moving == "left" else 1]])
-        return max(_alike(turn, left - right), _alike(turn, left + right)) > alone
-
-    def hypotheses(self) -> list[Miswired]:
-        """Returns the faults of the likeliest way to swap and reverse the channels; empty: there is none."""
-        scored = [(self._likelihood(one) - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
-        if not scored:
-            return []
-        top = max(score for score, _ in scored)
-        total = sum(exp(score - top) for score, _ in scored)
-        best = max(scored, key=lambda one: (one[0], -one[1].cost))[1]
-        if best.cost == 0:
-            return []
-        alike = [one for score, one in scored if score > top - 1e-6 and one is not best]
-        share = sum(exp(score - top) for score, one in scored if one is best or one in alike) / total
-        words = [" and ".join(text for text, _, _ in one.told(self)) for one in alike]
-        other = f", or as well {', or '.join(words)}" if words else ""
-        told = best.told(self)
-        return [
-            Miswired(kind, tuple(mend), text + (other if place == len(told) - 1 else ""), share, mend,
-                     -1.0 if kind == "sign" else None)
-            for place, (text, kind, mend) in enumerate(told)
-        ]  # fmt: skip
-
-    def turning(self) -> _Gains | None:
-        """Returns the yaw per motion of the left and of the right wheel."""
-        if self.yaw is None or not self.both:
-            return None
-        left, right = (self.at[name] for name in self.wheels)
-        turn, seconds = self.at[self.yaw], float(np.sum(self.at["seconds"]))
-        x = np.column_stack([left, -right])
-        if (whole := _gains(x, turn, seconds, _ONE_NUMBER)) is None:
-            return None
-        slow = np.abs(turn) < 0.5 * float(np.nanmax(np.abs(turn), initial=0.0))
-        apart = x @ whole.gains
-        known = np.isfinite(turn) & np.isfinite(apart)
-        # Slip and a gyro at the end of its range grow with speed. A wrong number is the same at each.
-        ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
-                  for some in (known & slow, known & ~slow)]  # fmt: skip
-        alike = min(ratios) > 0.0 and max(ratios) < _FREE[1] * min(ratios)
-        return whole if alike else None
-
-    def driven(self, lag: int) -> _Gains | None:
-        """Returns the motion of each side per drive, of the wheels or else of the yaw."""
-        left, right, seconds = self.at[f"left{lag}"], self.at[f"right{lag}"], float(np.sum(self.at["seconds"]))
-        if not self.both:
-            return None if self.yaw is None else _gains(np.column_stack([left, -right]), self.at[self.yaw], seconds)
-        nothing = np.zeros_like(left)
-        x = np.vstack([np.column_stack([left, nothing]), np.column_stack([nothing, right])])
-        return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
-
-    def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per motion of a wheel that the stated lengths give; None: they are not stated."""
-        metres = 1.0 if self.kind in {"travel", "velocity"} else nominal.get("wheel_radius")
-        half_track = nominal.get("half_track")
-        return None if metres is None or half_track is None else metres / (2 * half_track)
-
-    def with_it(self, name: str) -> list[str]:
-        """Returns a channel and the others of the same wheel, or of the yaw, that move as it does."""
-        stem, side = name.split("_")[0], name.rsplit("_", 1)[1]
-        found = [name]
-        for other in self.names:
-            if other != name and other.startswith(f"{stem}_") and (stem == "yaw" or other.endswith(side)):
-                one, two = self.at[name], self.at.get(other, np.full_like(self.at[name], np.nan))
-                known = np.isfinite(one) & np.isfinite(two)
-                if float(one[known] @ two[known]) > 0.5 * float(
-                    np.linalg.norm(one[known]) * np.linalg.norm(two[known])
-                ):
-                    ratio = _rms(two[known]) / max(_rms(one[known]), 1e-12)
-                    found += [other] if stem == "wheel" or 1 / _UNIT_FITS < ratio < _UNIT_FITS else []
-        return found
-
-    def is_odd_by(self, unit: float) -> bool:
-        """Whether the wheels are by a unit beside what a small robot does, rather than the yaw."""
-        turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / _USUAL["yaw"]
-        roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / _USUAL[self.kind or ""]
-        return abs(log(turn)) + abs(log(roll * unit)) < abs(log(turn / unit)) + abs(log(roll))
-
-    @cached_property
-    def both(self) -> bool:
-        """Whether both wheels are measured and move."""
-        return bool(self.wheels) and set(self.wheels) <= set(self.at) and not self.still
-
-    def _can(self, way: _Way) -> bool:
-        """Whether there are channels for what a way changes, and inputs that can be mended."""
-        alive = [name for name in self.wheels if name in self.at and name not in self.still]
-        return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
-
-    def _likelihood(self, way: _Way) -> float:
-        return self._of_class[way.seen]
-
-    @cached_property
-    def _of_class(self) -> dict[tuple[int, ...], float]:
-        return {seen: self._score(seen) for seen in {one.seen for one in _WAYS}}
-
-    def _score(self, seen: tuple[int, ...]) -> float:
-        """Returns the logarithm of the likelihood of a way, as `_Way.seen` has it."""
-        (a, sa, b, sb), (c, sc, d, sd), sign = seen[:4], seen[4:8], seen[8]
-        sides = ("left", "right")
-        alive = [name in self.at and name not in self.still for name in self.wheels] or [False, False]
-        wheel = [self.at[name] if ok else None for name, ok in zip(self.wheels or ("", ""), alive, strict=True)]
-        true = [None if (column := wheel[k]) is None else s * column for k, s in ((c, sc), (d, sd))]
-        best = -np.inf
-        for number in range(len(_LAGS)):
-            one, other = sa * self.at[f"{sides[a]}{number}"], sb * self.at[f"{sides[b]}{number}"]
-            best = max(best, self._follows(one + other, one - other, true, sign))
-        return best
-
-    def _follows(self, ahead: Vector, apart: Vector, wheels: Sequence[Vector | None], sign: int) -> float:
-        moved = [(values, half) for values, half in zip(wheels, (1.0, -1.0), strict=True) if values is not None]
-        total = 0.0
-        if moved:
-            y = np.concatenate([values for values, _ in moved])
-            x = np.column_stack([np.tile(ahead, len(moved)), np.concatenate([half * apart for _, half in moved])])
-            total += self._weight * _share_left(y, x)
-        if self.yaw is not None:
-            both = len(moved) == 2
-            cause = moved[0][0] - moved[1][0] if both else apart
-            total += self._weight * _share_left(sign * self.at[self.yaw], cause[:, np.newaxis])
-        return total
-
-    @cached_property
-    def _weight(self) -> float:
-        return min(_PER_SECOND * float(np.sum(self.at["seconds"])), _MOST) / 2
-
-
-@dataclass(frozen=True)
-class _Sides:
-    """Which column has the left and which the right (0 or 1), and their signs."""
-
-    left: int
-    right: int
-    left_sign: int
-    right_sign: int
-
-    @property
-    def is_changed(self) -> bool:
-        return self != _Sides(0, 1, 1, 1)
-
-    @property
-    def faults(self) -> int:
-        return (self.left == 1) + (self.left_sign < 0) + (self.right_sign < 0)
-
-
-@dataclass(frozen=True)
-class _Way:
-    """A way in which drives, wheels and yaw may be wired."""
-
-    drives: _Sides
-    wheels: _Sides
-    yaw: int
-
-    @property
-    def cost(self) -> int:
-        return self.drives.faults + self.wheels.faults + (self.yaw < 0)
-
-    @property
-    def seen(self) -> tuple[int, ...]:
-        u, w = self.drives, self.wheels
-        return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
-
-    def told(self, motion: _Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault as its sentence, its kind, and what mends it; they are mended one after the other."""
-        found: list[tuple[str, Kind, dict[str, Taken]]] = []
-        inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
-        wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
-        wheels = [name for name in wheels if self.wheels.left == 0 or _across(name) in wheels]
-        for sides, names, what, counts in (
-            (self.drives, inputs, "motor", "is driven"), (self.wheels, wheels, "encoder", "counts"),
-        ):  # fmt: skip
-            if sides.left == 1:
-                found.append(
-                    (f"the left and the right {what} are swapped", "swapped", {n: Taken(_across(n)) for n in names})
-                )
-            for side, sign in (("left", sides.left_sign), ("right", sides.right_sign)):
-                if sign < 0:
-                    own = {name: Taken(name, -1.0) for name in names if name.endswith(side)}
-                    found.append((f"the {side} {what} {counts} backwards", "sign", own))
-        if self.yaw < 0 and motion.yaw is not None:
-            names = motion.with_it(motion.yaw)
-            text = f"the sign of {' and '.join(names)} is the other one, or the frame is"
-            found.append((text, "sign", {name: Taken(name, -1.0) for name in names}))
-        return found
-
-
-_ALL_SIDES = [_Sides(k, 1 - k, one, other) for k, one, other in product((0, 1), (1, -1), (1, -1))]
-_WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_SIDES, (1, -1))]
-
-
-def _share_left(y: Vector, x: Vector) -> float:
-    """Returns minus the logarithm of the share of `y` that positive multiples of the columns of `x` leave."""
-    known = np.isfinite(y) & np.isfinite(x).all(axis=1)
-    y, x = y[known], x[known]
-    power = float(y @ y)
-    if len(y) < 8 or power == 0.0:
-        return 0.0
-    explained = 0.0
-    gram, common = x.T @ x, x.T @ y
-    if x.shape[1] == 2 and abs(np.linalg.det(gram)) > 1e-9 * max(gram[0, 0] * gram[1, 1], 1e-300):
-        gains = np.linalg.solve(gram, common)
-        if np.all(gains >= 0.0):
-            explained = float(gains @ common)
-    for k in range(x.shape[1]):
-        if common[k] > 0.0:
-            explained = max(explained, float(common[k] ** 2 / gram[k, k]))
-    left = max(1.0 - explained / power, 0.0)
-    return 0.0 if left > 1.0 - _EXPLAINED else -log(left + _FLOOR)
-
-
 def _dead(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    return _Motion(runs).dead()
+    return Motion(runs).dead()
 
 
 def _hypotheses(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    return _Motion(runs).hypotheses()
+    return Motion(runs).hypotheses()
 
 
 def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
     """Returns an encoder of which the other one and the yaw say that it has another number of counts."""
-    motion = _Motion(runs)
-    if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) < log(_FREE[1]):
+    motion = Motion(runs)
+    if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) < log(FREE[1]):
         return []
-    if abs(ratio) > log(_UNIT_FITS):
+    if abs(ratio) > log(UNIT_FITS):
         return []  # another unit, which the audit finds
     expected = motion.geometry(nominal)
     apart = [0.0, 0.0] if expected is None else [abs(_apart_from_unit(gain / expected)[1]) for gain in fit.gains]
@@ -440,31 +94,31 @@ def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> l
     name, by = motion.wheels[odd], exp(ratio if odd == 0 else -ratio)
     other = motion.wheels[1 - odd]
     text = f"{name} grows {by:.3g} times as far as {other} for the same turn of {motion.yaw}"
-    sure = _beyond(abs(ratio), log(_FREE[1]), fit.sd)
+    sure = _beyond(abs(ratio), log(FREE[1]), fit.sd)
     mend = {name: Taken(name, 1 / by)}
     return [Miswired("unit", (name,), text, sure, mend, by, is_open=True)] if sure > 0.9 else []
 
 
 def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
     """Returns a yaw in another unit, and wheels whose counts or lengths contradict it."""
-    motion = _Motion(runs)
+    motion = Motion(runs)
     fit, expected = motion.turning(), motion.geometry(nominal)
     if fit is None or expected is None or motion.yaw is None:
         return []
-    if abs(log(fit.gains[0] / fit.gains[1])) > log(_UNIT_FITS):
+    if abs(log(fit.gains[0] / fit.gains[1])) > log(UNIT_FITS):
         return []  # one wheel is in another unit, which the audit finds
     found: list[Miswired] = []
     unit, left = _apart_from_unit(float(np.sqrt(fit.gains[0] * fit.gains[1])) / expected)
-    alone = [one.gains.mean() for one in (_Motion([run]).turning() for run in runs) if one is not None]
-    differ = alone and max(alone) > _UNIT_FITS * min(alone)
+    alone = [one.gains.mean() for one in (Motion([run]).turning() for run in runs) if one is not None]
+    differ = alone and max(alone) > UNIT_FITS * min(alone)
     if unit != 1.0 and (differ or motion.is_odd_by(unit)):
         return []  # the wheels are in another unit, or only some runs, which the audit finds
     if unit != 1.0:
         names = motion.with_it(motion.yaw)
         text = f"{motion.yaw} is {unit:.3g} times what the wheels say, so it is in another unit"
-        sure = _beyond(abs(log(unit)), log(_UNIT_FITS), fit.sd)
+        sure = _beyond(abs(log(unit)), log(UNIT_FITS), fit.sd)
         found.append(Miswired("unit", tuple(names), text, sure, {n: Taken(n, 1 / unit) for n in names}, unit))
-    limits = log(_FREE[0]), log(_FREE[1])
+    limits = log(FREE[0]), log(FREE[1])
     if (
         not limits[0] < left < limits[1]
         and (sure := _beyond(abs(left), limits[left > 0] * (1 if left > 0 else -1), fit.sd)) > 0.9
@@ -480,8 +134,8 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
     """Returns inputs of which one is in another unit than the other: no motor is so weak."""
-    motion = _Motion(runs)
-    fits = [fit for number in range(len(_LAGS)) if (fit := motion.driven(number)) is not None]
+    motion = Motion(runs)
+    fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
         return []
     fit = min(fits, key=lambda one: one.sd)
@@ -499,38 +153,11 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
 
 def _apart_from_unit(ratio: float) -> tuple[float, float]:
     """Returns the unit that a ratio is nearest to, or 1, and the logarithm of what is left."""
-    if 1 / _UNIT_FITS < ratio < _UNIT_FITS:
+    if 1 / UNIT_FITS < ratio < UNIT_FITS:
         return 1.0, log(ratio)
     unit = min(_UNITS, key=lambda one: abs(log(ratio / one)))
     left = log(ratio / unit)
-    return (unit, left) if abs(left) < log(_UNIT_FITS) else (1.0, log(ratio))
-
-
-@dataclass(frozen=True, eq=False)
-class _Gains:
-    """Two positive gains, of left and right, and the standard deviation of the logarithm of their ratio."""
-
-    gains: Vector
-    sd: float
-
-
-def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> _Gains | None:
-    """Returns the gains of the columns of `x` in `y`; None where they are not told apart, or explain less than that."""
-    known = np.isfinite(y) & np.isfinite(x).all(axis=1)
-    x, y = x[known], y[known]
-    gram = x.T @ x
-    if len(y) < 20 or not y.any() or np.linalg.cond(gram) > _COLLINEAR:
-        return None
-    gains = np.linalg.solve(gram, x.T @ y)
-    if gains.min() <= 0.0:
-        return None
-    left, power = y - x @ gains, float(y @ y)
-    if float(left @ left) > (1.0 - least) * power:
-        return None
-    variance = (float(left @ left) + _FLOOR**2 * power) / max(_PER_SECOND * seconds, 3.0)
-    covariance = variance * np.linalg.inv(gram)
-    across = np.array([1.0, -1.0]) / gains
-    return _Gains(np.asarray(gains, dtype=np.float64), float(np.sqrt(across @ covariance @ across)))
+    return (unit, left) if abs(left) < log(UNIT_FITS) else (1.0, log(ratio))
 
 
 def _beyond(size: float, limit: float, sd: float) -> float:
@@ -548,14 +175,14 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
         return []
     sure = 0.99 if not _STEPS_S[0] / 10 < step < 4 * _STEPS_S[1] else 0.9
     for kind in ("angle", "travel"):
-        for name in _pair(f"wheel_{kind}"):
+        for name in pair(f"wheel_{kind}"):
             fastest = [
                 np.nanmax(np.abs(np.diff(run.outputs[name]) / np.diff(run.time)), initial=0.0)
                 for run in runs
                 if name in run.outputs
             ]
             if fastest and max(fastest) > 0.0:
-                rates = log(max(fastest) / _USUAL[kind])
+                rates = log(max(fastest) / USUAL[kind])
                 sure = 0.999 if abs(rates + log(by)) < abs(rates) else 0.0
     if sure == 0.0:
         return []
@@ -581,23 +208,3 @@ def _beyond_battery(runs: Sequence[Channels], nominal: Mapping[str, float]) -> l
     beyond = f"{' and '.join(names)} go up to {largest:.4g} V, and the battery has {battery:.3g} V"
     text = f"{beyond}: they look like a PWM of {full:g}"
     return [Miswired("unit", tuple(names), text, 1.0, {n: Taken(n, battery / full) for n in names}, full / battery)]
-
-
-def _alike(one: Vector, other: Vector) -> float:
-    """Returns the size of the correlation of two motions."""
-    known = np.isfinite(one) & np.isfinite(other)
-    power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
-    return abs(float(one[known] @ other[known])) / power if power > 0.0 else 0.0
-
-
-def _pair(stem: str) -> tuple[str, str]:
-    return f"{stem}_left", f"{stem}_right"
-
-
-def _across(name: str) -> str:
-    return f"{name[:-4]}right" if name.endswith("left") else f"{name[:-5]}left"
-
-
-def _rms(values: Vector) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
