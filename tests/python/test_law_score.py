@@ -80,6 +80,9 @@ def test_rivals_hold_the_right_law_alone() -> None:
     assert law_score.law_right(said(OTHER, "ambiguous") | {"effects": rivals["effects"]})
     both = result(["x"], "ambiguous", effect("motor_heating", "battery_fade + yaw_scrub"))
     assert not law_score.law_right(said(OTHER, "ambiguous") | {"effects": both["effects"]})
+    for rival in ("battery_fade + supply_gain", "supply_gain", "nominal values"):  # no effects of the library
+        other = result(["x"], "ambiguous", effect("motor_heating", rival))
+        assert not law_score.law_right(said(OTHER, "ambiguous") | {"effects": other["effects"]})
 
 
 def test_a_false_name_is_one_given_as_certain_outside_the_family() -> None:

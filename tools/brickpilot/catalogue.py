@@ -202,8 +202,11 @@ def effect(name: str) -> EffectInfo:
 
 
 def family(name: str) -> str:
-    """Returns the effect of which `name` is a variant, or `name` itself: the laws of a family differ in one respect."""
-    return effect(name).variant_of or name
+    """Returns the effect of which `name` is a variant, or `name` itself: the laws of a family differ in one respect.
+
+    What is no effect, as a value that runs have of their own, is a family alone.
+    """
+    return next((one.variant_of for one in effects_of((name,))), "") or name
 
 
 def law(name: str, values: Mapping[str, float]) -> str:
