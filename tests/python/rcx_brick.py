@@ -37,8 +37,8 @@ class Faults:
 class Device(Protocol):
     """The software on the brick. It takes bytes and returns the bytes that it sends."""
 
-    def silence(self) -> None:
-        """The line was quiet for longer than the receiver waits."""
+    def silence(self, quiet_s: float) -> None:
+        """The line was quiet for so long, which is longer than the receiver waits."""
 
     def damaged(self) -> None:
         """A byte came with wrong parity."""
@@ -140,8 +140,9 @@ class RcxBrick:
                 return
             data = os.read(self._master, 4096)
             idle = rcx_rom.IDLE_BYTES if self._in_rom else rcx_lnp.IDLE_BYTES
-            if time.monotonic() - last > idle * BYTE_S:
-                self._device.silence()
+            quiet_s = time.monotonic() - last
+            if quiet_s > idle * BYTE_S:
+                self._device.silence(quiet_s)
             if self._tower:
                 self._send(data)
             self.heard += len(data)

@@ -20,9 +20,9 @@ class Kernel(SimulatedRcx):
     def __enter__(self) -> Kernel:
         return self
 
-    def silence(self) -> None:
-        """Lets time pass for longer than the receiver waits."""
-        self.run(2 * _STEP_MS)
+    def silence(self, quiet_s: float) -> None:
+        """Lets that time pass too, because a brick that sends telemetry hears nothing until that is sent."""
+        self.run(max(2 * _STEP_MS, round(1000 * quiet_s)))
 
     def damaged(self) -> None:
         self.bring(0, wrong=True)

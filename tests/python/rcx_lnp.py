@@ -69,7 +69,7 @@ class LnpDevice:
     def __init__(self) -> None:
         self._receiver = Receiver()
 
-    def silence(self) -> None:
+    def silence(self, _quiet_s: float) -> None:
         self._receiver.forget()
 
     def damaged(self) -> None:

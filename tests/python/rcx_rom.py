@@ -33,9 +33,9 @@ class Rom:
         self._sequence, self._next = 0xFFFF, 0
         self._packet = bytearray()
         self._left = self._data_left = self._sum = self._data_sum = 0
-        self.silence()
+        self.silence(0.0)
 
-    def silence(self) -> None:
+    def silence(self, _quiet_s: float) -> None:
         """Starts anew after a silence."""
         self._state, self._previous, self._complement = _OPCODE, 0xFF, False
 

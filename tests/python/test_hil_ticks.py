@@ -106,6 +106,16 @@ def test_the_histograms_hold_every_tick() -> None:
     assert counts[-1] >= 1  # the long period, in the outermost bar
 
 
+def test_no_bar_of_a_logarithmic_axis_is_at_zero() -> None:
+    """The page's ticks of such an axis never ended, where round trips of microseconds and of seconds met."""
+    trips = np.append(np.full(999, 0.5), 2e4)
+    trips[0] = 1e-4
+    (figure,) = figures(str(link_figures.round_trip(columns(round_trip_ms=trips))[1])).values()
+    bars = np.array(figure["x"]["values"])
+    assert 0 < bars[0] < 2e-3
+    assert np.all(np.diff(np.log(bars)) > 0)
+
+
 def test_one_tick_and_no_reply_have_no_histogram() -> None:
     ticks = columns(1, round_trip_ms=np.array([np.nan]))
     assert link_figures.round_trip(ticks) == ("No reply came.", None)

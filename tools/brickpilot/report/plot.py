@@ -131,7 +131,7 @@ def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
         "x": {
             "name": figure.x_label,
             "label": x_label,
-            "values": compact(figure.x[kept] - origin, ACROSS),
+            "values": _by_own_size(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
             "log": figure.log,
             "reach": list(figure.reach),
         },
@@ -243,6 +243,11 @@ def _clock(figure: Figure) -> tuple[float, str]:
     if abs(origin) <= 10.0 * float(figure.x[-1] - origin):
         return 0.0, label
     return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
+
+
+def _by_own_size(values: Array) -> list[float]:
+    """Returns the values as the JSON of a logarithmic axis has them, which cannot show a 0."""
+    return [float(f"{one:.5g}") for one in values.tolist()]
 
 
 def compact(values: Array, steps: float) -> list[float | None]:
