@@ -14,7 +14,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "offset of the forward accelerometer",
      .minimum = -20,
      .maximum = 20,
-     .preset = 0.3},
+     .preset = 0.3,
+     .says = "the forward accelerometer reads {} too much",
+     .says_below = "the forward accelerometer reads {} too little"},
     {.name = "sway",
      .role = BP_ROLE_SIZE,
      .unit = "m/s^2",
@@ -22,7 +24,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -20,
      .maximum = 20,
      .preset = 0.2,
-     .odd = 1},
+     .odd = 1,
+     .says = "the sideways accelerometer reads {} too far to the right"},
 };
 
 const effect_t effect_accel_bias = {
@@ -35,6 +38,7 @@ const effect_t effect_accel_bias = {
              .source = "fixed bias, Titterton & Weston 2004; on level ground a tilt of the mounting is g sin(tilt)",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every cheap accelerometer has a zero offset, and every mounting tilts a little.",
+             .advice = "Let it rest on level ground before each run, and take the mean of the accelerometers off.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

@@ -18,7 +18,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -0.8,
      .maximum = 0.8,
      .preset = 0.15,
-     .odd = 1},
+     .odd = 1,
+     .says = "the accelerometers are turned by {} to the right"},
 };
 
 const effect_t effect_accel_misalignment = {
@@ -32,6 +33,7 @@ const effect_t effect_accel_misalignment = {
              .source = "mounting misalignment, Titterton & Weston 2004",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Boards are screwed along the chassis, so their yaw misalignment is small.",
+             .advice = "Mount the accelerometers square to the robot, or turn their readings by this angle.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

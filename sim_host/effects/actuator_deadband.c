@@ -46,6 +46,7 @@ const effect_t effect_actuator_deadband = {
              .source = "Tao & Kokotovic 1994, Adaptive control of plants with unknown dead-zones",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Nearly every cheap drive needs a least duty before a current flows.",
+             .advice = "Start each motor's PWM above the dead band: add this voltage to every command that is not 0.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

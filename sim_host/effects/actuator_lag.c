@@ -36,6 +36,7 @@ const effect_t effect_actuator_lag = {
              .source = "first-order lag, Ogata 2010, Modern Control Engineering, ch. 5",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Some drives ramp or filter the voltage, and plain bridges do not.",
+             .advice = "Look for a ramp or a filter in the motor driver's settings, and switch it off.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 2,

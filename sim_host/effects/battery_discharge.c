@@ -27,6 +27,7 @@ const effect_t effect_battery_discharge = {
              .source = "Shepherd 1965, Design of primary and secondary cells, linear for small q",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "A battery loses voltage with its charge, but short runs draw little of it.",
+             .advice = "Charge the battery, and log its voltage for the simulation.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .carries_over = 1},

@@ -28,6 +28,7 @@ const effect_t effect_battery_fade = {
                        "other loads than the motors may draw",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Time alone drains a battery only where other loads draw more than the motors.",
+             .advice = "Charge the battery, look for what drains it beside the motors, and log its voltage.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "battery_discharge",

@@ -87,6 +87,7 @@ const effect_t effect_battery_sag = {
              .source = "Shepherd 1965, Design of primary and secondary cells, the ohmic term",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every battery has an internal resistance, and cheap cells have a large one.",
+             .advice = "Charge or replace the battery, shorten thin leads, and log the voltage at the drive.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(sag_t) / sizeof(real_t),

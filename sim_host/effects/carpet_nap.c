@@ -49,6 +49,7 @@ const effect_t effect_carpet_nap = {
                        "Eade, Fong & Munich 2012, Vector field SLAM, IEEE T-RO 28(3)",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Few robots drive on a carpet whose pile leans.",
+             .advice = "Drive on a smooth floor, or each manoeuvre both ways over the carpet.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel, [SITE_BODY] = body},

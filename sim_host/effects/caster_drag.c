@@ -42,6 +42,7 @@ const effect_t effect_caster_drag = {
                        "drive: Siegwart, Nourbakhsh & Scaramuzza 2011, ch. 2 and 3",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Many robots slide on a ball or skid, and others roll on a free caster.",
+             .advice = "Clean and oil the caster, or put in a smoother one.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

@@ -58,6 +58,7 @@ const effect_t effect_cogging = {
                        "drives, one harmonic",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Rotors with iron teeth cog, and coreless ones do not.",
+             .advice = "Keep the motors above their slowest speeds, or use motors that cog less.",
              .parameter_count = 4,
              .parameters = PARAMETERS,
              .motor_step = 0.003,

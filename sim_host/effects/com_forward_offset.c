@@ -14,7 +14,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "distance ahead of the middle of the axle; negative: behind",
      .minimum = -5,
      .maximum = 5,
-     .preset = 0.03},
+     .preset = 0.03,
+     .says = "the centre of mass is {} ahead of the axle",
+     .says_below = "the centre of mass is {} behind the axle"},
 };
 
 const effect_t effect_com_forward_offset = {
@@ -31,6 +33,7 @@ const effect_t effect_com_forward_offset = {
              .prior = BP_PRIOR_COMMON,
              .prior_reason =
                  "A robot with two wheels and a caster tips over unless its centre of mass is off the axle.",
+             .advice = "Weigh the robot at axle and caster and state where its mass sits, or move the battery.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

@@ -15,7 +15,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -5,
      .maximum = 5,
      .preset = 0.02,
-     .odd = 1},
+     .odd = 1,
+     .says = "the centre of mass is {} to the right of the middle"},
 };
 
 const effect_t effect_com_lateral_offset = {
@@ -31,6 +32,7 @@ const effect_t effect_com_lateral_offset = {
              .source = "Fossen 2011, ch. 3, rigid body about a point other than the centre of mass",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Most chassis are symmetric, and batteries or arms on one side shift the centre of mass.",
+             .advice = "Move the battery or another heavy part to the left.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

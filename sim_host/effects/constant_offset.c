@@ -16,7 +16,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "constant load against forward motion, at each wheel",
      .minimum = -1000,
      .maximum = 1000,
-     .preset = 0.006},
+     .preset = 0.006,
+     .says = "a constant load of {} holds each wheel back",
+     .says_below = "a constant load of {} pushes each wheel forward"},
     {.name = "difference",
      .role = BP_ROLE_SIZE,
      .unit = "N m",
@@ -26,7 +28,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .preset = 0,
      .odd = 1,
      .optional = 1,
-     .trial = 0.006},
+     .trial = 0.006,
+     .says = "a constant load of {} holds the left wheel back and pushes the right one"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -47,6 +50,7 @@ const effect_t effect_constant_offset = {
                        "models of EMPS",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Nearly every drive has a zero offset, and a cable or a tilt pulls like one.",
+             .advice = "Level the floor, and look for a cable or a spring that pulls.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

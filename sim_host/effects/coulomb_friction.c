@@ -36,6 +36,7 @@ const effect_t effect_coulomb_friction = {
              .source = "Coulomb 1785; solved as a bounded impulse, Moreau 1988",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every bearing and brushed motor rubs.",
+             .advice = "Turn each wheel by hand: clean and grease axles and bearings, and look for a part that rubs.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

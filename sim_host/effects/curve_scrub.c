@@ -29,6 +29,7 @@ const effect_t effect_curve_scrub = {
                        "Fundamentals of Vehicle Dynamics, with a constant angle",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Side forces are small at the lateral acceleration of a slow robot.",
+             .advice = "Use narrower or harder tyres, or drive wider curves.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

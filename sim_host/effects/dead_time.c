@@ -52,6 +52,7 @@ const effect_t effect_dead_time = {
                        "Trans. Industrial Electronics 38(2)",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every switch drops a voltage, and every half bridge has a dead time.",
+             .advice = "Use a driver that loses less voltage, or add the lost voltage to each command.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "actuator_deadband",

@@ -16,7 +16,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "relative error; above 0 the rotation sensors of both wheels read too much",
      .minimum = -0.5,
      .maximum = 0.5,
-     .preset = 0.1},
+     .preset = 0.1,
+     .says = "the rotation sensors read {} too much",
+     .says_below = "the rotation sensors read {} too little"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -34,6 +36,7 @@ const effect_t effect_encoder_scale = {
              .source = "scaling error of odometry, Borenstein & Feng 1996; counts per turn taken wrongly",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Counts per turn are often stated for another gear ratio or edge count.",
+             .advice = "Roll the robot over a measured way, and correct the counts of a turn or the wheel radius.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

@@ -48,6 +48,7 @@ const effect_t effect_floor_slope = {
                        "Strapdown Inertial Navigation",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Gravity pulls on every slope, but many test floors are level.",
+             .advice = "Level the floor, or drive each manoeuvre both ways over it.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body, [SITE_SENSOR] = sensor},

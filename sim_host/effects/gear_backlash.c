@@ -105,6 +105,8 @@ const effect_t effect_gear_backlash = {
                        "inelastic impact",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every cheap gear train needs clearance between its teeth.",
+             .advice =
+                 "Feel for play between motor and wheel: set the gears closer, or fix what is loose on its shaft.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.001},

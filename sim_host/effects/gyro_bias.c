@@ -16,7 +16,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -10,
      .maximum = 10,
      .preset = 0.1,
-     .odd = 1},
+     .odd = 1,
+     .says = "the gyro at rest reads a turn of {} to the right"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -34,6 +35,7 @@ const effect_t effect_gyro_bias = {
              .source = "fixed bias, IEEE Std 1431-2004; Titterton & Weston 2004",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every cheap gyro has a bias until somebody subtracts it.",
+             .advice = "Average the gyro at rest before each run, and take that off.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 1,

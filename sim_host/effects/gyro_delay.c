@@ -30,6 +30,7 @@ const effect_t effect_gyro_delay = {
              .source = "dead time, Ljung 1999, System identification; a gyro on a bus of its own is read later",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Most boards sample the gyro in the same cycle as their other sensors.",
+             .advice = "Shorten the gyro's filter, and stamp each reading with the time at which it was measured.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(2),

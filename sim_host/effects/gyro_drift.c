@@ -17,7 +17,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -1,
      .maximum = 1,
      .preset = 0.02,
-     .odd = 1},
+     .odd = 1,
+     .says = "the gyro's offset grows by {} to the right"},
 };
 
 const effect_t effect_gyro_drift = {
@@ -30,6 +31,7 @@ const effect_t effect_gyro_drift = {
              .source = "rate ramp, IEEE Std 952-1997, annex C",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "The bias of a gyro drifts while its chip warms up, and settles after that.",
+             .advice = "Let the gyro warm up, and take its offset off again at every stop.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "gyro_bias",

@@ -37,6 +37,7 @@ const effect_t effect_gyro_saturation = {
              .source = "input range, IEEE Std 1431-2004; Titterton & Weston 2004",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Most gyros have a range that is far beyond the yaw rates of a robot.",
+             .advice = "Choose a larger range of the gyro, or turn more slowly.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(lost_t) / sizeof(real_t),

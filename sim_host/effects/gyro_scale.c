@@ -21,7 +21,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "relative error; above 0 the gyro reads too much",
      .minimum = -0.5,
      .maximum = 0.5,
-     .preset = 0.1},
+     .preset = 0.1,
+     .says = "the gyro reads {} too much",
+     .says_below = "the gyro reads {} too little"},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -39,6 +41,7 @@ const effect_t effect_gyro_scale = {
              .source = "scale-factor error, IEEE Std 1431-2004; Titterton & Weston 2004",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Cheap gyros have a scale-factor error, but many are trimmed in the factory.",
+             .advice = "Turn the robot by a known angle, such as ten full turns, and correct the gyro's scale.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(origin_t) / sizeof(real_t),

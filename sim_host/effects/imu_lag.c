@@ -71,6 +71,7 @@ const effect_t effect_imu_lag = {
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Most inertial sensors have a low-pass filter, whose bandwidth is often above what shows.",
+             .advice = "Shorten the filter of the inertial sensors.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(filter_t) / sizeof(real_t),

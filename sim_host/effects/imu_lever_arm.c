@@ -17,7 +17,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "distance of the accelerometers ahead of the middle of the axle",
      .minimum = -5,
      .maximum = 5,
-     .preset = 0.03},
+     .preset = 0.03,
+     .says = "the accelerometers are {} ahead of the axle",
+     .says_below = "the accelerometers are {} behind the axle"},
     {.name = "y",
      .role = BP_ROLE_SIZE,
      .unit = "m",
@@ -25,7 +27,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -5,
      .maximum = 5,
      .preset = 0.02,
-     .odd = 1},
+     .odd = 1,
+     .says = "the accelerometers are {} to the right of the middle"},
 };
 
 const effect_t effect_imu_lever_arm = {
@@ -38,6 +41,7 @@ const effect_t effect_imu_lever_arm = {
              .source = "rigid-body kinematics; size effect, Titterton & Weston 2004",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "A board seldom has room for its accelerometers above the middle of the axle.",
+             .advice = "Measure how far the accelerometers are from the middle of the axle, and state it.",
              .parameter_count = 2,
              .parameters = PARAMETERS},
     .hook = {[SITE_SENSOR] = sensor},

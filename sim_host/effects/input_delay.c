@@ -97,6 +97,7 @@ const effect_t effect_input_delay = {
              .source = "dead time, Ljung 1999, System Identification",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every command waits for a bus or a control cycle before it reaches the motors.",
+             .advice = "Send commands at a steady rate, and shorten what lies between them and the motors.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(line_t) / sizeof(double),

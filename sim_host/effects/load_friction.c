@@ -35,6 +35,7 @@ const effect_t effect_load_friction = {
              .prior = BP_PRIOR_USUAL,
              .prior_reason =
                  "Teeth lose a share of the torque that they carry, which shows in worm gears and long trains.",
+             .advice = "Grease the gears, worm gears first: their friction grows with the torque.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

@@ -20,7 +20,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -1,
      .maximum = 1,
      .preset = 0.1,
-     .odd = 1},
+     .odd = 1,
+     .says = "the right motor is {} weaker than the left",
+     .over_mean = 1},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -40,6 +42,8 @@ const effect_t effect_motor_asymmetry = {
              .source = "eq. 12 with a gain for each drive",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "No two cheap drives have the same gain.",
+             .advice = "Swap the plugs of both motors: if the right side stays weak, look at the right driver and its "
+                       "leads; if the left side becomes weak, at the right motor.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

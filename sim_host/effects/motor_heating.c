@@ -58,6 +58,7 @@ const effect_t effect_motor_heating = {
              .source = "one-body thermal model, Hughes & Drury 2019, Electric Motors and Drives; copper: IEC 60028",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Copper resists more as it warms, which takes longer than many runs.",
+             .advice = "Let the motors cool between runs, or drive them less hard.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .carries_over = 1},

@@ -54,6 +54,7 @@ const effect_t effect_payload_mass = {
              .source = "composition of rigid bodies, parallel axis theorem: Goldstein 2002, Classical Mechanics",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Robots carry batteries, cameras or cargo that the stated mass leaves out.",
+             .advice = "Weigh the robot as it drives and state its mass, or take the load off.",
              .parameter_count = 3,
              .parameters = PARAMETERS,
              .contains = "com_forward_offset com_lateral_offset"},

@@ -98,6 +98,7 @@ const effect_t effect_pwm_coast = {
                        "sigma-delta modulation, Norsworthy, Schreier & Temes 1997",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Some bridges let the motor float between pulses, and others short it.",
+             .advice = "Raise the PWM frequency, and look whether the driver floats or brakes between pulses.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.001},

@@ -38,6 +38,7 @@ const effect_t effect_pwm_quantisation = {
                        "levels, brickOS 255",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Some drives have few power levels, and others have so many that no step shows.",
+             .advice = "Use more PWM levels, or switch fast between two of them.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

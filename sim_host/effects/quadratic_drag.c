@@ -29,6 +29,7 @@ const effect_t effect_quadratic_drag = {
                        "eq. 5 (Worrall & McGookin 2006)",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Air drag is far below friction at the speed of a small robot.",
+             .advice = "Look for what holds it back at speed, as a large front or soft ground.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

@@ -36,6 +36,7 @@ const effect_t effect_rolling_sqrt = {
                        "Armstrong-Helouvry et al. 1994, Automatica 30(7)",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Mixed lubrication seldom follows a root over the whole range of speeds.",
+             .advice = "Harden the tyres, and drive on a harder floor.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

@@ -31,6 +31,7 @@ const effect_t effect_sensor_delay = {
              .source = "dead time, Ljung 1999, System identification",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Readings wait in buses and queues wherever the log has the clock of the host.",
+             .advice = "Stamp each reading with the time at which it was measured, not that at which it was sent.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(SIGNALS),

@@ -36,6 +36,7 @@ const effect_t effect_side_slip = {
                        "passage is ours",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Hard and narrow tyres slide in curves, and soft ones hold at low lateral acceleration.",
+             .advice = "Clean tyres and floor, and turn less hard.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .variant_of = "wheel_slip",

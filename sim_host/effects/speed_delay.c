@@ -42,6 +42,7 @@ const effect_t effect_speed_delay = {
                        "which is half a window late",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "A speed from counts is the mean over a window, which is long on coarse encoders.",
+             .advice = "Stamp each speed with the middle of the time over which it was counted.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = DELAY_MEMORY(SPEED_COUNT),

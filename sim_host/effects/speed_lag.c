@@ -54,6 +54,7 @@ const effect_t effect_speed_lag = {
              .source = "first-order low-pass; discretised as in Astrom & Wittenmark 1997, Computer-controlled systems",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Many programs smooth a speed that they differentiate from counts.",
+             .advice = "Shorten the filter of the measured speeds, or log the counts.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = sizeof(filter_t) / sizeof(real_t),

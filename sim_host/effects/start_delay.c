@@ -38,6 +38,7 @@ const effect_t effect_start_delay = {
              .source = "elementary: recorder and drive that are not started by the same signal",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "A recorder that starts before the drive belongs to one set-up, not to the machine.",
+             .advice = "Start the recording and the drive by one command, or shift the clock by this time.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .memory_count = 1,

@@ -55,6 +55,7 @@ const effect_t effect_stiction_stribeck = {
                        "solved as a bounded impulse, Moreau 1988",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Nearly every dry or greased contact has stiction, which falls as a film builds up.",
+             .advice = "Clean and grease axles and bearings, and start from rest with a short kick.",
              .parameter_count = 3,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

@@ -31,6 +31,7 @@ const effect_t effect_supply_saturation = {
              .source = "saturation, Khalil 2002, Nonlinear Systems, sec. 1.2.7",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "A drive saturates where commands ask for more than its supply, and many never do.",
+             .advice = "Charge the battery, or command no more than the drive can reach.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_DRIVE] = drive},

@@ -27,6 +27,7 @@ const effect_t effect_surge_drag = {
              .source = "Fossen 2011, Handbook of Marine Craft Hydrodynamics and Motion Control, linear damping",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Only a fluid or something towed damps the surge and leaves the yaw free.",
+             .advice = "Look for what the robot drags along: a cable, a caster, soft ground.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "quadratic_drag",

@@ -22,7 +22,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -1,
      .maximum = 1,
      .preset = 0.1,
-     .odd = 1},
+     .odd = 1,
+     .says = "the right motor's magnet is {} weaker than the left one's",
+     .over_mean = 1},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -43,6 +45,7 @@ const effect_t effect_torque_constant_asymmetry = {
              .source = "K_t and K_e are one flux: Hughes & Drury 2019, Electric Motors and Drives, ch. 3; eq. 12",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Magnets of one batch have nearly the same flux, and gains of drives differ more.",
+             .advice = "Swap both motors: if the weak side changes with them, replace the weak one.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_MOTOR] = motor},

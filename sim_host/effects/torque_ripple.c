@@ -60,6 +60,7 @@ const effect_t effect_torque_ripple = {
                        "drives, one harmonic",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Motors with few commutator segments ripple, but gears and inertia smooth it.",
+             .advice = "Look for a wheel off its centre, a bent shaft or a bad tooth of a gear.",
              .parameter_count = 4,
              .parameters = PARAMETERS,
              .motor_step = 0.003},

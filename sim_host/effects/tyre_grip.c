@@ -39,6 +39,7 @@ const effect_t effect_tyre_grip = {
                        "is ours",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "A friction circle shows only near the limit of grip in both directions at once.",
+             .advice = "Clean tyres and floor, and accelerate and turn less hard than the grip allows.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.003,

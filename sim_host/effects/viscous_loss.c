@@ -29,6 +29,7 @@ const effect_t effect_viscous_loss = {
              .source = "viscous friction of lubricated bearings, Armstrong-Helouvry et al. 1994, Automatica 30(7)",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Grease makes viscous friction, but most simulators have that term already.",
+             .advice = "Look for a tight bearing, and warm up or thin the grease in the gears.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",

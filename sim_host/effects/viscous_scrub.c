@@ -29,6 +29,7 @@ const effect_t effect_viscous_scrub = {
                        "Fossen 2011, linear damping of a body",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "A contact patch that rolls creeps before it slides, on soft tyres most of all.",
+             .advice = "Look at casters and floor: something resists turning, and more so when it is fast.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "yaw_scrub",

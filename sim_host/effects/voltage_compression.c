@@ -16,7 +16,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "gain without voltage over gain at the battery's nominal voltage, less 1",
      .minimum = -0.9,
      .maximum = 10,
-     .preset = 0.2},
+     .preset = 0.2,
+     .says = "the drive's gain is {} larger for small commands than for full ones",
+     .says_below = "the drive's gain is {} smaller for small commands than for full ones"},
 };
 
 const effect_t effect_voltage_compression = {
@@ -32,6 +34,7 @@ const effect_t effect_voltage_compression = {
              .prior = BP_PRIOR_USUAL,
              .prior_reason =
                  "The gain of a bridge bends where the current is discontinuous, which depends on its pulses.",
+             .advice = "Measure the motor's voltage at several commands, and correct the commands by that curve.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "supply_saturation",

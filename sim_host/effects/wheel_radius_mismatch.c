@@ -17,7 +17,9 @@ static const bp_parameter_info PARAMETERS[] = {
      .minimum = -1,
      .maximum = 1,
      .preset = 0.05,
-     .odd = 1},
+     .odd = 1,
+     .says = "the right wheel is {} smaller than the left",
+     .over_mean = 1},
 };
 
 static void undo(const double *value, bp_undoable *undoable)
@@ -39,6 +41,7 @@ const effect_t effect_wheel_radius_mismatch = {
                        "odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12(6)",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Cheap tyres have tolerances and bear unequal loads, so their rolling radii differ.",
+             .advice = "Measure both wheels under load: change a worn or soft tyre, or give each wheel its own radius.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BUILD] = build},

@@ -36,6 +36,7 @@ const effect_t effect_wheel_slip = {
                        "passage is ours",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Tyres slip along the track where a strong drive meets a smooth floor.",
+             .advice = "Clean tyres and floor, and accelerate less hard.",
              .parameter_count = 2,
              .parameters = PARAMETERS,
              .motor_step = 0.003},

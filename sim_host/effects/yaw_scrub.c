@@ -29,6 +29,7 @@ const effect_t effect_yaw_scrub = {
                        "bounded impulse, Moreau 1988",
              .prior = BP_PRIOR_COMMON,
              .prior_reason = "Every tyre has a contact patch, which scrubs when the vehicle turns.",
+             .advice = "Use narrower or harder tyres, or move weight off the caster.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_WHEEL] = wheel},

@@ -53,6 +53,7 @@ const effect_t effect_zero_coast = {
                        "open at zero command; a share in between stands for a drive that does both in turn",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Few drives short a motor while they drive and open it at zero command.",
+             .advice = "Let the driver brake at zero command, if the robot is to stop at once.",
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "pwm_coast",

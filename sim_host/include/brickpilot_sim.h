@@ -65,9 +65,12 @@ typedef struct {
     const char *variation; /* how the law differs where this is not 0, to be read after "but": "by direction" */
     const char *mechanism; /* of the law that this parameter alone stands for, where it is not the effect's */
     const char *same_as;   /* the nominal parameter that this one adds to: missing only where that one is 0 */
+    const char *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit do */
+    const char *says_below; /* the same below 0; NULL: it cannot be, or left and right change places (`odd`) */
+    int over_mean; /* 1: left less right over their mean; texts say how much smaller the smaller side is than the other */
 } bp_parameter_info;
 
-/* One effect of the library. Every field is set in every row, but for the last seven.
+/* One effect of the library. Every field is set in every row, but for the last seven; the composed effect has no advice.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
  * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
@@ -92,6 +95,7 @@ typedef struct {
     const char *source;
     int prior;                /* BP_PRIOR_ */
     const char *prior_reason; /* one sentence that says why, of this effect alone */
+    const char *advice; /* one sentence on what to do; of an odd size above 0, left and right change places below it */
     int parameter_count;
     const bp_parameter_info *parameters;
 

@@ -30,9 +30,13 @@ MAY: dict[str, set[str]] = {
     "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
+    "public": {
+        "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "firmware", "campaign", "export",
+        "tune",
+    },
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
-        "benchmark", "export", "tune",
+        "benchmark", "export", "tune", "public",
     },
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip

@@ -17,7 +17,7 @@ PACKAGE = ROOT / "tools/brickpilot"
 DISCOVER = PACKAGE / "discover"
 
 MOST_NUMBERS = 15
-MOST_FILES, MOST_LINES = 34, 8550
+MOST_FILES, MOST_LINES = 40, 7500
 
 PLAIN = {0, 1, -1, 2, 0.5}
 
@@ -115,7 +115,7 @@ def test_no_number_decides_outside_of_them(name: str) -> None:
     ("old", "new", "said"),
     [
         (">= numbers.SURE", ">= 0.9", "0.9"),
-        ("Kind = Literal", "_MOST = 7\nKind = Literal", ""),
+        ("_ONE = ", "_MOST = 7\n_ONE = ", ""),
         ("len(least) == 1", "len(least) <= _MOST", "7"),
         ("share >= numbers.SURE", "share > (1 - 0.07) * 1", "0.07"),
     ],
@@ -125,7 +125,7 @@ def test_a_number_that_is_planted_is_found(old: str, new: str, said: str, tmp_pa
     assert old in text
     text = text.replace(old, new, 1)
     if "_MOST" in new and "least" in new:
-        text = text.replace("Kind = Literal", "_MOST = 7\nKind = Literal", 1)
+        text = text.replace("_ONE = ", "_MOST = 7\n_ONE = ", 1)
     planted = tmp_path / "verdict.py"
     planted.write_text(text, encoding="utf-8")
     assert [one.split()[-1] for one in deciding_literals(planted)] == ([said] if said else [])

@@ -121,6 +121,17 @@ def test_every_effect_has_a_prior_and_a_reason_of_its_own() -> None:
     assert [effect.prior for effect in known if effect.composed] == ["rare"]
 
 
+def test_every_effect_says_what_to_do_and_for_which_side() -> None:
+    assert [
+        one.name for one in catalogue.effects() if not one.composed and not re.fullmatch(r"[A-Z].*\.", one.advice)
+    ] == []
+    assert catalogue.says("motor_asymmetry", "difference", 0.1) == "the right motor is {} weaker than the left"
+    assert catalogue.says("motor_asymmetry", "difference", -0.1) == "the left motor is {} weaker than the right"
+    assert catalogue.says("gyro_scale", "error", -0.1) == "the gyro reads {} too little"
+    assert "if the left side stays weak" in catalogue.advice("motor_asymmetry", {"difference": -0.1})
+    assert catalogue.advice("com_lateral_offset", {"right": -0.02}).endswith("to the right.")
+
+
 def test_a_row_contains_other_effects_alone() -> None:
     known = {effect.name for effect in catalogue.effects()}
     for effect in catalogue.effects():

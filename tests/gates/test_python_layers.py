@@ -29,6 +29,7 @@ MUST_NOT = {
     "tune": {"discover", "benchmark", "flash"},
     "benchmark": {"report", "flash"},
     "gen": {"importers", "link", "hil"},
+    "public": {"flash"},
     "cli": set[str](),
 }
 AT_RUN_TIME = {"cli", "benchmark", "gen"}

@@ -46,6 +46,7 @@ const effect_t effect_linear_drag = {
              .source = "Stokes drag",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Stokes drag needs a flow that is slower than that round a robot.",
+             .advice = "Drive in thinner air.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
     .hook = {[SITE_BODY] = body},

@@ -24,14 +24,15 @@ from brickpilot.discover.finding import (
     Rank,
     RunValues,
     Share,
+    Step,
     Term,
     Visible,
     Whiteness,
 )
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit, Yardstick
-from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.vehicle import composed_terms
 from brickpilot.vehicle.manoeuvres import Manoeuvre
+from brickpilot.vehicle.replay import RUN_KINDS, Replay
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_travel_right": 0.0004}
@@ -149,6 +150,7 @@ def finding(data: Dataset, kind: str) -> Finding:
         notes=("The data set states which runs are held out.", "A note with <script>alert(1)</script> in it."),
         noise_sd=NOISE,
         explanations=HELD[kind],
+        steps=(Step("weigh", kind, "The evidence <b>says</b> so."),),
         predictable_left={"yaw_rate": 0.31 if kind == "unknown" else 0.04},
         elapsed_s=6.24,
         seed=7,

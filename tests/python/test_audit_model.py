@@ -17,7 +17,7 @@ from brickpilot.data.audit.fault import Fault
 from brickpilot.data.audit.wrong_units import usual_factors
 from brickpilot.data.dataset import Dataset, read
 from brickpilot.fit import parameters
-from brickpilot.fit.replay import Replay
+from brickpilot.vehicle.replay import Replay
 from test_dataset import measured
 
 DEGREES, RPM = 180 / pi, 30 / pi

@@ -10,7 +10,7 @@ from brickpilot import catalogue
 from brickpilot.benchmark import sindy, sindy_tune, table
 from brickpilot.data import dataset
 from brickpilot.errors import InputError
-from brickpilot.fit.replay import Replay
+from brickpilot.vehicle.replay import Replay
 from synthetic import robot, write
 
 

@@ -16,8 +16,8 @@ from brickpilot.data import dataset, holdout
 from brickpilot.data.holdout import Roles
 from brickpilot.errors import InputError
 from brickpilot.fit.compare import compare
-from brickpilot.fit.replay import Replay
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
 from command import brickpilot
 
 README = Path(__file__).parents[2] / "tools" / "README.md"

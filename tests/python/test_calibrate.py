@@ -11,10 +11,10 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.replay import Replay
 from brickpilot.fit.robust import correlation_time, noise_sd
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.vehicle import model
+from brickpilot.vehicle.replay import Replay
 from pages import assert_self_contained, figures
 from synthetic import motor, robot, write
 

@@ -14,9 +14,9 @@ from brickpilot.campaign import file, robots, runs
 from brickpilot.campaign.file import Campaign
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
-from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.spread import Spread
 from command import brickpilot
 from test_campaign import SHORT
 

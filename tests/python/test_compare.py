@@ -13,10 +13,10 @@ from brickpilot.data import dataset
 from brickpilot.data.motion import zero_phase_rate
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
-from brickpilot.fit.replay import Replay
 from brickpilot.report.compare_page import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State
+from brickpilot.vehicle.replay import Replay
 from pages import assert_self_contained, curves, figures
 from synthetic import motor, robot, write
 

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import reference_ode
+from brickpilot.data.axes import Segment
 from brickpilot.data.dataset import Dataset, Nominal, Run, Signal
 from brickpilot.data.signals import SIGNALS as MEASURABLE
 from brickpilot.discover.compose import Composed, TermSource, compose
@@ -19,7 +20,7 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, Segment, atom, find_atoms, with_terms
+from brickpilot.discover.term_atoms import Atom, atom, find_atoms, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
 from brickpilot.report.composed_law import mathml

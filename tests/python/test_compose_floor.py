@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.discover.term_atoms import Segment, atom, find_atoms
+from brickpilot.data.axes import Segment
+from brickpilot.discover.term_atoms import atom, find_atoms
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle.composed_terms import equation
 from test_compose import BASIS, by_plant, coefficient, terms

@@ -21,7 +21,8 @@ from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
 from brickpilot.discover.search import Found
-from brickpilot.fit.residual import Problem, Residual, Scale
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual, Scale
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
@@ -207,9 +208,13 @@ class Settled:
         return 4.0 ** (one.explanation.cost - 90)
 
 
-def judged(table: list[Evidence], temperature: float) -> verdict.Verdict:
+def found_in(table: list[Evidence], temperature: float) -> Found:
     judge: Any = Settled(temperature)
-    return verdict.weigh(Found(judge, table[0], {one.explanation.key: one for one in table}))
+    return Found(judge, table[0], {one.explanation.key: one for one in table})
+
+
+def judged(table: list[Evidence], temperature: float) -> verdict.Verdict:
+    return verdict.weigh(found_in(table, temperature))
 
 
 def dominates(one: Evidence, other: Evidence) -> bool:
@@ -300,6 +305,33 @@ def test_a_part_that_leaves_more_of_the_error_than_it_removes_is_no_name(
     flat, cost = np.full(15, -40.0), 98 + math.log(1 - removed, 4)
     base = [made("", flat), made("start_delay", flat + 6.0, cost=98)]
     assert judged([*base, made("start_delay cogging", flat + 9.0, cost=cost)], 2.0).best.names == names
+
+
+@pytest.mark.parametrize(
+    ("gain", "removed", "enough", "kind", "names", "stages"),
+    [
+        (9.0, 0.99, 0.0, "named", ("start_delay", "cogging"), ["weigh"]),
+        (9.0, 0.40, 0.0, "named", ("start_delay",), ["weigh", "samples"]),
+        (0.1, 0.99, 999.0, "none", (), ["weigh", "samples"]),
+        (0.1, 0.99, 599.0, "unknown", ("start_delay", "cogging"), ["weigh", "samples"]),
+    ],
+)
+def test_the_measured_samples_take_back_what_they_do_not_show(
+    gain: float, removed: float, enough: float, kind: str, names: tuple[str, ...], stages: list[str]
+) -> None:
+    """The coarse grid asks for two parts; its own error may have asked for the second, or for both."""
+
+    def table(gain: float, removed: float) -> list[Evidence]:
+        flat, cost = np.full(15, -40.0), 98 + math.log(1 - removed, 4)
+        both = made("start_delay cogging", flat + gain, cost=cost)
+        return [made("", flat), made("start_delay", flat + 2 * gain / 3, cost=98), both]
+
+    coarse, samples = judged(table(9.0, 0.99), 2.0), found_in(table(gain, removed), 2.0)
+    assert (coarse.kind, coarse.best.names) == ("named", ("start_delay", "cogging"))
+    found = verdict.confirmed(coarse, samples, enough)
+    assert (found.kind, found.best.names) == (kind, names)
+    assert [one.stage for one in found.steps] == stages
+    assert found.steps[-1].verdict == found.kind
 
 
 def test_what_only_stated_values_speak_for_is_no_name() -> None:

@@ -17,8 +17,8 @@ def log(time: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame({"time": time, "u": 1e3 * time, "w": 1e4 * time, "i": current})
 
 
-def read(frame: pd.DataFrame) -> bp.Dataset:
-    return bp.Dataset.from_frames({"run": frame}, vehicle="motor", signals=SIGNALS)
+def read(frame: pd.DataFrame, *, floats: bool = False) -> bp.Dataset:
+    return bp.Dataset.from_frames({"run": frame}, vehicle="motor", signals=SIGNALS, floats=floats)
 
 
 def test_three_rows_of_a_tenth_of_a_ms_become_one():
@@ -44,7 +44,7 @@ def test_no_reading_of_a_channel_that_is_seldom_logged_is_lost():
 def test_a_motor_that_floats_in_one_row_floats_in_all():
     frame = log(np.arange(3000) * 1e-4)
     frame.loc[301, "u"] = np.nan
-    floats = np.isnan(read(frame).runs[0].inputs["voltage"])
+    floats = np.isnan(read(frame, floats=True).runs[0].inputs["voltage"])
     assert np.flatnonzero(floats).tolist() == [100]
 
 

@@ -16,9 +16,10 @@ from brickpilot.discover.finding import NOMINAL_VALUES, verdict_json
 from brickpilot.discover.parts import library_parts
 from brickpilot.discover.prepare import with_default_sds
 from brickpilot.fit import parameters
-from brickpilot.fit.replay import Replay
-from brickpilot.fit.residual import Problem, of_bins
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import of_bins
 from brickpilot.vehicle.manoeuvres import manoeuvres
+from brickpilot.vehicle.replay import Replay
 from synthetic import motor, robot, write
 from verdict_schema import check
 

@@ -11,12 +11,12 @@ from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.data.gap import Gap
 from brickpilot.discover.finding import Effect, Experiment, Parameter
-from brickpilot.fit.replay import Replay
 from brickpilot.report import composed_law
 from brickpilot.report.discover_page import page
 from brickpilot.report.discover_text import explanation_lines, verdict, words
 from brickpilot.report.quantities import quantity
 from brickpilot.vehicle.model import unit_on
+from brickpilot.vehicle.replay import Replay
 from findings import (
     COMMAND,
     DASH,
@@ -120,6 +120,11 @@ def test_rivals_of_one_mechanism_say_it_first(found):
     said = verdict(dataclasses.replace(one, effects=(friction,)))
     assert said.startswith("The cause is in the bearing, and two explanations fit these data equally well: dry")
     assert verdict(one).startswith("An effect is missing, and three explanations")
+
+
+def test_the_page_says_how_the_verdict_came_about(found):
+    html = page(found["named"], COMMAND)
+    assert "<li><code>weigh</code>: named. The evidence &lt;b&gt;says&lt;/b&gt; so.</li>" in html
 
 
 def test_the_explanations_that_hold_the_weight_are_a_table(found):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.data import dataset
-from brickpilot.discover.finding import Evidence
+from brickpilot.discover.finding import Evidence, Step
 from brickpilot.discover.pipeline import discover
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Sealed, prove, unproved
@@ -140,8 +140,10 @@ def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
     assert found.evidence.removed_held_out is not None
     assert swapped.evidence.removed_held_out is not None
     assert swapped.evidence.removed_held_out < found.evidence.removed_held_out
+    assert swapped.steps[: len(found.steps)] == found.steps
     if swapped.evidence.contradicted:
         assert swapped.verdict == "unknown"
+        assert swapped.steps[-1] == Step("seal", "unknown", swapped.evidence.sentence)
         assert not any(one.claimed for one in swapped.effects)
         assert swapped.augmented.effects == {}
     assert found.verdict in ("named", "ambiguous")

@@ -37,7 +37,7 @@ def test_the_example_logs_are_what_their_program_writes() -> None:
 def test_the_readme_s_question_is_answered(command: str, tmp_path: Path) -> None:
     name = Path(shlex.split(command)[1]).stem
     (hidden,) = maker().HIDDEN[name]
-    said = brickpilot(*shlex.split(command), "--out", str(tmp_path / "found"), cwd=ROOT)
+    said = brickpilot(*shlex.split(command), "--verbose", "--out", str(tmp_path / "found"), cwd=ROOT)
     assert said.returncode == 0, said.stderr
     (what,) = [line for line in said.stdout.splitlines() if line.startswith("what is wrong: ")]
     assert f"({hidden})" in what

@@ -11,11 +11,11 @@ import pytest
 from brickpilot.data import dataset
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.discover.pipeline import discover
-from brickpilot.fit import comparable
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
 from brickpilot.report import compare_page, discover_page, discover_text, headline_text, notebook, why_text
 from brickpilot.report.quantities import fit_text
+from brickpilot.vehicle import comparable
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.plant import State
 from command import brickpilot

@@ -12,7 +12,8 @@ from brickpilot.data.dataset import Dataset, Run, motor_inputs, read
 from brickpilot.data.holdout import Roles, assign, manoeuvre
 from brickpilot.discover import seal
 from brickpilot.discover.prepare import prepare
-from brickpilot.fit.comparable import Bins, blocks
+from brickpilot.fit.blocks import Bins, blocks
+from brickpilot.importers.split import manoeuvres
 from brickpilot.vehicle import model as model_file
 from test_measured import DATA
 
@@ -52,6 +53,25 @@ def test_a_manoeuvre_has_a_kind_and_a_direction(left: float, right: float, kind:
     assert manoeuvre(np.full((50, 2), [left, right], dtype=float)) == kind
     if left == right:
         assert manoeuvre(np.full((50, 1), left, dtype=float)) == kind.removeprefix("straight ")
+
+
+@pytest.mark.parametrize("ratio", np.round(np.linspace(-1.0, 1.0, 21), 2).tolist())
+def test_import_check_and_hold_out_call_a_manoeuvre_by_one_name(ratio: float) -> None:
+    """Also between a straight run and a curve, where each had a limit of its own."""
+    time = np.arange(0.0, 3.0, 0.01)
+    volts = np.where((time > 1.0) & (time < 2.0), 5.0, 0.0)
+    inputs = {"voltage_left": volts, "voltage_right": ratio * volts}
+    ((imported, _),) = manoeuvres(time, inputs)
+    assert manoeuvre(np.column_stack(list(inputs.values()))).split()[0] == imported
+    mixed = {"duty_mean": (1 + ratio) / 2 * volts / 9, "duty_diff": (1 - ratio) * volts / 9}
+    assert manoeuvres(time, mixed)[0][0] == imported
+
+
+def test_the_only_curve_is_not_taken_for_a_straight_run_and_held_out(tmp_path: Path) -> None:
+    four = {"ahead": (5.0, 5.0), "back": (-4.0, -4.0), "spin": (3.0, -3.0), "curve": (5.0, 2.9)}
+    data = written(tmp_path / "s", four)
+    assert manoeuvre(driven(data.runs[3], data)) == "curve step forward, left wheel faster"
+    assert roles_of(data).held_out() == []
 
 
 def test_what_occurs_once_in_a_direction_is_fitted(tmp_path: Path) -> None:

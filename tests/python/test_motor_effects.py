@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 from brickpilot.data import dataset
-from brickpilot.fit.replay import Replay
 from brickpilot.vehicle.plant import OpenLoopRun, State, simulate
+from brickpilot.vehicle.replay import Replay
 from synthetic import robot, steps, write
 
 HEATING = {"motor_heating": {"thermal_resistance": 2000.0, "time_constant": 20.0}}

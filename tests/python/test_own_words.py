@@ -121,7 +121,7 @@ def test_every_page_states_the_frame(sets):
     made = finding(theirs, "named")
     answer, constants = why_text.answer(made, compensation.from_model(made.augmented)), why_page.constants_of(made)
     for page in (
-        why_page.page(made, answer, constants, source="a log", files=[], command="why", notes=()),
+        why_page.page(why_page.Why(made, answer, constants, ()), source="a log", files=[], command="why"),
         discover_page.page(made, "discover"),
         compare_page.compare_page(compare(theirs, robot())),
         calibrate_page.calibrate_page(calibrate(theirs, free=["resistance"])),
@@ -157,7 +157,7 @@ def test_no_word_says_noise_beside_a_large_remainder(tmp_path):
         answer, constants = why_text.answer(one, None), why_page.constants_of(one)
         pages = [
             discover_page.page(one, "discover"),
-            why_page.page(one, answer, constants, source="a log", files=[], command="why", notes=()),
+            why_page.page(why_page.Why(one, answer, constants, ()), source="a log", files=[], command="why"),
         ]
         for page in pages:
             assert bool(re.search(quiet, words_of(page).replace(" : ", ": "))) is says, re.findall(
@@ -184,9 +184,11 @@ def test_pages_of_a_motor_speak_of_no_wheels(of_a_motor):
     answer, constants = why_text.answer(found, None), why_page.constants_of(found)
     texts = [
         discover_text.verdict(found),
-        *vars(answer).values(),
+        *(answer.what, answer.sure, answer.todo, answer.symptoms),
         words_of(
-            why_page.page(found, answer, constants, source="a log", files=["verdict.json"], command="why", notes=())
+            why_page.page(
+                why_page.Why(found, answer, constants, ()), source="a log", files=["verdict.json"], command="why"
+            )
         ),
         words_of(discover_page.page(found, "discover")).partition("How to reproduce")[0],
         words_of(compare_page.compare_page(compare(found.dataset, found.augmented))),

@@ -132,9 +132,8 @@ def why(finding: Finding) -> str:
     named = dataclasses.replace(finding, dataset=dataclasses.replace(finding.dataset, name=HOSTILE))
     answer = why_text.answer(named, None)
     constants = why_page.constants_of(named)
-    return why_page.page(
-        named, answer, constants, source=HOSTILE, files=["report.html"], command=HOSTILE, notes=[HOSTILE]
-    )
+    made = why_page.Why(named, answer, constants, (HOSTILE,))
+    return why_page.page(made, source=HOSTILE, files=["report.html"], command=HOSTILE)
 
 
 def hil(folder: Path) -> str:

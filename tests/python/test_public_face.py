@@ -6,6 +6,7 @@ import ast
 import doctest
 import importlib
 import json
+import pydoc
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -17,6 +18,7 @@ import nbformat
 import numpy as np
 import pandas as pd
 import pytest
+import synthetic
 from brickpilot.report import discover_text
 from markupsafe import escape
 
@@ -49,10 +51,13 @@ page: str = bp.to_html(finding)
         "brickpilot.discover.pipeline",
         "brickpilot.fit.calibrate",
         "brickpilot.fit.compare",
+        "brickpilot.public.analysis",
+        "brickpilot.public.logs",
         "brickpilot.vehicle.fly",
     ],
 )
 def test_the_examples_of_the_docstrings_run(module: str) -> None:
+    assert all(callable(getattr(bp, name).__wrapped__) for name in bp._CALLS)  # loaded, as doctest looks behind each
     with pd.option_context("display.width", 120):
         result = doctest.testmod(importlib.import_module(module))
     assert result.attempted >= 4
@@ -71,7 +76,7 @@ def test_the_type_checker_gets_the_names_that_are_loaded() -> None:
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
     imported = [node for node in block.body if isinstance(node, ast.ImportFrom)]
     typed = {one.asname or one.name: f"{node.module}:{one.name}" for node in imported for one in node.names}
-    assert typed == {**bp._NAMES, "discover": "brickpilot.discover.pipeline:discover"}
+    assert typed == {**bp._NAMES, **bp._CALLS}
     assert {*typed, "__version__"} == set(bp.__all__)
 
 
@@ -97,16 +102,77 @@ import brickpilot as bp
 {first}
 try:
     bp.discover("no data set", seed=3)
-except AttributeError as error:
+except bp.InputError as error:
     print(error)
-from brickpilot.discover import numbers, pipeline
+from brickpilot.discover import numbers
 import inspect
-print(bp.discover.numbers is numbers, inspect.signature(bp.discover) == inspect.signature(pipeline.discover))
+print(bp.discover.numbers is numbers, inspect.signature(bp.discover) == inspect.signature(bp.discover_effects))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     called, same = done.stdout.splitlines()
-    assert called.startswith("'str' object has no attribute ")
+    assert called.startswith("no data set: no such data set")
     assert same == "True True"
+
+
+@pytest.mark.parametrize("name", sorted(bp._CALLS))
+def test_help_of_a_package_that_can_be_called_has_the_arguments(name: str) -> None:
+    text = pydoc.plain(pydoc.render_doc(getattr(bp, name)))
+    assert f"{name}(" in text
+    assert "Args:" in text
+    assert "Raises:" in text
+
+
+def test_what_a_caller_gives_is_checked_at_the_door(tmp_path: Path) -> None:
+    with pytest.raises(
+        bp.InputError, match=r"^dataset: is a DataFrame: give a Dataset, its folder, or Dataset.from_fr"
+    ):
+        bp.check(pd.DataFrame())
+    with pytest.raises(bp.InputError, match="no such data set"):
+        bp.check(str(tmp_path / "absent"))
+    for call in (bp.check, bp.calibrate, bp.compare, bp.discover, bp.why):
+        data = synthetic_motor(tmp_path / call_name(call))
+        with pytest.raises(bp.InputError, match=r"^jobs: needs a whole number from 1 to 256, not 0$"):
+            call(data, jobs=0)
+        with pytest.raises(bp.InputError, match=r"^seed: needs a whole number from 0, not -1$"):
+            call(data, seed=-1)
+    with pytest.raises(bp.InputError, match=r"m.toml"):
+        bp.compare(data, model="m.toml")
+    with pytest.raises(bp.InputError, match=r"^model: is a int: give a Model or its file"):
+        bp.compare(data, model=3)
+    with pytest.raises(bp.InputError, match="coulomb_fiction"):
+        bp.calibrate(data, effects="coulomb_fiction")
+    assert "coulomb_friction.torque" in bp.calibrate(data, effects="coulomb_friction").parameters
+    with pytest.raises(bp.InputError, match=r"^from_frames: got a DataFrame: needs at least one run, {name: Data"):
+        bp.Dataset.from_frames(pd.DataFrame())
+    with pytest.raises(bp.InputError, match="vehicle: is missing"):
+        bp.Dataset.from_frames({"a": pd.DataFrame({"time": [0.0, 0.1], "voltage": 1.0, "speed": 0.0})})
+
+
+def call_name(function: Any) -> str:
+    return str(getattr(function, "__name__", "x")).rpartition(".")[2]
+
+
+def synthetic_motor(folder: Path) -> Path:
+    return synthetic.write(
+        folder, synthetic.motor(), {"speed": 0.1}, "", manoeuvres={"a": (4.0, 0.0), "b": (-5.0, 0.0)}
+    )
+
+
+def test_a_motor_without_volts_is_meant_or_an_error() -> None:
+    frame = pd.DataFrame({"time": [0.0, 0.1, 0.2], "voltage": [0.0, np.nan, 3.0], "speed": [0.0, 1.0, 2.0]})
+    with pytest.raises(bp.InputError, match=r"run a, row 1: voltage: is NaN; say floats=True"):
+        bp.Dataset.from_frames({"a": frame}, vehicle="motor")
+    dataset = bp.Dataset.from_frames({"a": frame}, vehicle="motor", floats=True)
+    assert np.isnan(dataset.motor_inputs(dataset.runs[0])).any()
+
+
+def test_a_run_as_a_table_has_the_frame_of_the_data_set() -> None:
+    frame = pd.DataFrame({"time": [0.0, 0.1], "voltage_left": 1.0, "voltage_right": 2.0, "yaw_rate": [0.1, 0.3]})
+    for name in ("FLU", "FRD"):
+        dataset = bp.Dataset.from_frames({"a": frame}, vehicle="diff_drive", frame=name)
+        np.testing.assert_allclose(dataset.to_frame("a")["yaw_rate"], frame["yaw_rate"])
+    with pytest.raises(bp.InputError, match=r"^run: 'b' is not one of a$"):
+        dataset.to_frame("b")
 
 
 def checked(folder: Path, script: str) -> str:
@@ -138,32 +204,43 @@ class Tags(HTMLParser):
         self.attributes += attrs
 
 
-def test_a_notebook_shows_each_result_with_all_text_escaped() -> None:
+@pytest.fixture(scope="module")
+def results() -> list[Any]:
+    """One of each kind that the functions return, of a data set with a bad name."""
     time = np.arange(0.0, 1.0, 0.01)
     volts = np.where(time > 0.1, 4.0, 0.0)
     frame = pd.DataFrame({"time": time, "voltage": volts, "speed": np.cumsum(volts) * 0.02})
     dataset = bp.Dataset.from_frames({"low": frame, "b<i>": frame}, vehicle="motor", name="<img>", frame="FRD")
     model = bp.Model(SCRIPT, "motor", "coupled", {})
-    fitted = bp.calibrate(dataset)
     finding = bp.discover(dataset, jobs=1, budget_s=1.0)
-    for result in (
-        dataset,
-        bp.check(dataset, jobs=1),
-        bp.compare(dataset, model),
-        fitted,
-        finding,
-        bp.fly("forward_1m"),
-    ):
+    others = [bp.check(dataset, jobs=1), bp.compare(dataset, model), bp.calibrate(dataset), bp.fly("forward_1m")]
+    return [dataset, finding, *others]
+
+
+def test_a_notebook_shows_each_result_with_all_text_escaped(results: list[Any]) -> None:
+    for result in results:
         shown = result._repr_html_()
         tags = Tags(shown)
         assert tags.tags <= {"div", "p", "b", "table", "tr", "th", "td"}
         assert tags.attributes == []
         assert "&lt;img&gt;" in shown or isinstance(result, bp.Flown)
         assert all(str(name) in shown for name in result.to_frame().columns) or isinstance(result, bp.Flown)
+    finding = results[1]
     assert str(escape(discover_text.verdict(finding))) in finding._repr_html_()
     assert list(finding.to_frame("ranking").columns) == ["effects", "gap", "removed", "why"]
     with pytest.raises(TypeError, match="str is no result of brickpilot"):
         bp.to_html(SCRIPT)
+
+
+def test_a_result_prints_as_some_lines_that_say_what_it_says(results: list[Any]) -> None:
+    for result in results:
+        lines = str(result).splitlines()
+        assert 1 <= len(lines) <= 10, type(result)
+        assert max(map(len, lines)) <= 130, type(result)
+    assert " ".join(discover_text.verdict(results[1]).split())[:60] in " ".join(str(results[1]).split())
+    assert str(results[3]).splitlines()[0] == "<img>: measured and simulated"
+    with pytest.raises(TypeError, match="str is no result of brickpilot"):
+        bp.to_text(SCRIPT)
 
 
 def test_the_notebook_finds_the_hidden_effect_in_ten_lines() -> None:

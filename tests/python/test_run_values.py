@@ -12,8 +12,8 @@ from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
 from brickpilot.discover.parts import RunPart, run_parts
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle.replay import RUN_KINDS, Replay
 from synthetic import robot, write
 
 SIGNALS = {"wheel_speed_left": 0.05, "wheel_speed_right": 0.05, "yaw_rate": 0.01}

@@ -12,7 +12,7 @@ from brickpilot.data.dataset import Dataset, read
 from brickpilot.discover.prepare import calibrate, prepare
 from brickpilot.discover.row_meaning import with_known_sampling
 from brickpilot.errors import InputError
-from brickpilot.fit.comparable import blocks
+from brickpilot.fit.blocks import blocks
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 

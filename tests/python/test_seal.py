@@ -185,6 +185,8 @@ def test_held_out_values_choose_nothing(tmp_path: Path) -> None:
     assert other.evidence is not None
     assert one.evidence.removed_fit == other.evidence.removed_fit
     assert one.evidence.removed_held_out > 0.9 > other.evidence.removed_held_out
+    assert [(step.stage, step.verdict) for step in one.steps] == [("weigh", "named")]
+    assert other.steps == one.steps
 
 
 def test_a_seal_that_is_opened_twice_is_an_error(tmp_path: Path) -> None:

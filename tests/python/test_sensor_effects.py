@@ -9,10 +9,10 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
 from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.replay import Mark, Replay
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.plant import State
+from brickpilot.vehicle.replay import Mark, Replay
 from synthetic import robot, write
 
 STATED = """

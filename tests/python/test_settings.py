@@ -32,13 +32,14 @@ NAMED = {
     "benchmark/flight_records.py",  # the constants that the peers of the control law get, read from the model file
     "firmware/tuning.py",  # the rules by which the gains of another robot follow
     "firmware/ranges.py",  # the floor that the range of a battery depends on
-    "cli/firmware.py",  # the cruise speed that the image has
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the cruise speed that is checked before the rules use it
     "firmware/params_header.py",  # checks of one default against another
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
+    "public/flights.py",  # an argument of the same name
+    "public/making.py",  # the cruise speed that the image has
     "tune/robot.py",  # a scenario's cruise
     "tune/space.py",  # the gains that are tuned, and how far
     "vehicle/gains.py",  # pairs of gains of which one may not be above the other

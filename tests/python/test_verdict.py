@@ -12,9 +12,11 @@ from brickpilot.data import dataset
 from brickpilot.discover import adequacy, numbers
 from brickpilot.discover.adequacy import Adequacy
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.explanation import joined, refine
+from brickpilot.discover.explanation import FINE, fit, joined, refine
 from brickpilot.discover.parts import RunPart, library_parts
-from brickpilot.discover.prepare import calibrate, prepare
+from brickpilot.discover.prepare import SD_SHARE, calibrate, prepare
+from brickpilot.discover.search import Library, Search, runs_of
+from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
 from synthetic import robot, write
@@ -29,13 +31,54 @@ MOVES = {
 FRICTION = {"coulomb_friction": {"torque": 0.006}}
 
 
+def test_a_model_whose_values_stand_in_for_an_effect_does_not_hide_it(tmp_path: Path) -> None:
+    """Of a resistance of nearly nothing, an inductance makes a lag. A fit from there finds no lag of the drive."""
+    truth = dataclasses.replace(robot(inductance=0.004), effects={"actuator_lag": {"time_constant": 0.05}})
+    stated = "\n".join(f"{name} = {truth.parameters[name]}" for name in SD_SHARE if truth.parameters[name])
+    moves, noise = {"ahead": (4.0, 4.0), "back": (-5.0, -5.0), "spin": (4.0, -4.0)}, dict(NOISE, yaw_rate=0.005)
+    folder = write(tmp_path / "set", truth, noise, stated, manoeuvres=moves, roles=["fit"] * 3)
+    prepared, nominal = calibrate(prepare(dataset.read(folder), None, seed=0, jobs=1)[0])
+    point = np.array(nominal.point)
+    point[[one.name in ("resistance", "torque_constant") for one in nominal.plan.free]] -= np.log(100.0)
+    moved = fit(Problem(prepared.coarse, nominal.plan), (), nominal.plan, point, FINE)
+    assert moved is not None
+    assert moved.cost < nominal.cost
+    assert moved.model.parameters["resistance"] < 0.01 * truth.parameters["resistance"]
+    library = Library(prepared.excitation, runs_of(prepared.coarse), 1)
+    search = Search(prepared.coarse, moved, library, prepared.excitation, 1, prepared.deadline, lambda _: None)
+    best = search.run(Judge.of(prepared.coarse, 0)).ranked()[0].explanation
+    assert best.names == ("actuator_lag",)
+    assert best.model.parameters["resistance"] == pytest.approx(truth.parameters["resistance"], rel=0.05)
+    assert best.model.effects["actuator_lag"]["time_constant"] == pytest.approx(0.05, rel=0.05)
+
+
+def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
+    """Friction in one direction alone is dry friction and a constant offset."""
+    truth = dataclasses.replace(robot(), effects={"direction_asymmetry": {"torque": -0.01}})
+    moves = {"ahead": (4.0, 4.0), "back": (-5.0, -5.0), "spin": (4.0, -4.0)}
+    folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=moves, roles=["fit"] * 3)
+    prepared, nominal = calibrate(prepare(dataset.read(folder), None, seed=0, jobs=1)[0])
+    library = Library(prepared.excitation, runs_of(prepared.coarse), 2)
+    search = Search(prepared.coarse, nominal, library, prepared.excitation, 1, prepared.deadline, lambda _: None)
+    parts = {one.name: one for one in library_parts(nominal.model) if one.free == ("torque",)}
+    both = joined(nominal, parts["coulomb_friction"], {"torque": 0.004})
+    both = joined(both, parts["constant_offset"], {"torque": -0.004})
+    (both,) = refine(prepared.coarse, [both], 1)
+    (one_law,) = refine(prepared.coarse, search._in_one_law(both), 1)
+    assert one_law.names == ("direction_asymmetry",)
+    assert one_law.cost < both.cost + 5
+    assert search._in_one_law(joined(both, one_law.parts[-1], {"torque": -0.01})) == []  # it is there already
+    assert dataclasses.replace(search, base=both)._in_one_law(both) == []  # what a search begins with stays
+    assert one_law.model.effects["direction_asymmetry"]["torque"] == pytest.approx(-0.01, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("left", "is_adequate", "said"),
     [
         (Adequacy({"speed": 0.1, "yaw_rate": 0.2}, 0.1, 0.9), True, ""),
         (Adequacy({"speed": 0.1, "yaw_rate": 0.21}, 0.1, 0.9), False, "21 % of the error of yaw_rate"),
         (Adequacy({"speed": 0.1}, 5.0, 0.51), True, ""),
-        (Adequacy({"speed": 0.1}, 0.31, 0.49), False, "neither a law of the library nor a black box predicts it"),
+        (Adequacy({"speed": 0.1}, 0.31, 0.49), False, "0.31 nats a value. The best explanation removes 49 %"),
         (Adequacy({"speed": 0.1}, 0.29, 0.0), True, ""),
         (Adequacy({}, 0.0, 0.0), True, ""),
     ],
@@ -105,7 +148,7 @@ def test_an_error_that_nobody_can_predict_is_too_much_where_nothing_is_explained
     assert left.most_predictable < numbers.SHARED_REST
     assert left.nats_left > numbers.UNEXPLAINED_NATS
     assert not left.is_adequate
-    assert "neither" in left.sentence
+    assert "Neither" in left.sentence
 
 
 def test_folds_are_whole_runs_and_of_one_run_blocks_of_time() -> None:

@@ -50,7 +50,9 @@ def test_a_log_becomes_an_answer_with_files(tmp_path: Path) -> None:
     write_log(tmp_path / "shop<script>.csv", changed(coulomb_friction={"torque": 0.012}))
     stated = [f"{name}={robot().parameters[name]}" for name in ("wheel_radius", "half_track", "mass", "resistance")]
     options = [word for one in stated for word in ("--nominal", one)]
-    said = brickpilot("why", "shop<script>.csv", "--frame", "FRD", *options, "--out", "found", cwd=tmp_path)
+    said = brickpilot(
+        "why", "shop<script>.csv", "--frame", "FRD", *options, "--out", "found", "--verbose", cwd=tmp_path
+    )
     assert said.returncode == 0, said.stderr
     answer = [line for line in said.stdout.splitlines() if not line.startswith("note: ")]
     assert [line.split(":")[0] for line in answer[:2]] == ["what is wrong", "how sure"]
@@ -131,6 +133,13 @@ def test_what_cannot_be_read_is_one_line_and_writes_nothing(tmp_path: Path, argu
     assert line in said.stderr
     assert said.stderr.count("\n") == 1
     assert not (tmp_path / "found").exists()
+
+
+def test_a_log_in_the_place_of_a_data_set_is_sent_to_why(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("ms,pwm\n0,1\n")
+    said = brickpilot("check", "log.csv", cwd=tmp_path)
+    assert said.returncode == 2
+    assert said.stderr.startswith("brickpilot: log.csv: is no data set; `brickpilot why` answers from a log")
 
 
 def test_feed_forward_is_that_of_the_equations() -> None:

@@ -12,8 +12,8 @@ from brickpilot.data.facts import repeats
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.yardstick import HORIZONS, Yardstick, measure
-from brickpilot.fit.headline import simulated_at, track
 from brickpilot.vehicle import plant
+from brickpilot.vehicle.headline import simulated_at, track
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from synthetic import motor, robot, write
 

@@ -47,26 +47,37 @@ What was never measured is simulated, and the robot flies its mission:
 >>> flown.figures["waypoints_reached"], flown.failure
 (8, None)
 
+What else the commands do is here too, with the same files: `bp.import_log`, `bp.why`, `bp.campaign`, `bp.tune`,
+`bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
+
 The names below are the public face. Each is loaded when it is first used, so that `import brickpilot` takes no time.
-`discover` is also the package of that name: `bp.discover(dataset)` works before and after an import of its modules.
+`discover`, `campaign`, `tune`, `export`, `firmware` and `hil` are also packages of these names:
+`bp.discover(dataset)` works before and after an import of its modules.
 """
 
 from __future__ import annotations
 
 import importlib
+import inspect
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from brickpilot.catalogue import effects
     from brickpilot.data.dataset import Dataset, read
-    from brickpilot.discover.check import Check, check
+    from brickpilot.discover.check import Check
     from brickpilot.discover.finding import Finding
-    from brickpilot.discover.pipeline import discover
-    from brickpilot.discover.pipeline import discover as discover_effects
     from brickpilot.errors import InputError, SimulationError
-    from brickpilot.fit.calibrate import Calibration, calibrate
-    from brickpilot.fit.compare import Comparison, compare
-    from brickpilot.report.notebook import to_html
+    from brickpilot.fit.calibrate import Calibration
+    from brickpilot.fit.compare import Comparison
+    from brickpilot.public.analysis import calibrate, check, compare, discover
+    from brickpilot.public.analysis import discover as discover_effects
+    from brickpilot.public.flights import hil
+    from brickpilot.public.logs import import_log, why
+    from brickpilot.public.making import campaign, export, firmware, tune
+    from brickpilot.report.notebook import to_html, to_text
+    from brickpilot.report.why_page import Why
     from brickpilot.vehicle.fly import Flown, fly
     from brickpilot.vehicle.model import Model, rcx
     from brickpilot.vehicle.model import load as load_model
@@ -86,20 +97,33 @@ _NAMES = {
     "Model": "brickpilot.vehicle.model:Model",
     "OpenLoopRun": "brickpilot.vehicle.plant:OpenLoopRun",
     "SimulationError": "brickpilot.errors:SimulationError",
-    "calibrate": "brickpilot.fit.calibrate:calibrate",
-    "check": "brickpilot.discover.check:check",
-    "compare": "brickpilot.fit.compare:compare",
-    "discover": "brickpilot.discover",  # the package, which can be called
-    "discover_effects": "brickpilot.discover.pipeline:discover",  # the older name of discover
+    "Why": "brickpilot.report.why_page:Why",
+    "calibrate": "brickpilot.public.analysis:calibrate",
+    "check": "brickpilot.public.analysis:check",
+    "compare": "brickpilot.public.analysis:compare",
+    "discover_effects": "brickpilot.public.analysis:discover",  # the older name of discover
     "effects": "brickpilot.catalogue:effects",
     "fly": "brickpilot.vehicle.fly:fly",
+    "import_log": "brickpilot.public.logs:import_log",
     "load_model": "brickpilot.vehicle.model:load",
     "rcx": "brickpilot.vehicle.model:rcx",
     "read": "brickpilot.data.dataset:read",
     "save_model": "brickpilot.vehicle.model:save",
     "simulate": "brickpilot.vehicle.plant:simulate",
     "to_html": "brickpilot.report.notebook:to_html",
+    "to_text": "brickpilot.report.notebook:to_text",
+    "why": "brickpilot.public.logs:why",
 }
+
+_CALLS = {
+    "campaign": "brickpilot.public.making:campaign",
+    "discover": "brickpilot.public.analysis:discover",
+    "export": "brickpilot.public.making:export",
+    "firmware": "brickpilot.public.making:firmware",
+    "hil": "brickpilot.public.flights:hil",
+    "tune": "brickpilot.public.making:tune",
+}
+"""Functions that have the names of packages, which can be called in their place."""
 
 __all__ = [
     "Calibration",
@@ -112,30 +136,66 @@ __all__ = [
     "Model",
     "OpenLoopRun",
     "SimulationError",
+    "Why",
     "__version__",
     "calibrate",
+    "campaign",
     "check",
     "compare",
     "discover",
     "discover_effects",
     "effects",
+    "export",
+    "firmware",
     "fly",
+    "hil",
+    "import_log",
     "load_model",
     "rcx",
     "read",
     "save_model",
     "simulate",
     "to_html",
+    "to_text",
+    "tune",
+    "why",
 ]
 
 
+def _loaded(place: str) -> Any:
+    """Returns what stands at "module:name"."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+class _CallableRoom(ModuleType):
+    """A package that can be called; `inspect.signature` and `help` find the function behind it."""
+
+    @property
+    def __wrapped__(self) -> Any:
+        return _loaded(_CALLS[self.__name__.rpartition(".")[2]])
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.__wrapped__(*args, **kwargs)
+
+    @property
+    def __doc__(self) -> str:  # type: ignore[override]
+        """What `help` shows: the arguments and the example of the function."""
+        function = self.__wrapped__
+        return f"{function.__name__}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
+
+
+def make_callable(package: str) -> None:
+    """Lets a package be called as the public function of its name. Its own `__init__` calls this."""
+    sys.modules[package].__class__ = _CallableRoom
+
+
 def __getattr__(name: str) -> Any:
+    if name in _CALLS:
+        return importlib.import_module(f"brickpilot.{name}")
     if name not in _NAMES:
         raise AttributeError(f"module 'brickpilot' has no attribute {name!r}")
-    module, _, attribute = _NAMES[name].partition(":")
-    loaded = importlib.import_module(module)
-    found = getattr(loaded, attribute) if attribute else loaded
-    globals()[name] = found
+    found = globals()[name] = _loaded(_NAMES[name])
     return found
 
 

@@ -5,6 +5,7 @@ Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `si
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -34,6 +35,8 @@ class ParameterInfo:
         variation: how the effect's law differs where this is not 0, to be read after "but"; empty: it does not.
         mechanism: of the law that this parameter alone stands for; empty: the effect's.
         same_as: the nominal parameter that this one adds to; empty: none.
+        says, says_below: what a value above and below 0 means, as a clause with {} for its size; empty: none.
+        over_mean: left less right over their mean.
     """
 
     name: str
@@ -56,6 +59,9 @@ class ParameterInfo:
     variation: str
     mechanism: str
     same_as: str
+    says: str = ""
+    says_below: str = ""
+    over_mean: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,7 @@ class EffectInfo:
         mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
         prior: how often the simulator of a wheeled robot or a motor lacks it, before any data.
         prior_reason: one sentence that says why.
+        advice: one sentence on what to do, where the first odd size is above 0; below it left and right change places.
         motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
         carries_over: charge or heat that one run leaves changes the next.
         composed: a sum of terms that discovery composes, never a candidate of its own.
@@ -88,6 +95,7 @@ class EffectInfo:
     mechanism: str
     prior: Prior
     prior_reason: str
+    advice: str
     motor_step: float
     carries_over: bool
     composed: bool
@@ -140,6 +148,9 @@ def _parameter(info: Any) -> ParameterInfo:
         variation=_text(info.variation),
         mechanism=_text(info.mechanism),
         same_as=_text(info.same_as),
+        says=_text(info.says),
+        says_below=_text(info.says_below),
+        over_mean=bool(info.over_mean),
     )
 
 
@@ -176,6 +187,7 @@ def effects() -> tuple[EffectInfo, ...]:
                 mechanism=_text(info.mechanism),
                 prior=_priors()[info.prior],
                 prior_reason=_text(info.prior_reason),
+                advice=_text(info.advice),
                 motor_step=info.motor_step,
                 carries_over=bool(info.carries_over),
                 composed=bool(info.composed),
@@ -218,6 +230,26 @@ def law(name: str, values: Mapping[str, float]) -> str:
     differences = [info.variation] if info.variant_of else []
     differences += [one.variation for one in info.parameters if one.variation and values.get(one.name, 0.0) != 0]
     return f"{family(name)}, but {' and '.join(differences)}" if differences else name
+
+
+def mirrored(text: str) -> str:
+    """Returns a text in which left and right have changed places."""
+    return re.sub(r"\b(left|right)\b", lambda found: "right" if found[0] == "left" else "left", text)
+
+
+def says(name: str, parameter: str, value: float) -> str:
+    """Returns what a value of a parameter of effect `name` means, a clause with {} for its size; empty: no clause."""
+    info = next(one for one in effect(name).parameters if one.name == parameter)
+    if value >= 0.0:
+        return info.says
+    return mirrored(info.says) if info.odd else info.says_below
+
+
+def advice(name: str, values: Mapping[str, float]) -> str:
+    """Returns a sentence on what to do about effect `name` with these parameters."""
+    info = effect(name)
+    odd = [values.get(one.name, 0.0) for one in info.parameters if one.odd and one.role == "size"]
+    return mirrored(info.advice) if odd and odd[0] < 0.0 else info.advice
 
 
 def mechanism(name: str, values: Mapping[str, float]) -> str:

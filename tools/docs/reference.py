@@ -52,9 +52,7 @@ def python_page() -> str:
     for name in brickpilot.__all__:
         if name.startswith("_") or name == "discover_effects":
             continue
-        module, _, attribute = brickpilot._NAMES[name].partition(":")
-        if name == "discover":  # the package can be called; what it calls has the docstring
-            module, attribute = "brickpilot.discover.pipeline", "discover"
+        module, _, attribute = {**brickpilot._NAMES, **brickpilot._CALLS}[name].partition(":")
         kind = _kind(getattr(brickpilot, name))
         members = "   :members:\n" if kind == "autoclass" else ""
         blocks.append(f"## bp.{name}\n\n```{{eval-rst}}\n.. {kind}:: {module}.{attribute}\n{members}```\n")
@@ -89,6 +87,8 @@ def _effect(effect: EffectInfo) -> str:
     lines.append(f"```text\n{effect.equation}\n```")
     lines.append(f"It acts on: {effect.acts_on}. Source: {_plain(effect.source)}.")
     lines.append(f"Prior: {effect.prior}. {_plain(effect.prior_reason)}")
+    if effect.advice:
+        lines.append(f"What to do: {_plain(effect.advice)}")
     if effect.contains:
         lines.append(f"It contains {_links(effect.contains)}.")
     if effect.made_of:

@@ -51,6 +51,12 @@ static inline bool is_nominal(const char *name)
     return false;
 }
 
+/* No clause, or one with a place for a size and without a full stop. */
+static inline bool is_clause(const char *text)
+{
+    return text == NULL || (strstr(text, "{}") != NULL && islower((unsigned char)text[0]) && strchr(text, '.') == NULL);
+}
+
 /* What a parameter lacks, or NULL. */
 static inline const char *parameter_fault(const bp_effect_info *effect, const bp_parameter_info *one)
 {
@@ -82,6 +88,11 @@ static inline const char *parameter_fault(const bp_effect_info *effect, const bp
         return "has a `mechanism` that is not of the list in brickpilot_sim.h";
     if (one->same_as != NULL && !is_nominal(one->same_as))
         return "has a `same_as` that names no nominal parameter";
+    if (!is_clause(one->says) || !is_clause(one->says_below) || (one->odd && one->says_below != NULL))
+        return "has a `says` or `says_below` that is no clause with {}, or the second although left and right change "
+               "places";
+    if (one->says != NULL && one->minimum < 0 && !one->odd && one->says_below == NULL)
+        return "has a `says`, and no `says_below` for values below 0";
     return NULL;
 }
 
@@ -96,6 +107,8 @@ static inline const char *sentence_fault(const bp_effect_info *info)
         return "has no `words`: a noun phrase, as in \"The simulator lacks ...\", without a full stop";
     if (!is_sentence(info->summary))
         return "has no `summary`: one sentence, from a capital letter to a full stop";
+    if (!info->composed && !is_sentence(info->advice))
+        return "has no `advice`: one sentence on what to do, from a capital letter to a full stop";
     return NULL;
 }
 

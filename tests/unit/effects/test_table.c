@@ -89,6 +89,7 @@ static effect_t sound(const bp_parameter_info *parameter)
                                .source = "none",
                                .prior = BP_PRIOR_RARE,
                                .prior_reason = "Nobody has made it but this test.",
+                               .advice = "Take it away.",
                                .parameter_count = 1,
                                .parameters = parameter},
                       .hook = {[SITE_WHEEL] = nothing}};
@@ -153,6 +154,22 @@ static void test_a_prior_that_is_missing_or_copied_is_named(void)
 
     effect.info.prior_reason = bp_effect(3)->prior_reason;
     assert_fault(effect, "effect made_up has the `prior_reason` of another effect");
+}
+
+static void test_a_row_says_what_to_do_and_what_its_values_mean(void)
+{
+    effect_t effect = sound(&SOUND_PARAMETER);
+    effect.info.advice = NULL;
+    assert_fault(effect, "effect made_up has no `advice`");
+
+    bp_parameter_info parameter = SOUND_PARAMETER;
+    parameter.says = "the torque is large";
+    assert_fault(sound(&parameter), "effect made_up, parameter torque has a `says`");
+    parameter.says = "the torque is {} too large";
+    assert_fault(sound(&parameter), "effect made_up, parameter torque has a `says`, and no `says_below`");
+    parameter.odd = 1;
+    parameter.says_below = parameter.says;
+    assert_fault(sound(&parameter), "effect made_up, parameter torque has a `says`");
 }
 
 static void test_what_a_law_contains_are_other_effects(void)
@@ -269,6 +286,7 @@ int main(void)
     RUN_TEST(test_a_sound_row_has_no_fault);
     RUN_TEST(test_a_row_that_lacks_something_is_named);
     RUN_TEST(test_a_prior_that_is_missing_or_copied_is_named);
+    RUN_TEST(test_a_row_says_what_to_do_and_what_its_values_mean);
     RUN_TEST(test_what_a_law_contains_are_other_effects);
     RUN_TEST(test_a_variant_that_is_none_is_named);
     RUN_TEST(test_a_parameter_that_lacks_something_is_named);

@@ -28,10 +28,10 @@ from brickpilot.data.holdout import Roles
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.comparable import comparable
-from brickpilot.fit.replay import Replay
 from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle.comparable import comparable
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
 
 Progress = Callable[[int, int, str], None]
 

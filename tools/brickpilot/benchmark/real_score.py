@@ -12,7 +12,7 @@ from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED
-from brickpilot.fit.headline import noise_sd
+from brickpilot.vehicle.headline import noise_sd
 
 Array = NDArray[np.float64]
 Predictions = Mapping[str, Mapping[str, Array]]

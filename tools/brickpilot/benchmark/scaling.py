@@ -27,7 +27,7 @@ from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
-from brickpilot.fit.residual import Problem
+from brickpilot.fit.problem import Problem
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 

@@ -22,8 +22,8 @@ from brickpilot.benchmark.sindy_library import NOT_IN_LIBRARY
 from brickpilot.benchmark.sindy_rows import Regression, rows_of
 from brickpilot.data.dataset import Dataset
 from brickpilot.errors import InputError
-from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from scipy.signal import lfilter, savgol_filter
 from brickpilot.benchmark.sindy_library import Column, library
 from brickpilot.benchmark.sindy_motion import Modes, Motion, carried, modes
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.fit.replay import Outputs
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs
 
 Array = NDArray[np.float64]
 

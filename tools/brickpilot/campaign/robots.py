@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.fit import uncertainty
-from brickpilot.fit.uncertainty import Spread
 from brickpilot.vehicle.model import Model, with_values
+from brickpilot.vehicle.spread import Spread
+from brickpilot.vehicle.spread import from_json as spread_of
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
 def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
     try:
         given = json.loads(file.read_text(encoding="utf-8"))
-        spread = uncertainty.from_json(given["spread"]) if given.get("spread") is not None else None
+        spread = spread_of(given["spread"]) if given.get("spread") is not None else None
         explanations = (Explanation(model.name, model), *_rivals(model, given))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error

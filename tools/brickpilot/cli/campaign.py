@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.errors import WorkFailedError
-
-if TYPE_CHECKING:
-    from brickpilot.campaign.file import Campaign
 
 
 @click.command()
@@ -44,28 +42,21 @@ def campaign(
     The folder holds runs.parquet with a row for each run, summary.json and report.html. The same command goes on where
     it was stopped; the same seed gives the same bytes, whatever the number of workers.
     """
-    from brickpilot.campaign import conduct, workers
-    from brickpilot.campaign import file as campaign_file
-    from brickpilot.discover.prepare import SD_SHARE
-
-    given = campaign_file.load(Path(file), count=count, seed=seed, shares=SD_SHARE)
-    command = ["brickpilot", "campaign", file]
-    command += ["--runs", str(count)] if count is not None else []
-    command += ["--seed", str(seed)] if seed is not None else []
     if index is not None:
-        _replay(given, index, out, command, as_json)
+        _replay(file, index, out, count, seed, as_json)
         return
-    folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
+    from brickpilot.public import making
+
     with progress_shown(as_json) as show:
-        found = conduct.conduct(given, folder, workers.chosen(jobs, scheduler), show, shlex.join(command))
+        made = making.campaign(file, out, runs=count, seed=seed, jobs=jobs, scheduler=scheduler, progress=show)
     if as_json:
-        click.echo(json.dumps(found))
+        click.echo(json.dumps(made.figures))
         return
-    _print(found)
-    click.echo(f"report: {folder / conduct.PAGE}")
+    _print(made.figures)
+    click.echo(f"report: {made.folder / 'report.html'}")
 
 
-def _print(found: dict[str, Any]) -> None:
+def _print(found: Mapping[str, Any]) -> None:
     from brickpilot.report import campaign_page
 
     click.echo(campaign_page.verdict(found))
@@ -78,10 +69,15 @@ def _print(found: dict[str, Any]) -> None:
             click.echo(f"{campaign_page.WORDS[figure]} depends on: {strongest}")
 
 
-def _replay(given: Campaign, index: int, out: str | None, command: list[str], as_json: bool) -> None:
+def _replay(file: str, index: int, out: str | None, count: int | None, seed: int | None, as_json: bool) -> None:
+    from brickpilot.campaign import file as campaign_file
     from brickpilot.campaign import replay
+    from brickpilot.discover.prepare import SD_SHARE
     from brickpilot.report import link_figures, run_folder, run_page
 
+    given = campaign_file.load(Path(file), count=count, seed=seed, shares=SD_SHARE)
+    command = ["brickpilot", "campaign", file, *(["--runs", str(count)] if count is not None else [])]
+    command += ["--seed", str(seed)] if seed is not None else []
     found = replay.replay(given, index)
     folder = Path(out) if out else Path("runs") / f"{given.name}-run-{index}"
     figures = found.figures | {"campaign": given.name, "run": index, "inputs": found.inputs}

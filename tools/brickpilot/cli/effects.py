@@ -74,6 +74,8 @@ def _text(effect: EffectInfo) -> str:
     head = f"{effect.name}  (acts on: {effect.acts_on}; mechanism: {effect.mechanism})"
     lines = [effect.summary, f"equation: {effect.equation}", f"source: {effect.source}"]
     lines.append(f"prior: {effect.prior}. {effect.prior_reason}")
+    if effect.advice:
+        lines.append(f"what to do: {effect.advice}")
     if effect.contains:
         lines.append(f"contains: {', '.join(effect.contains)}")
     if effect.made_of:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from brickpilot.cli.completion import model_files, scenario_names
-from brickpilot.cli.mission_lines import figure_lines, waypoint_lines
 from brickpilot.cli.terminal import as_json
 from brickpilot.errors import WorkFailedError
-
-if TYPE_CHECKING:
-    from brickpilot.firmware.package import Made, Order
+from brickpilot.report.mission_lines import figure_lines, waypoint_lines
 
 
 @click.command()
@@ -66,88 +63,20 @@ def firmware(
     build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line and exit
     status 1. It needs a checkout of the project in this folder or above it.
     """
-    from brickpilot.firmware import boards, package, robot
-    from brickpilot.report import run_folder
-    from brickpilot.vehicle import gains
+    from brickpilot.public import making
 
-    board = boards.BOARDS[board_name]
-    own = robot.load(Path(model_file))
-    if gains_file is not None:
-        own = robot.with_gains(own, gains.load(Path(gains_file)))
-    order = package.Order(own, board, sensors or "imu", scenario, seed)
-    folder = Path(out) if out else Path(f"firmware-{order.robot.model.name}-{board_name.replace(':', '-')}")
-    with run_folder.fresh_folder(folder, package.files_of(board)) as beside:
-        made = package.make(order, beside)
-        figures = _figures(order, made) | {"fly": _fly_image(model_file, order, folder)}
-        command = _command(model_file, gains_file, order, folder)
-        _write(order, made, figures, command, beside)
-    if as_json:
-        click.echo(json.dumps(figures))
-    else:
-        _show(figures, folder)
-    if figures["flight"]["failure"] is not None:
-        raise WorkFailedError(f"{order.robot.model.name}: {figures['flight']['failure']}")
-
-
-def _command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
-    words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
-    words += ["--sensors", order.sensors, "--seed", str(order.seed)]
-    words += ["--gains", gains_file] if gains_file else []
-    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
-
-
-def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
-    """Returns the command that flies the image itself, where a simulator of its board can."""
-    if not order.board.library:
-        return None
-    words = ["brickpilot", "hil", "--image", str(folder / "brickpilot.elf"), "--model", model_file]
-    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
-
-
-def _figures(order: Order, made: Made) -> dict[str, Any]:
-    from brickpilot.firmware import simulate
-    from brickpilot.vehicle import flight_checks, flight_figures
-
-    flight = flight_figures.summary(made.flown.flight)
-    flight["cruise_m_s"] = order.robot.value("controller", "coupled", "cruise")
-    flight["failure"] = flight_checks.failure(flight)
-    return {
-        "robot": order.robot.model.name,
-        "board": order.board.name,
-        "step_s": made.step,
-        "bytes": made.sizes,
-        "compensation": simulate.undone(order.robot),
-        "remarks": list(order.robot.remarks),
-        "mission": made.plan.scenario.title,
-        "acceptance_m": made.plan.acceptance,
-        "waypoints_m": [list(point) for point in made.plan.scenario.waypoints],
-        "flight": flight,
-    }
-
-
-def _write(order: Order, made: Made, figures: dict[str, Any], command: str, folder: Path) -> None:
-    """Writes the flight, the figures and the page that explains the folder."""
-    from brickpilot.firmware import package
-    from brickpilot.report import run_folder, run_page
-    from brickpilot.report.template import render_plain
-
-    flown = made.flown.flight
-    run_folder.write(flown, figures["flight"], run_page.page(flown, figures["flight"], command), folder / "flight")
-    package.write_figures(figures, folder)
-    page = render_plain(
-        "firmware.md",
-        figures=figures,
-        board=order.board,
-        constants=order.robot.vehicle["controller"]["coupled"],
-        waypoints=list(waypoint_lines(figures["flight"])),
-        command=command,
-        library=order.board.library,
-        standalone=not order.board.flags,
+    made = making.firmware(
+        model_file, board_name, out, sensors=sensors or "imu", scenario=scenario, gains=gains_file, seed=seed
     )
-    (folder / "README.md").write_text(page, encoding="utf-8")
+    if as_json:
+        click.echo(json.dumps(made.figures))
+    else:
+        _show(made.figures, made.folder)
+    if made.figures["flight"]["failure"] is not None:
+        raise WorkFailedError(made.sentence)
 
 
-def _show(figures: dict[str, Any], folder: Path) -> None:
+def _show(figures: Mapping[str, Any], folder: Path) -> None:
     for line in (*waypoint_lines(figures["flight"]), *figure_lines(figures["flight"])):
         click.echo(line)
     click.echo(f"mission             {figures['mission']}")

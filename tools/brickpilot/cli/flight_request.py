@@ -1,20 +1,18 @@
-"""The options of a flight, which `run` and `hil` share, and the plan that they ask for."""
+"""The options of a flight, which `run` and `hil` share."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import click
 
 from brickpilot.cli.completion import scenario_names
-from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
-    from brickpilot.vehicle.flight import Plan
+    pass
 
 _OPTIONS = (
     click.argument("scenario_name", metavar="[SCENARIO]", required=False, shell_complete=scenario_names),
@@ -50,69 +48,13 @@ _OPTIONS = (
 )
 
 
-@dataclass(frozen=True)
-class FlightRequest:
-    """The shared options as the user gave them; None where an option is absent."""
-
-    scenario_name: str | None
-    scenario_file: str | None
-    profile: str | None
-    sensors: str | None
-    model_file: str | None
-    compensation_file: str | None
-    gains_file: str | None
-    seed: int | None
-
-    @property
-    def scenario(self) -> str:
-        """The scenario's name or file; the packaged mission by default."""
-        if self.scenario_name is not None:
-            return self.scenario_name
-        return "mission" if self.scenario_file is None else self.scenario_file
-
-    def plan(self) -> Plan:
-        """Reads the scenario, the model and the compensation.
-
-        Raises:
-            InputError: a file is bad, or the scenario is given twice.
-        """
-        from brickpilot.vehicle import fly
-
-        return fly.prepare(self.scenario, **self.choices())
-
-    def choices(self) -> dict[str, Any]:
-        """Returns the arguments of `fly.fly` beside the scenario.
-
-        Raises:
-            InputError: a file is bad, or the scenario is given twice.
-        """
-        from brickpilot.vehicle import compensation, gains, model
-
-        if self.scenario_name is not None and self.scenario_file is not None:
-            raise InputError("the scenario is given twice: as an argument and as an option", field="--scenario")
-        return {
-            "model": model.load(Path(self.model_file)) if self.model_file else None,
-            "profile": self.profile,
-            "sensors": self.sensors,
-            "seed": self.seed,
-            "compensation": compensation.load(Path(self.compensation_file)) if self.compensation_file else None,
-            "gains": gains.load(Path(self.gains_file)) if self.gains_file else None,
-        }
-
-    def options(self, plan: Plan) -> list[str]:
-        """The options that repeat the flight of `plan`, for the command line on its page."""
-        found = ["--profile", plan.controller, "--sensors", plan.sensors, "--seed", str(plan.seed)]
-        found += ["--model", self.model_file] if self.model_file else []
-        found += ["--compensation", self.compensation_file] if self.compensation_file else []
-        found += ["--gains", self.gains_file] if self.gains_file else []
-        return found
-
-
 def flight_options(command: Callable[..., None]) -> Callable[..., None]:
     """Adds the shared options to `command` and passes them to it as one `FlightRequest`, its first argument."""
 
     @functools.wraps(command)
     def with_request(**given: object) -> None:
+        from brickpilot.public.doors import FlightRequest
+
         shared = {field.name: given.pop(field.name) for field in fields(FlightRequest)}
         command(FlightRequest(**shared), **given)  # type: ignore[arg-type]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +15,7 @@ from brickpilot.cli.completion import import_kinds
 from brickpilot.cli.terminal import as_json, progress_shown, wiring_lines
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, Option, kind_of
+from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with
 
 if TYPE_CHECKING:
     from brickpilot.importers.listing import Listed
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 def import_command(importers: Sequence[Importer]) -> click.Command:
     """Returns the command that turns a log into a data set by one of `importers`."""
 
-    def import_log(
+    def command(
         words: tuple[str, ...], kind: str | None, show_list: bool, out: str | None, nominal: tuple[str, ...],
         name: str | None, as_json: bool, **options: Any,
     ) -> None:  # fmt: skip
         from brickpilot.importers.mapping import parse_nominal
+        from brickpilot.public.logs import import_log
 
         importer, files = importer_and_files(words, kind, importers)
         if show_list:
@@ -38,34 +39,20 @@ def import_command(importers: Sequence[Importer]) -> click.Command:
         if out is None:
             raise InputError("is needed: the folder to write", field="--out")
         known = parse_nominal(nominal)
-        taken = options_taken(importer, importers, options)
         with progress_shown(as_json) if importer.reports_progress else nullcontext() as progress:
-            if importer.reports_progress:
-                taken["progress"] = progress
-            made = importer.load()(files, Path(out), nominal=known, name=name, **taken)
+            made = import_log(
+                files,
+                out,
+                kind=importer.kind,
+                nominal=known,
+                name=name,
+                progress=progress,
+                importers=importers,
+                **options,
+            )
         _show(made, as_json)
 
-    return _with_options(import_log, importers)
-
-
-def importer_and_files(
-    words: Sequence[str], kind: str | None, importers: Sequence[Importer]
-) -> tuple[Importer, list[Path]]:
-    """Returns the row of the kind that the user names, or that the ending of the first file shows, and the files.
-
-    Raises:
-        InputError: the kind is neither named nor known by the ending, or no file is given.
-    """
-    rows = {row.kind: row for row in importers}
-    files = [Path(word) for word in words]
-    if kind is None and words[0] in rows:
-        kind, files = words[0], files[1:]
-    if not files:
-        raise InputError("no file to import", field="FILE")
-    kind = kind or kind_of(files[0], importers)
-    if kind is None:
-        raise InputError(f"no kind of log is known by this ending; name one: {', '.join(rows)}", file=files[0])
-    return rows[kind], files
+    return _with_options(command, importers)
 
 
 def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command:
@@ -94,12 +81,8 @@ def _help(importers: Sequence[Importer]) -> str:
     return "\n\n".join(["Turns logs of other tools into a data set.", *rows])
 
 
-def all_options(importers: Sequence[Importer]) -> list[Option]:
-    return list(dict.fromkeys(option for row in importers for option in row.options))
-
-
 def _click_option(option: Option, importers: Sequence[Importer]) -> Any:
-    kinds = _kinds(option, importers)
+    kinds = kinds_with(option, importers)
     note = f"{kinds} {'needs' if ' and ' not in kinds else 'need'} it." if option.required else f"For {kinds}."
     return click.option(
         option.flag,
@@ -112,31 +95,6 @@ def _click_option(option: Option, importers: Sequence[Importer]) -> Any:
         metavar=option.metavar or None,
         help=f"{option.help} {note}",
     )
-
-
-def _kinds(option: Option, importers: Iterable[Importer]) -> str:
-    """Returns the kinds of log that take `option`, as words: "matlab and table"."""
-    *most, last = [row.kind for row in importers if option in row.options]
-    return f"{', '.join(most)} and {last}" if most else last
-
-
-def options_taken(importer: Importer, importers: Sequence[Importer], given: dict[str, Any]) -> dict[str, Any]:
-    """Returns the options that `importer` takes, by keyword.
-
-    An option without a default, and a switch, has to be one that the importer takes; others are left at their default.
-
-    Raises:
-        InputError: an option of other kinds of log is given, or one that is needed is not.
-    """
-    for option in all_options(importers):
-        value = given[option.keyword]
-        if option not in importer.options and option.default in (None, False) and value:
-            message = f"works only with {_kinds(option, importers)}; a log of kind {importer.kind} describes itself"
-            raise InputError(message, field=option.flag)
-        spared = any(one.keyword == option.unless and given[one.keyword] for one in importer.options)
-        if option in importer.options and option.required and not value and not spared:
-            raise InputError(f"is needed to import {importer.kind}", field=option.flag)
-    return {option.keyword: given[option.keyword] for option in importer.options}
 
 
 def _show(made: Imported, as_json: bool) -> None:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from brickpilot.cli.flight_request import FlightRequest, flight_options
-from brickpilot.cli.mission_lines import figure_lines, waypoint_lines
+from brickpilot.cli.flight_request import flight_options
 from brickpilot.cli.terminal import as_json
 from brickpilot.errors import WorkFailedError
+from brickpilot.report.mission_lines import figure_lines, waypoint_lines
+
+if TYPE_CHECKING:
+    from brickpilot.public.doors import FlightRequest
 
 
 @click.command(short_help="Flies a mission or a manoeuvre in simulation.")

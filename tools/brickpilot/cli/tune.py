@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import json
-import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from brickpilot.cli.completion import model_files, scenario_names
 from brickpilot.cli.terminal import as_json, progress_shown, seed_option
-from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
-    from brickpilot.tune.robot import Ready
-    from brickpilot.tune.search import Budget
     from brickpilot.tune.tune import Tuned
-
-FILES = ("gains.toml", "mission.toml", "report.html", "summary.json", "model.toml", "calibrate.json")
 
 
 @click.command(short_help="Tunes gains for all robots that the data allow.")
@@ -79,84 +73,17 @@ def tune(
     start are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`, mission.toml, summary.json and
     report.html. A board needs a checkout of the project in this folder or above it.
     """
-    from brickpilot.campaign import workers
-    from brickpilot.report import run_folder
-    from brickpilot.tune import tune as tuning
+    from brickpilot.public import making
 
-    if (model_file is None) == (dataset is None):
-        raise InputError("needs a robot: --model FILE or --dataset DIR, one of them", field="tune")
-    spent, where = _budget(budget), workers.chosen(jobs, scheduler)
-    asked = _words(model_file, dataset, board, sensors, scenario)
-    asked += ["--robots", str(robots), "--judges", str(judges), "--budget", budget, "--seed", str(seed)]
-    folder = Path(out) if out else Path("runs") / f"tune-{Path(model_file or dataset or '').stem}"
-    with run_folder.fresh_folder(folder, FILES) as beside, progress_shown(as_json) as progress:
-        file = Path(model_file) if model_file is not None else _calibrated(Path(str(dataset)), beside, seed, progress)
-        ready = _ready(file, board, sensors, scenario, seed)
-        total = tuning.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
-        said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
-        tuned = tuning.tune(
-            ready.problem, ready.firmware, where, robots=robots, judges=judges, budget=spent,
-            show=lambda stage, count: progress(min(count, total), total, said[stage]),
+    with progress_shown(as_json) as progress:
+        made, tuned = making.tune(
+            model_file, dataset, out, board=board, sensors=sensors, scenario=scenario, robots=robots, judges=judges,
+            budget=budget, seed=seed, jobs=jobs, scheduler=scheduler, progress=progress,
         )  # fmt: skip
-        figures = _write(tuned, shlex.join(asked), beside)
     if as_json:
-        click.echo(json.dumps(figures))
+        click.echo(json.dumps(made.figures))
     else:
-        _show(tuned, folder)
-
-
-def _ready(file: Path, board: str, sensors: str, scenario: str | None, seed: int) -> Ready:
-    from brickpilot.discover.prepare import SD_SHARE
-    from brickpilot.tune import robot
-
-    return robot.problem(file, board, sensors, scenario, SD_SHARE, seed)
-
-
-def _budget(text: str) -> Budget:
-    """Reads `--budget`."""
-    from brickpilot.tune.search import Budget
-
-    try:
-        amount = float(text.removesuffix("s"))
-    except ValueError:
-        amount = -1.0
-    if not 1 <= amount <= 1e6 or (not text.endswith("s") and amount != int(amount)):
-        raise InputError("needs a number of gain sets, as 200, or of seconds, as 90s", field=f"--budget {text}")
-    return Budget(None, amount) if text.endswith("s") else Budget(int(amount), None)
-
-
-def _words(model: str | None, dataset: str | None, board: str, sensors: str, scenario: str | None) -> list[str]:
-    words = ["brickpilot", "tune"] + (["--model", model] if model else ["--dataset", str(dataset)])
-    words += ["--board", board, "--sensors", sensors]
-    return words + (["--scenario", scenario] if scenario else [])
-
-
-def _calibrated(folder: Path, beside: Path, seed: int, progress: Any) -> Path:
-    """Calibrates a data set into `beside`, and returns its model file."""
-    from brickpilot.data import dataset
-    from brickpilot.fit import calibrate
-    from brickpilot.vehicle import model
-
-    found = calibrate.calibrate(dataset.read(folder), seed=seed, progress=progress)
-    (beside / "calibrate.json").write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
-    model.save(found.model, beside / "model.toml")
-    return beside / "model.toml"
-
-
-def _write(tuned: Tuned, command: str, folder: Path) -> dict[str, Any]:
-    """Writes the gain set, the mission, the figures and the page; returns the figures."""
-    from brickpilot.tune import page
-    from brickpilot.tune import tune as tuning
-    from brickpilot.vehicle import scenario
-    from brickpilot.vehicle.gains import Gains
-
-    plan = tuned.problem.plan
-    Gains(plan.model.name, dict(tuned.gains)).save(folder / "gains.toml")
-    (folder / "mission.toml").write_text(scenario.render_mission(plan.scenario), encoding="utf-8")
-    figures = tuning.to_json(tuned)
-    (folder / "summary.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    (folder / "report.html").write_text(page.page(tuned, command), encoding="utf-8")
-    return figures
+        _show(tuned, made.folder)
 
 
 def _show(tuned: Tuned, folder: Path) -> None:

@@ -5,7 +5,7 @@ Values are converted to SI and to the paper's frame (x forward, y right, clockwi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -98,6 +98,7 @@ class Dataset(Result):
         notes: for the user: presets used, readings repaired, damage found. One sentence each.
         input_timing: what an input does between two rows. The runs of "linear" have rows of at most 5 ms where an input
             changes, with blank outputs; those of "unknown" are held.
+        guessed: bases that nobody stated and everything rests on, such as "960 counts a turn"; see `guesses`.
         wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; the runs here have them mended
             where that is sure.
     """
@@ -115,6 +116,15 @@ class Dataset(Result):
     notes: tuple[str, ...]
     input_timing: InputTiming = "held"
     wiring: tuple[Miswired, ...] = ()
+    guessed: tuple[str, ...] = ()
+
+    @property
+    def guesses(self) -> tuple[str, ...]:
+        """What nobody stated and every speed or voltage rests on; what depends on it is confirmed by no run."""
+        is_preset = any(name.startswith("duty") for name in self.signals) and not (
+            "battery_voltage" in self.signals or "battery_voltage" in self.nominal
+        )
+        return (*self.guessed, *([f"{PRESET_BATTERY_VOLTAGE:g} V of the battery"] if is_preset else []))
 
     def motor_inputs(self, run: Run) -> Vector:
         """See `motor_inputs`."""
@@ -124,7 +134,7 @@ class Dataset(Result):
     def from_frames(
         frames: Mapping[str, pandas.DataFrame],
         *,
-        vehicle: Vehicle,
+        vehicle: Vehicle | None = None,
         signals: Mapping[str, Column] | None = None,
         nominal: Mapping[str, Any] | None = None,
         frame: Frame | None = None,
@@ -133,13 +143,14 @@ class Dataset(Result):
         replicate_of: Mapping[str, str] | None = None,
         initial: Mapping[str, Mapping[str, float]] | None = None,
         input_timing: InputTiming | None = None,
+        floats: bool = False,
         name: str = "frames",
     ) -> Dataset:
         """Returns a data set of DataFrames, checked as `read` checks files.
 
         Args:
             frames: run -> its table, a row a sample.
-            vehicle: "diff_drive" or "motor".
+            vehicle: "diff_drive" or "motor"; it has to be given.
             signals: signal -> its column: a name, in SI; (name, unit); or a mapping with what a data set's file may
                 state of it, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
                 unless stated. None: each column of the first frame that has the name of a signal, in SI. An index
@@ -152,6 +163,7 @@ class Dataset(Result):
             initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; what is
                 absent is taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
+            floats: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
             InputError: anything is wrong; the message names run, row (from 0, as in `iloc`) and column.
@@ -174,13 +186,29 @@ class Dataset(Result):
         toml = tables(frames, signals, {key: values for key, values in of_runs.items() if values is not None}, stated)
 
         def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-            return read_frame(entry.file, frames[entry.name], wanted)
+            read = read_frame(entry.file, frames[entry.name], wanted)
+            for signal in wanted:
+                blank = np.isnan(read.values[signal])
+                if signal.startswith("voltage") and not floats and blank.any():
+                    message = "is NaN; say floats=True if the motor floats there"
+                    raise read.fault(message, int(np.argmax(blank)), signal)
+            return read
 
         return _checked(Path(name), described(toml), columns)
 
-    def to_frame(self) -> pandas.DataFrame:
-        """Returns a row for each run: its role, samples, duration (s), median step (s) and faults."""
+    def to_frame(self, run: str | None = None) -> pandas.DataFrame:
+        """Returns a row for each run: its role, samples, duration (s), median step (s) and faults.
+
+        With the name of a run it returns that one, a row for each sample, in SI and the data set's own frame.
+        """
         import pandas
+
+        if run is not None:
+            chosen = [one for one in self.runs if one.name == run]
+            if not chosen:
+                raise InputError(f"{run!r} is not one of {', '.join(one.name for one in self.runs)}", field="run")
+            table = chosen[0].to_frame()
+            return table.apply(lambda column: to_frd(str(column.name), column, self.frame))
 
         rows = [
             {
@@ -206,6 +234,34 @@ class Dataset(Result):
         return "\n".join([f"Dataset {self.name}: {size}", f"  signals: {', '.join(self.signals)}", *shown, *more])
 
 
+def joined(datasets: Sequence[Dataset]) -> Dataset:
+    """Returns the runs of several data sets of one robot as one data set; all but the signals is the first one's.
+
+    Raises:
+        InputError: one is of another vehicle or states another nominal value.
+    """
+    first = datasets[0]
+    for one in datasets[1:]:
+        if (one.vehicle, one.nominal, one.nominal_effects) != (first.vehicle, first.nominal, first.nominal_effects):
+            raise InputError(f"states another vehicle or nominal values than {first.path}", file=one.path)
+    if len(datasets) == 1:
+        return first
+    several = [(f"{number}_", one) for number, one in enumerate(datasets, 1)]
+    runs = [
+        replace(run, name=before + run.name, replicate_of=run.replicate_of and before + run.replicate_of)
+        for before, one in several for run in one.runs
+    ]  # fmt: skip
+    return replace(
+        first,
+        signals={name: signal for one in reversed(datasets) for name, signal in one.signals.items()},
+        runs=tuple(runs),
+        faults=tuple(replace(fault, run=before + fault.run) for before, one in several for fault in one.faults),
+        notes=tuple(dict.fromkeys(note for one in datasets for note in one.notes)),
+        wiring=tuple(dict.fromkeys(fault for one in datasets for fault in one.wiring)),
+        guessed=tuple(dict.fromkeys(guess for one in datasets for guess in one.guessed)),
+    )
+
+
 def read(folder: Path | str) -> Dataset:
     """Reads a data set.
 
@@ -221,6 +277,11 @@ def read(folder: Path | str) -> Dataset:
             path = path / "dataset.toml"
         if not path.is_file():
             raise InputError("no such data set: a folder with a dataset.toml is needed", file=path)
+        if path.suffix.lower() != ".toml":
+            message = (
+                "is no data set; `brickpilot why` answers from a log, and `brickpilot import` makes a data set of it"
+            )
+            raise InputError(message, file=path)
     except (OSError, ValueError) as error:
         raise InputError("cannot be read", file=path) from error
     description = describe(path)
@@ -263,6 +324,7 @@ def _checked(
         notes=(*(f"wiring: {one.sentence}" for one in wiring), *description.notes, *damage, *fewer),
         input_timing=description.input_timing,
         wiring=wiring,
+        guessed=description.guessed,
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
         raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")

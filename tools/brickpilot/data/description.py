@@ -21,7 +21,7 @@ from brickpilot.errors import InputError
 Role = Literal["fit", "held_out"]
 Sampling = Literal["instant", "mean"]
 
-_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "runs"}
+_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
@@ -87,6 +87,7 @@ class Description:
     input_timing: InputTiming
     runs: tuple[RunEntry, ...]
     notes: tuple[str, ...]
+    guessed: tuple[str, ...] = ()
 
 
 def describe(path: Path) -> Description:
@@ -132,7 +133,15 @@ def described(toml: TomlFile) -> Description:
         input_timing=cast(InputTiming, timing),
         runs=runs,
         notes=tuple(_notes(data, signals)),
+        guessed=tuple(_guessed(toml, data.get("guessed", []))),
     )
+
+
+def _guessed(toml: TomlFile, given: object) -> list[str]:
+    """Returns what an importer guessed and nobody stated, such as "960 counts a turn"."""
+    if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
+        toml.refuse(("guessed",), "is no list of texts")
+    return list(map(str, given))
 
 
 def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:

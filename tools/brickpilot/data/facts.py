@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.data.holdout import manoeuvre
+from brickpilot.data.holdout import kind_of, manoeuvre
+from brickpilot.data.motion import wheel_angles
 from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.signals import SIGNALS
 
@@ -20,6 +22,9 @@ _LATE = 0.99  # quantile of the steps between samples that is reported beside th
 _SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
 _LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
 _GRID_S = 0.02
+_EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
+_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # over which the sides are compared, and how many of them are needed
+_FAST = 0.5  # of the fastest window: a slower one is a start or a stop
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,66 @@ class SignalFacts:
     colour: str
     resolution: float
     missing: float
+
+
+@dataclass(frozen=True)
+class WeakerSide:
+    """The side of a robot that moves less while both motors get the same command.
+
+    Attributes:
+        side: "left" or "right".
+        share: how much less its wheel turns than the other, 0..1; low, high: its 95 % interval.
+    """
+
+    side: str
+    share: float
+    low: float
+    high: float
+
+
+def drives_straight_alone(dataset: Dataset) -> bool:
+    """Returns whether all runs of a robot that are driven at all are driven straight."""
+    kinds = {kind_of(np.nan_to_num(motor_inputs(run, dataset))) for run in dataset.runs}
+    return dataset.vehicle == "diff_drive" and kinds - {"rest"} == {"straight"}
+
+
+def weaker_side(dataset: Dataset) -> WeakerSide | None:
+    """Returns which wheel turns less under equal commands; None: neither, or the runs do not tell.
+
+    It compares how far both wheels turn in windows of 0.25 s in which both get the same voltage. No model is asked.
+    """
+    turns = np.array([turn for run in dataset.runs for turn in _equal_windows(run, dataset)]).reshape(-1, 2)
+    sizes = np.abs(turns).min(axis=1, initial=np.inf)
+    turns = turns[sizes > _FAST * np.max(sizes, initial=0.0)]
+    if len(turns) < _LEAST_WINDOWS or (turns[:, 0] * turns[:, 1] <= 0).any():
+        return None
+    far, less = (np.abs(turns).sum(axis=0).argsort()[::-1]).tolist()
+    share = float(1 - np.abs(turns[:, less]).sum() / np.abs(turns[:, far]).sum())
+    each = 1 - turns[:, less] / turns[:, far]
+    reach = 2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each))
+    if share <= reach:
+        return None
+    return WeakerSide(("left", "right")[less], share, share - reach, share + reach)
+
+
+def _equal_windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float]]:
+    """Yields how far the left and the right wheel turn, rad or m, in each window in which both get one voltage."""
+    turned = wheel_angles(run) or {name: one for name, one in run.outputs.items() if name.startswith("wheel_travel")}
+    if dataset.vehicle != "diff_drive" or len(turned) < 2:
+        return
+    left, right = (turned[name] for name in sorted(turned))
+    volts = np.nan_to_num(motor_inputs(run, dataset))
+    larger = np.abs(volts).max(axis=1)
+    equal = (larger > 0) & (np.abs(volts[:, 0] - volts[:, 1]) <= _EQUAL * larger)
+    first = 0
+    while first < len(run.time) - 1:
+        last = int(np.searchsorted(run.time, run.time[first] + _WINDOW_S))
+        if last >= len(run.time):
+            return
+        turn = float(left[last] - left[first]), float(right[last] - right[first])
+        if equal[first:last].all() and np.isfinite(turn).all():
+            yield turn
+        first = last
 
 
 def of_run(run: Run, role: str, inputs: Array) -> RunFacts:

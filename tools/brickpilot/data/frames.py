@@ -68,7 +68,8 @@ def tables(
     import pandas
 
     if not isinstance(frames, Mapping) or not frames:
-        raise InputError("needs at least one run: {name: DataFrame}", field="from_frames")
+        got = "an empty mapping" if isinstance(frames, Mapping) else f"a {type(frames).__name__}"
+        raise InputError(f"got {got}: needs at least one run, {{name: DataFrame}}", field="from_frames")
     for name, frame in frames.items():
         if not isinstance(frame, pandas.DataFrame):
             raise InputError(f"is a {type(frame).__name__}, not a DataFrame", file=f"run {name}")

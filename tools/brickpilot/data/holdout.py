@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _STEP_SPREAD = 0.2
 # With the smaller of sum and difference of two motors' inputs below this share of the larger, a run is straight or a
 # turn on the spot.
-_PURE = 0.3
+_PURE = 0.25
 # Two runs whose inputs differ by a larger factor do not stand for each other.
 _AS_LARGE = 1.5
 # With a smaller share of its input in one direction, a run goes in the other.
@@ -140,22 +140,39 @@ def _held_out_of(group: Mapping[str, float]) -> list[str]:
     return names[1:-1:3]
 
 
-def manoeuvre(driven: Array) -> str:
-    """Returns the kind of a manoeuvre and its direction, from the inputs (n, 1) or (n, 2) of a run, blanks as 0."""
-    size = np.abs(driven).max(axis=1)
-    moving = driven[size > 0.05 * max(float(size.max()), 1e-12)]
+def kind_of(driven: Array) -> str:
+    """Returns what inputs (n, 1) or (n, 2), blanks as 0, drive: straight, spin or curve; of a motor: drive; or rest."""
+    moving = _moving(driven)
     if len(moving) == 0:
         return "rest"
+    if driven.shape[1] == 1:
+        return "drive"
+    common, difference = np.abs(moving.sum(axis=1)).mean(), np.abs(moving[:, 0] - moving[:, 1]).mean()
+    if min(common, difference) > _PURE * max(common, difference):
+        return "curve"
+    return "straight" if common > difference else "spin"
+
+
+def manoeuvre(driven: Array) -> str:
+    """Returns the kind of a manoeuvre, its shape and its direction, from the inputs of a run as in `kind_of`."""
+    moving, kind = _moving(driven), kind_of(driven)
+    if kind == "rest":
+        return kind
     size = np.abs(moving).max(axis=1)
     shape = "step" if size.std() < _STEP_SPREAD * size.mean() else "ramp"
-    if driven.shape[1] == 1:
+    if kind == "drive":
         return f"{shape} {_direction(moving[:, 0], 'forward', 'backward')}"
     ahead, apart = moving.sum(axis=1), moving[:, 0] - moving[:, 1]
-    common, difference = np.abs(ahead).mean(), np.abs(apart).mean()
     along, around = _direction(ahead, "forward", "backward"), _direction(apart, "right", "left")
-    if min(common, difference) > _PURE * max(common, difference):
+    if kind == "curve":
         return f"curve {shape} {along}, {_direction(ahead * apart, 'left', 'right')} wheel faster"
-    return f"straight {shape} {along}" if common > difference else f"spin {shape} {around}"
+    return f"{kind} {shape} {along if kind == 'straight' else around}"
+
+
+def _moving(driven: Array) -> Array:
+    """Returns the rows of the inputs in which a motor is driven."""
+    size = np.abs(driven).max(axis=1, initial=0.0)
+    return np.asarray(driven[size > 0.05 * max(float(size.max(initial=0.0)), 1e-12)])
 
 
 def _direction(values: Array, positive: str, negative: str) -> str:

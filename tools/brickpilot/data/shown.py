@@ -11,7 +11,17 @@ import brickpilot
 
 
 class Result:
-    """What a notebook shows as a table."""
+    """What a notebook shows as a table, and a terminal in some lines."""
+
+    def __init_subclass__(cls) -> None:
+        """Puts the short text into each result, as a dataclass would else write one of all its fields."""
+        super().__init_subclass__()
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self: Any) -> str:
+        """Returns some lines; the pages' room makes them, which the others must not know."""
+        return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
         """Returns the table; the pages' room makes it, which the others must not know."""

@@ -17,9 +17,9 @@ from scipy.signal import lfilter
 from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Evidence, Judge
-from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.robust import robust_size
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs, Replay
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -71,7 +71,8 @@ class Adequacy:
             )
         if not self.is_adequate:
             return (
-                "Much more error is left than noise makes, and neither a law of the library nor a black box "
+                f"Much more error is left than noise makes: {self.nats_left:.2g} nats a value. The best explanation "
+                f"removes {100 * self.explained:.0f} % of its squares. Neither a law of the library nor a black box "
                 "predicts it."
             )
         return ""

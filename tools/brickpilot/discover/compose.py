@@ -8,26 +8,27 @@ the same evidence.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.axes import Segment
 from brickpilot.discover.deadline import COMPOSED, Deadline
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Trial
-from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, Segment, family, find_atoms, strip_atom, with_terms
+from brickpilot.discover.search import Found, Search, Tell
+from brickpilot.discover.term_atoms import Atom, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
-from brickpilot.fit.residual import Problem, Projection, Residual
+from brickpilot.fit.problem import Problem, Projection
+from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.composed_terms import EFFECT, OF_A_MOTOR, Basis, Term, basis
 from brickpilot.vehicle.model import Model
 
-Tell = Callable[[str], None]
 Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")

@@ -29,11 +29,11 @@ from brickpilot.discover.settle import Settled
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
-from brickpilot.fit.replay import RUN_KINDS, Replay
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.uncertainty import Estimate
 from brickpilot.vehicle.composed_terms import PLACES, equation
 from brickpilot.vehicle.model import Model, unit_on
+from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
 _LAGS = 20  # bins of an autocorrelation
@@ -47,14 +47,14 @@ class Conclusion:
     """What the stages found, for `conclude`.
 
     Attributes:
-        kind: the verdict behind the seal.
+        steps: how the verdict came about.
         samples: the evidence of the nominal model and of the best explanation at the measured samples.
         best: the best explanation as it was settled, claimed or not.
         written: the model that is written.
         nominal: the calibrated nominal model, as it was settled.
     """
 
-    kind: VerdictKind
+    steps: tuple[finding.Step, ...]
     judge: Judge
     samples: Found
     verdict: Verdict
@@ -66,6 +66,11 @@ class Conclusion:
     experiment: Experiment | None
     yardstick: Yardstick
     predictor: Predictor | None
+
+    @property
+    def kind(self) -> VerdictKind:
+        """The verdict behind the seal."""
+        return self.steps[-1].verdict
 
     @property
     def claims(self) -> bool:
@@ -105,6 +110,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
             )
             for one in verdict.held
         ),
+        steps=found.steps,
         where=_places(prepared, found),
         yardstick=found.yardstick,
         gap=proof.gap,

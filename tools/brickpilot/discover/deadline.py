@@ -65,6 +65,8 @@ Set on fifteen data sets, seven of them measured; one of them took 16 units."""
 _YARDSTICK_S = (3.0, 12.0)
 """Work of the black box that says what is attainable, in s of one processor; of the same sets, one took 22."""
 
+_MOST_PASSED = 0.95  # of the time: nothing is done before it is done
+
 
 @dataclass(frozen=True)
 class Span:
@@ -104,31 +106,19 @@ def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) ->
     return Span(low * unit + _YARDSTICK_S[0] / prepared.jobs, high * unit + _YARDSTICK_S[1] / prepared.jobs)
 
 
-_BEGINS = {
-    "calibrating the nominal model": 0.03,
-    "searching for effect 1": 0.08,
-    "searching for effect 2": 0.55,
-    "searching for effect 3": 0.7,
-    "removing needless effects": 0.8,
-    "composing a term for the rest": 0.85,
-    "computing intervals and the next experiment": 0.9,
-    "measuring what is attainable": 0.92,
-}
-"""Share of the time after which a stage begins, where one effect is found: median of the same sets."""
-
-
 class Stages:
     """Reports the start of each stage to `progress`, with the share of the time that has passed, in percent."""
 
     def __init__(self, progress: Progress | None) -> None:
-        self._progress, self._share = progress, 0.0
+        self._progress, self._began, self._expected_s = progress, time.perf_counter(), math.inf
 
     def __call__(self, text: str) -> None:
-        self._share = max(self._share, _BEGINS.get(text, 0.0))
+        share = min((time.perf_counter() - self._began) / self._expected_s, _MOST_PASSED)
         if self._progress is not None:
-            self._progress(round(100 * self._share), 100, text)
+            self._progress(round(100 * share), 100, text)
 
-    def announce(self, text: str) -> None:
-        """Reports a line that is no stage: 0 of 0."""
+    def expect(self, estimated: Span) -> None:
+        """Reports how long it will take, as a line that is no stage: 0 of 0."""
+        self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
-            self._progress(0, 0, text)
+            self._progress(0, 0, f"estimate: {estimated}")

@@ -22,7 +22,8 @@ from scipy.special import k1e, logsumexp
 
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation
-from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import correlation_time
 
 Array = NDArray[np.float64]

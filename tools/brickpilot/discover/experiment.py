@@ -28,7 +28,8 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.residual import Problem, of_bins
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import of_bins
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
@@ -285,18 +286,8 @@ def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> P
     sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")
     outputs = plant.simulate([(nominal.model, driven)])[0].outputs
     measured = [name for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs) if name in outputs]
-    run = Run(
-        name=manoeuvre.name,
-        file=dataset.path,
-        role="fit",
-        time=driven.time,
-        inputs=dict(zip(sides, driven.inputs.T, strict=True)),
-        outputs={name: outputs[name] for name in measured},
-        raw_outputs={},
-        gap_s=0.0,
-        replicate_of=None,
-        initial={},
-    )
+    inputs, wanted = dict(zip(sides, driven.inputs.T, strict=True)), {name: outputs[name] for name in measured}
+    run = Run(manoeuvre.name, dataset.path, "fit", driven.time, inputs, wanted, {}, 0.0, None, {})
     alone = dataclasses.replace(dataset, runs=(run,), faults=(), notes=())
     if dataset.vehicle == "motor":
         alone = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S) or alone

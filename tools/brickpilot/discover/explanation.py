@@ -16,7 +16,8 @@ from brickpilot.discover.parts import Excitation, Part, read_limits
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import descend
 from brickpilot.fit.parameters import Free, Plan
-from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

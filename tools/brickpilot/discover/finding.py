@@ -13,11 +13,12 @@ from brickpilot.data.feedback import Loop
 from brickpilot.data.gap import Gap, Place
 from brickpilot.data.periods import Period
 from brickpilot.data.shown import Result, valid
-from brickpilot.fit.replay import Outputs
-from brickpilot.fit.uncertainty import Combination, Spread
+from brickpilot.fit.uncertainty import Combination
 from brickpilot.vehicle import composed_terms
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs
+from brickpilot.vehicle.spread import Spread
 
 if TYPE_CHECKING:
     import pandas
@@ -129,6 +130,21 @@ class Share:
     effects: tuple[str, ...]
     weight: float
     mechanisms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A stage that set the verdict, or turned it.
+
+    Attributes:
+        stage: "weigh", "adequacy", "runs", "samples" or "seal": see `pipeline`.
+        verdict: what it is behind this stage.
+        why: a sentence.
+    """
+
+    stage: str
+    verdict: VerdictKind
+    why: str
 
 
 @dataclass(frozen=True)
@@ -327,6 +343,7 @@ class Finding(Result):
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         yardstick: fit in percent before, after and attainable.
         explanations: those that hold 95 % of the weight, the heaviest first.
+        steps: how the verdict came about; the last one is `verdict`.
         predictable_left: signal -> the share of what the best explanation leaves that a black box predicts.
         predictor: the best predictor; None: it was not asked for.
         closed_loop: a feedback loop around the data; None: the commands follow no output.
@@ -362,6 +379,7 @@ class Finding(Result):
     seed: int
     held_out_stretches: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     explanations: tuple[Share, ...] = ()
+    steps: tuple[Step, ...] = ()
     predictable_left: Mapping[str, float] | None = None
     predictor: Predictor | None = None
     closed_loop: Loop | None = None
@@ -395,9 +413,9 @@ class Finding(Result):
 
 
 _AS_THEY_ARE = (
-    "verdict", "mechanism", "law_differs", "explanations", "predictable_left", "closed_loop", "disturbances", "effects",
-    "where", "nominal", "spread", "nominal_findings", "run_values", "power", "ranking", "roles", "held_out_stretches",
-    "notes", "elapsed_s", "budget", "seed",
+    "verdict", "mechanism", "law_differs", "explanations", "steps", "predictable_left", "closed_loop", "disturbances",
+    "effects", "where", "nominal", "spread", "nominal_findings", "run_values", "power", "ranking", "roles",
+    "held_out_stretches", "notes", "elapsed_s", "budget", "seed",
 )  # fmt: skip
 
 

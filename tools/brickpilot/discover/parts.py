@@ -18,10 +18,10 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover import numbers
 from brickpilot.fit.parameters import DECADE, Free, Plan
-from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, State
+from brickpilot.vehicle.replay import RUN_KINDS
 
 _COMMAND = "voltage"  # the limited signal that is a command, not a reading
 _UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # have no usual size

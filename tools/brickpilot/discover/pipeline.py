@@ -12,14 +12,16 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
+    confirmed        -> Verdict       what the measured samples leave of a name                      (verdict.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
     prove            -> Proof         the seal is opened, once: held-out runs may take a name back   (seal.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-The verdict changes behind `weigh` in two places: `_explain`, by what is left or where time ran out, and `_prove`, where
-only runs differ, the measured samples do not show what was named, or the seal does not confirm.
+The verdict changes behind `weigh` in three places: `_explain`, by what is left or where time ran out; `confirmed`,
+where only runs differ, or the measured samples do not show what was named; and `_prove`, where the seal does not
+confirm. `Finding.steps` says which of them did.
 
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
@@ -41,13 +43,13 @@ from brickpilot.discover.deadline import SEARCHED, Deadline, Span, Stages, estim
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import plan_experiment
 from brickpilot.discover.explanation import Explanation
-from brickpilot.discover.finding import Budget, Finding, VerdictKind
+from brickpilot.discover.finding import Budget, Finding, Step
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
 from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
 from brickpilot.discover.settle import Settled, at_samples, best_predictor, settle
-from brickpilot.discover.verdict import Verdict, best_so_far, weigh
+from brickpilot.discover.verdict import Verdict, best_so_far, confirmed, weigh
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
 from brickpilot.vehicle.model import Model
@@ -130,7 +132,7 @@ def discover(
 def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages, *, predictor: bool) -> Finding:
     """Runs the stages behind `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
-    tell.announce(f"estimate: {estimated}")
+    tell.expect(estimated)
     explained: Explained = _explain(prepared, nominal, tell)
     if explained.verdict.kind == "unknown":
         explained = _explain_in_windows(explained, tell)
@@ -164,7 +166,8 @@ def _explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int =
     cut_short = bool(prepared.deadline.left_out)
     if not left.is_adequate or cut_short:
         best = best_so_far(found) if verdict.kind == "none" else verdict.best
-        verdict = dataclasses.replace(verdict, kind="unknown", best=best)
+        said = Step("adequacy", "unknown", left.sentence or "The time was up before everything was searched.")
+        verdict = verdict.turned(said, best=best)
     return Explained(prepared, found, dataclasses.replace(verdict, adequacy=left))
 
 
@@ -181,32 +184,29 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     ready, nominal = calibrate(windows)
     again = _explain(ready, nominal, tell, PARTS_IN_WINDOWS)
     periodic = again.verdict.kind in ("named", "ambiguous") and again.verdict.best.is_periodic
-    return again if periodic else whole
+    if not periodic:
+        return whole
+    steps = (*whole.verdict.steps, *again.verdict.steps)
+    return dataclasses.replace(again, verdict=dataclasses.replace(again.verdict, steps=steps))
 
 
 def _prove(
     explained: Explained, composed: Composed | None, predicts: Settled | None, sealed: Sealed, tell: Stages
 ) -> Conclusion:
     """Settles the model of the verdict, opens the seal, and returns what is concluded."""
-    prepared, verdict = explained.prepared, explained.verdict
-    nominal: Settled = settle(prepared, verdict.nominal)
-    best: Settled = nominal if not verdict.best.parts else settle(prepared, verdict.best)
-    kind: VerdictKind = verdict.kind
-    if kind in ("named", "ambiguous") and not any(one.effects for one in (verdict.best, *verdict.rivals)):
-        kind = "none"  # no law is missing: runs differ in what reaches the motors, and when
-    samples: Found = at_samples(prepared, nominal, best)
-    if kind == "named" and not samples.is_sure(best.explanation):
-        # The search's coarse grid showed it, and the measured samples do not: without it nothing may be missing.
-        left = max(explained.found.judge.top - explained.found.nothing.total, 0.0)
-        enough = left <= numbers.UNEXPLAINED_NATS * len(prepared.coarse.measured)
-        kind, best = ("none", nominal) if enough else ("unknown", best)
-    written = best if kind in ("named", "ambiguous") else nominal
+    prepared = explained.prepared
+    samples: Found = at_samples(prepared, explained.verdict.nominal, explained.verdict.best)
+    verdict = confirmed(explained.verdict, samples, numbers.UNEXPLAINED_NATS * len(prepared.fine.measured))
+    steps = [*verdict.steps]
+    nominal: Settled = settle(prepared, samples.nothing.explanation)
+    best = settle(prepared, samples.table[verdict.best.key].explanation) if verdict.best.parts else nominal
+    written = best if verdict.kind in ("named", "ambiguous") else nominal
     if composed is not None:
         written = settle(prepared, composed.explanation)
         composed = Composed.of(written.explanation)
     proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
-    if (kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
-        kind = "unknown"
+    if (verdict.kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
+        steps.append(Step("seal", "unknown", proof.evidence.sentence if proof.evidence else ""))
         composed, written, proof = (None, nominal, unproved(proof, nominal.model))
     experiment = plan_experiment(prepared, verdict)
     tell("measuring what is attainable")
@@ -214,7 +214,7 @@ def _prove(
     if prepared.deadline.allows("what is attainable"):
         yardstick = measure(prepared, proof, nominal.model, written.model)
     return Conclusion(
-        kind,
+        tuple(steps),
         explained.found.judge,
         samples,
         verdict,

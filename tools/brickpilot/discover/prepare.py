@@ -26,11 +26,12 @@ from brickpilot.discover.parts import Excitation
 from brickpilot.discover.seal import Sealed
 from brickpilot.errors import InputError
 from brickpilot.fit import parameters
-from brickpilot.fit.comparable import Comparable, contradictions, started
 from brickpilot.fit.descent import counted, search
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.residual import Problem, Residual, of_bins
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import noise_model, whitening
+from brickpilot.vehicle.comparable import Comparable, contradictions, started
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

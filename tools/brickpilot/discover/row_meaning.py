@@ -30,11 +30,12 @@ from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation, fit
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
-from brickpilot.fit.comparable import on_coarse_grid
-from brickpilot.fit.replay import Replay
-from brickpilot.fit.residual import Problem, of_samples
+from brickpilot.fit.blocks import on_coarse_grid
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import of_samples
 from brickpilot.fit.uncertainty import CORRELATED_S
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 TIMINGS: tuple[Timing, ...] = ("held", "linear")

@@ -27,9 +27,9 @@ from brickpilot.discover.parts import (
     scanned_parameter,
     switch_settings,
 )
-from brickpilot.fit.replay import RUN_KINDS
-from brickpilot.fit.residual import Problem, Projection
+from brickpilot.fit.problem import Problem, Projection
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import RUN_KINDS
 
 Array = NDArray[np.float64]
 
@@ -199,7 +199,8 @@ def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
         return _periodic(part, natural, excitation)
     if all(is_signed(one) for one in infos.values()):
         zero = dict.fromkeys(infos, 0.0)
-        return [Probe(part, tuple({**zero, name: _SMALL * natural[name]} for name in infos), True, tuple(infos))]
+        small = tuple(_within_range(part, {**zero, name: _SMALL * natural[name]}) for name in infos)
+        return [Probe(part, small, True, tuple(infos))]
     return _at_several_sizes(part, natural, infos)
 
 

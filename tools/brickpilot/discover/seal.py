@@ -19,11 +19,11 @@ from brickpilot.data.motion import cut_into_windows, run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.finding import Evidence, EvidenceKind
-from brickpilot.fit.comparable import Comparable
-from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import pseudo_huber_loss
+from brickpilot.vehicle.comparable import Comparable
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs, Replay
 
 if TYPE_CHECKING:
     from brickpilot.discover.prepare import Prepared

@@ -30,10 +30,11 @@ from brickpilot.discover.explanation import (
     side_by_side,
     without,
 )
-from brickpilot.discover.parts import Excitation, Part, RunPart, library_parts, run_parts
+from brickpilot.discover.parts import Excitation, library_parts, run_parts
 from brickpilot.discover.screen import Trial, screen
 from brickpilot.fit.parameters import Plan
-from brickpilot.fit.residual import Problem, Residual
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import pseudo_huber_loss
 
 Array = NDArray[np.float64]
@@ -180,7 +181,10 @@ class Search:
                 break
             self.tell(f"searching for {self.source.word} {count}")
             before = found.ranked()[0]
-            for parent in _different(found.ranked(base + count - 1))[:_BEAM]:
+            parents = _different(found.ranked(base + count - 1))[:_BEAM]
+            if count == 1 and (stated := self._as_stated()) is not None:
+                parents.append(judge.of_explanation(stated))
+            for parent in parents:
                 found.add(self.beside(found, parent), self.jobs)
             if count == 2 and self.source.pairs:
                 found.add(self._pairs([one.explanation for one in found.ranked(base + 1)[:_PAIRED]]), self.jobs)
@@ -193,6 +197,19 @@ class Search:
             self._rivals(found)
             self._repair(found)
         return found
+
+    def _as_stated(self) -> Explanation | None:
+        """Returns the base at its stated values, where these are not near: it may have moved to stand in for an effect.
+
+        A descent from there would not come back: a resistance of nearly nothing is a lag.
+        """
+        free, fitted = self.base.plan.free, self.base.point
+        away = [one.away(float(x)) or 0.0 if one.known else 0.0 for one, x in zip(free, fitted, strict=True)]
+        if not any(numbers.leaves_prior(one, len(away)) for one in away):
+            return None
+        stated = [one.known is not None for one in free]
+        point = np.where(stated, self.base.plan.start(), fitted)
+        return Explanation(self.base.parts, self.base.plan, point)
 
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one part more could score better than the best so far, if it left noise alone."""
@@ -288,7 +305,20 @@ class Search:
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
+            fewer += self._in_one_law(best)
             found.add(self._possible(refine(self.data, fewer, self.jobs, self.deadline)), self.jobs)
+
+    def _in_one_law(self, best: Explanation) -> list[Explanation]:
+        """Returns an explanation with one law in the place of those that it is made of."""
+        made, added = [], {one.name: one for one in best.parts[len(self.base.parts) :]}
+        for part in library_parts(best.model):
+            if part.made_of and added.keys() >= {*part.made_of}:
+                rest = best
+                for name in part.made_of:
+                    rest = without(rest, added[name])
+                trials = screen(Problem(self.data, rest.plan), rest.point, [part], excitation=self.excitation)
+                made += [joined(rest, part, one.values) for one in trials[:1]]
+        return made
 
     def _repair(self, found: Found) -> None:
         """Fits again each explanation that came out worse than one that it contains, from there.
@@ -363,6 +393,3 @@ def _nearly_off(coordinate: float, *, signed: bool) -> float:
 def runs_of(data: Residual) -> list[str]:
     """Returns the names of the fit runs, windows of one run as that run."""
     return list(dict.fromkeys(run_of(block.run) for block in data.blocks))
-
-
-__all__ = ["Found", "Library", "Part", "RunPart", "Search", "Source", "runs_of"]

@@ -22,15 +22,16 @@ from numpy.typing import NDArray
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.explanation import Explanation, refine
+from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Found, Library, Search, Tell, runs_of
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.replay import Outputs, Replay
 from brickpilot.fit.residual import Residual, of_bins
-from brickpilot.fit.uncertainty import Estimate, Spread, assess
+from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Outputs, Replay
+from brickpilot.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
 
@@ -76,11 +77,18 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     return written(prepared, data, best, notes)
 
 
-def at_samples(prepared: Prepared, nominal: Settled, best: Settled) -> Found:
-    """Returns what the fit runs say of both at the measured samples; the search compared them on a coarse grid."""
-    judge = Judge.of(prepared.fine, prepared.seed)
-    nothing, other = (judge.of_explanation(one.explanation) for one in (nominal, best))
-    return Found(judge, nothing, {one.explanation.key: one for one in (nothing, other)})
+def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
+    """Returns what the fit runs say at the measured samples of both, and of the best less each of its parts.
+
+    The search compared them on a coarse grid, whose own error a second part may have explained.
+    """
+    judge, added = Judge.of(prepared.fine, prepared.seed), best.parts[len(nominal.parts) :]
+    fewer = [without(best, part) for part in added] if len(added) > 1 else []
+    wanted = {one.key: one for one in (nominal, best, *fewer)}
+    fitted = wanted | {one.key: one for one in refine(prepared.fine, list(wanted.values()), prepared.jobs)}
+    found = Found(judge, judge.of_explanation(fitted[nominal.key]))
+    found.add(list(fitted.values()), prepared.jobs)
+    return found
 
 
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...]) -> Settled:

@@ -9,9 +9,10 @@ is the effect, or a value that was stated wrongly.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +20,15 @@ from brickpilot.discover import evidence, numbers
 from brickpilot.discover.adequacy import Adequacy
 from brickpilot.discover.evidence import Evidence
 from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.finding import Step, VerdictKind
 from brickpilot.discover.search import Found
 
-Kind = Literal["none", "named", "ambiguous", "unknown"]
+_ONE = "One explanation holds 95 % of the weight."
+_SEVERAL = "{} explanations hold 95 % of the weight together, and none of them contains another."
+_NOTHING = "The nominal model is among the explanations that hold 95 % of the weight."
+_RUNS = "No law is missing: runs differ in what reaches the motors, and when."
+_UNSURE = "The measured samples do not surely show it."
+_STATED = "Only what was stated of nominal values speaks for an effect: the data alone do not."
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +52,10 @@ class Verdict:
         temperature: the nats that count as one.
         adequacy: what the best explanation leaves; None: not asked, as time ran out.
         ranked: the evidence of all that were weighed, the heaviest first.
+        steps: how `kind` came about.
     """
 
-    kind: Kind
+    kind: VerdictKind
     nominal: Explanation
     best: Explanation
     rivals: tuple[Explanation, ...]
@@ -56,6 +64,11 @@ class Verdict:
     temperature: float
     adequacy: Adequacy | None
     ranked: tuple[Evidence, ...]
+    steps: tuple[Step, ...]
+
+    def turned(self, by: Step, **changes: Any) -> Verdict:
+        """Returns the verdict behind a stage that turned it, with what else that changes."""
+        return dataclasses.replace(self, kind=by.verdict, steps=(*self.steps, by), **changes)
 
     @property
     def confidence(self) -> float:
@@ -85,17 +98,41 @@ def weigh(found: Found) -> Verdict:
     # Held-out runs can prove what the data tell, and not what stated values alone speak for.
     data_tell = found.is_sure(best)
     if any(one.key == nothing.key for one in least):
-        kind: Kind = "none"
         best, least = nothing, [nothing]
+        said = Step("weigh", "none", _NOTHING)
     elif len(least) == 1 and best.key - nothing.key <= sure:
-        kind = "named" if data_tell else "ambiguous"
         least = least if data_tell else [best, nothing]
+        said = Step("weigh", "named", _ONE) if data_tell else Step("weigh", "ambiguous", _STATED)
     else:
-        kind = "ambiguous"
-    return Verdict(
-        kind, nothing, best, tuple(one for one in least if one is not best), tuple(held), sure, temperature, None,
-        tuple(ranked),
-    )  # fmt: skip
+        said = Step("weigh", "ambiguous", _SEVERAL.format(len(least)))
+    rivals = tuple(one for one in least if one is not best)
+    return Verdict(said.verdict, nothing, best, rivals, tuple(held), sure, temperature, None, tuple(ranked), (said,))
+
+
+def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
+    """Returns the verdict that the measured samples leave of one.
+
+    Args:
+        samples: what they say of the best explanation, of it less each of its parts, and of the nominal model.
+        enough: nats that the nominal model may leave above noise, for `none`.
+    """
+    if verdict.kind not in ("named", "ambiguous"):
+        return verdict
+    if not any(one.effects for one in (verdict.best, *verdict.rivals)):
+        return verdict.turned(Step("runs", "none", _RUNS))
+    if verdict.kind == "ambiguous":
+        return verdict
+    said = weigh(samples) if samples.is_sure(verdict.best) else None
+    if said is None or said.kind == "none":
+        if samples.judge.top - samples.nothing.total <= enough:
+            return verdict.turned(Step("samples", "none", _UNSURE), best=verdict.nominal)
+        return verdict.turned(Step("samples", "unknown", _UNSURE))
+    if said.kind == "named" and said.best.key == verdict.best.key:
+        return verdict
+    weighed = {one.explanation.key for one in said.ranked}
+    ranked = (*said.ranked, *(one for one in verdict.ranked if one.explanation.key not in weighed))
+    by = Step("samples", said.kind, f"The measured samples ask for {' + '.join(said.best.names)} alone.")
+    return verdict.turned(by, best=said.best, rivals=said.rivals, held=said.held, sure=said.sure, ranked=ranked)
 
 
 def best_so_far(found: Found) -> Explanation:

@@ -25,8 +25,8 @@ from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.errors import SimulationError
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Track, headline, headline_of, simulated_at, track
 from brickpilot.fit.residual import of_bins
+from brickpilot.vehicle.headline import AHEAD, FREE_RUN, Track, headline, headline_of, simulated_at, track
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

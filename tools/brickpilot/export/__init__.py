@@ -1,1 +1,5 @@
 """Vehicles and runs for other programs: FMU, MJCF, URDF, MCAP, Parquet."""
+
+from brickpilot import make_callable
+
+make_callable(__name__)

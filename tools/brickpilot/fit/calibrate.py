@@ -16,22 +16,23 @@ from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent
-from brickpilot.fit.comparable import Comparable, comparable, compared_signals
 from brickpilot.fit.descent import Count, Progress, Start
-from brickpilot.fit.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import Plan, plan, value_of
-from brickpilot.fit.replay import Replay
-from brickpilot.fit.residual import Problem, Residual, Scale, of_samples
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import Residual, Scale, of_samples
 from brickpilot.fit.uncertainty import (
     NOTHING_FITTED,
     Combination,
     Estimate,
-    Spread,
     Uncertainty,
     assess,
     estimates_frame,
 )
+from brickpilot.vehicle.comparable import Comparable, comparable, compared_signals
+from brickpilot.vehicle.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
+from brickpilot.vehicle.spread import Spread
 
 if TYPE_CHECKING:
     import pandas

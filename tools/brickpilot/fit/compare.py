@@ -18,12 +18,12 @@ from brickpilot.data.shown import Result
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
 from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
-from brickpilot.fit.comparable import Comparable, comparable, compared_signals, is_compared
 from brickpilot.fit.descent import Progress
-from brickpilot.fit.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.fit.parameters import plan
-from brickpilot.fit.replay import Array, Outputs
+from brickpilot.vehicle.comparable import Comparable, comparable, compared_signals, is_compared
+from brickpilot.vehicle.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Array, Outputs
 
 if TYPE_CHECKING:
     import pandas

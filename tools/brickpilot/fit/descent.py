@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.residual import Problem
+from brickpilot.fit.problem import Problem
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.catalogue import EffectInfo, ParameterInfo
+from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.errors import InputError
 from brickpilot.vehicle import plant
-from brickpilot.vehicle.model import Model, with_values
+from brickpilot.vehicle.model import Model, of_dataset, with_values
 from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     for name in free:
         if name not in infos or infos[name].role == "fixed":
             raise InputError("is not a nominal parameter that can be fitted", field=name)
-    model = _start_model(dataset, infos, effect_infos, effects)
+    model = of_dataset(dataset, effects)
     entering = _entering(model, dataset)
     chosen = [
         Free(n, info, dataset.nominal.get(n))
@@ -196,36 +196,6 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
                 chosen.append(Free(f"{name}.{info.name}", info, known))
     absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
     return Plan(model, tuple(chosen), (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ())
-
-
-def _start_model(
-    dataset: Dataset,
-    infos: Mapping[str, ParameterInfo],
-    effect_infos: Mapping[str, EffectInfo],
-    effects: Sequence[str],
-) -> Model:
-    """Returns the model of the data set, with `effects` switched on; what is not stated stands at its preset."""
-    values = _absent_values(dataset, infos) | {name: nominal.value for name, nominal in dataset.nominal.items()}
-    stated = dataset.nominal_effects
-    tables = {
-        name: {
-            info.name: stated.get(name, {}).get(info.name, Nominal(info.preset)).value
-            for info in effect_infos[name].parameters
-        }
-        for name in dict.fromkeys([*stated, *effects])
-    }
-    return Model(name=dataset.name, vehicle=dataset.vehicle, profile="coupled", parameters=values, effects=tables)
-
-
-def _absent_values(dataset: Dataset, infos: Mapping[str, ParameterInfo]) -> dict[str, float]:
-    """Returns the presets of the vehicle. A motor has one load: a mass where a force drives it, else an inertia."""
-    absent = [info.name for info in infos.values() if info.zero_if_unstated]
-    values = catalogue.presets(dataset.vehicle) | dict.fromkeys(absent, 0.0)
-    if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:
-        values |= {"mass": infos["mass"].preset, "wheel_inertia": 0.0}
-    elif dataset.vehicle == "motor" and {"position", "velocity", "force"} & dataset.signals.keys():
-        values["wheel_radius"] = infos["wheel_radius"].preset
-    return values
 
 
 def _is_open(known: Nominal, info: ParameterInfo) -> bool:

@@ -31,10 +31,9 @@ from brickpilot.data.noise import Noise, noise_of
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import SimulationError
 from brickpilot.fit import robust
-from brickpilot.fit.comparable import SAMPLES, Bins, Block, blocks, on_coarse_grid, stack
-from brickpilot.fit.parameters import Free, Plan
-from brickpilot.fit.replay import Replay
+from brickpilot.fit.blocks import SAMPLES, Bins, Block, blocks, on_coarse_grid, stack
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -48,9 +47,6 @@ LEAST_NOISE_SHARE = 1e-3
 _MOTOR_STEP_S = 0.003  # the longest motor step of bins at the measured samples
 _LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # models whose simulated values are remembered, and numbers in all
 _CHUNK = 24  # models that are simulated at once: their outputs take memory
-_EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # of finite differences, in coordinates
-_ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
-_COMMON_SD = 0.01  # in coordinates: what values of runs may have in common
 _FIRST_SCALE = 0.2  # of the signal's rms: the scale of samples before any residual is known
 _LEAST_RMS = 1e-30  # SI: a signal with a smaller rms counts as zero
 
@@ -446,172 +442,3 @@ def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
     return SUMMED | (derived & set(MOTOR_RATE_OF.values()))
-
-
-def _kind(free: Free) -> str:
-    """Returns the kind of a value that a run has of its own."""
-    return free.name.partition("@")[0]
-
-
-class Problem:
-    """Least squares of a residual in the coordinates of `plan.free`, priors included.
-
-    Where the plant diverges the residual is NaN. Its derivative is 0 where only the neighbouring value diverges.
-
-    Args:
-        holds_priors: False while the scale of the residual is not known. A prior would otherwise be held against the
-            data: the gap that it leaves would count as the model's error.
-        kept: (values, count) sensitivities of the first coordinates, those of the nominal parameters. They cost most of
-            a descent and change little from one candidate to the next.
-    """
-
-    def __init__(self, residual: Residual, plan: Plan, *, holds_priors: bool = True, kept: Array | None = None) -> None:
-        self.data, self.plan = residual, plan
-        self._holds_priors, self._kept = holds_priors, kept
-
-    def keeping(self, point: Array, count: int) -> Problem:
-        """Returns the problem with the sensitivities of the first `count` coordinates kept as they are at `point`."""
-        kept = self.columns(point, range(count)) if count else None
-        return Problem(self.data, self.plan, holds_priors=self._holds_priors, kept=kept)
-
-    def of(self, plan: Plan) -> Problem:
-        """Returns the problem of a longer plan on one thread, with the kept sensitivities."""
-        return Problem(self.data.on_threads(1), plan, holds_priors=self._holds_priors, kept=self._kept)
-
-    def residual(self, point: Array) -> Array:
-        """Returns (values + parameters,): the robust residual and the prior's."""
-        found = self._robust(point)
-        return np.concatenate([found.value / self.data.taus() ** 0.5, self.prior(point)])
-
-    def jacobian(self, point: Array) -> Array:
-        """Returns (values + parameters, parameters): the derivative of `residual`."""
-        found = self._robust(point)
-        weight = -found.slope * self.data.weight() / self.data.taus() ** 0.5
-        return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], self.prior_slopes(point)])
-
-    def _robust(self, point: Array) -> robust.RobustResidual:
-        return robust.pseudo_huber((self.data.measured - self.simulated(point)) * self.data.weight())
-
-    def cost(self, point: Array) -> float:
-        """Returns half the sum of squares; infinite where the plant diverges."""
-        cost = float(np.sum(self.residual(point) ** 2) / 2)
-        return cost if np.isfinite(cost) else float("inf")
-
-    def simulated(self, point: Array) -> Array:
-        """Returns (values,) what the model at `point` gives."""
-        return np.asarray(self.data.predict([self.plan.at(point)])[0])
-
-    def sensitivity(self, point: Array) -> Array:
-        """Returns (values, parameters): the change of the simulated signals per coordinate, in their SI units."""
-        if self._kept is None:
-            return self.columns(point, range(len(point)))
-        return np.hstack([self._kept, self.columns(point, range(self._kept.shape[1], len(point)))])
-
-    def columns(self, point: Array, which: Sequence[int] | range) -> Array:
-        """Returns (values, which): finite differences of the simulated signals along some coordinates.
-
-        The value of a run touches the samples of that run alone, so one simulation with the values of all runs changed
-        gives the slopes along all of one kind.
-        """
-        moves: dict[str, tuple[Array | None, Array]] = {}
-        for index in which:
-            free = self.plan.free[index]
-            if not free.run:
-                moves[free.name] = self._difference_ends(point, index)
-            elif _kind(free) not in moves:
-                moves[_kind(free)] = (None, self._all_of_kind(point, _kind(free)))
-        if not moves:
-            return np.empty((len(self.data.measured), 0))
-        lows = [low for low, _ in moves.values() if low is not None]
-        ends = [point, *(high for _, high in moves.values()), *lows]
-        base, *moved = self.data.predict([self.plan.at(end) for end in ends])
-        above, below = dict(zip(moves, moved, strict=False)), iter(moved[len(moves) :])
-        under = {name: base if low is None else next(below) for name, (low, _) in moves.items()}
-        slopes = np.empty((len(self.data.measured), len(which)), order="F")
-        for column, index in enumerate(which):
-            free = self.plan.free[index]
-            name = _kind(free) if free.run else free.name
-            low, high = moves[name]
-            slope = (above[name] - under[name]) / (high - (point if low is None else low))[index]
-            slopes[:, column] = np.where(self.data.rows_of(free.run), slope, 0.0) if free.run else slope
-        return np.where(np.isfinite(slopes), slopes, 0.0)
-
-    def _all_of_kind(self, point: Array, kind: str) -> Array:
-        """Returns `point` with the values of all runs of one kind moved."""
-        moved = np.array(point)
-        for index, free in enumerate(self.plan.free):
-            if free.run and _kind(free) == kind:
-                moved[index] += _EFFECT_STEP if point[index] + _EFFECT_STEP <= free.bounds()[1] else -_EFFECT_STEP
-        return moved
-
-    def prior(self, point: Array) -> Array:
-        """Returns (parameters + kinds,): how far each parameter is from what is known of it, in sd.
-
-        Values of one kind that runs have of their own lie about 0: what they have in common belongs to the model, and a
-        held-out run has that alone.
-        """
-        centre = self.plan.start()
-        terms = []
-        for free, x, x0 in zip(self.plan.free, point, centre, strict=True):
-            away = free.away(float(x)) if self._holds_priors else None
-            terms.append((float(x) - float(x0)) / _ANCHOR_SD if away is None else away)
-        common = [float(np.mean(point[here])) / _COMMON_SD for here in self._centred()]
-        return np.array([*terms, *common])
-
-    def prior_slopes(self, point: Array) -> Array:
-        """Returns (parameters + kinds, parameters), column by column as the sensitivities are stored."""
-        count, centred = len(point), self._centred()
-        own = np.diag(((self.prior(point + _NOMINAL_STEP) - self.prior(point)) / _NOMINAL_STEP)[:count])
-        rows = np.zeros((len(centred), count))
-        for row, here in zip(rows, centred, strict=True):
-            row[here] = 1 / (len(here) * _COMMON_SD)
-        return np.asfortranarray(np.vstack([own, rows]))
-
-    def _centred(self) -> list[list[int]]:
-        """Returns the coordinates of each kind of values of runs that lie about 0."""
-        kinds: dict[str, list[int]] = {}
-        for index, free in enumerate(self.plan.free):
-            if free.run and free.signed:
-                kinds.setdefault(_kind(free), []).append(index)
-        return list(kinds.values())
-
-    def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
-        """Returns the points between which one coordinate's difference is taken; low None is `point` itself.
-
-        The difference of an effect reaches far, because the moment a wheel crosses its backlash is only known to a
-        step. It reaches to both sides, because a slope that is slightly wrong does not lead down a narrow valley.
-        """
-        free = self.plan.free[index]
-        length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
-        step = np.zeros(len(point))
-        step[index] = length
-        low, high = free.bounds()
-        if point[index] + length > high:
-            return None, point - step
-        if free.effect is None or point[index] - length < low:
-            return None, point + step
-        return point - step, point + step
-
-
-class Projection:
-    """Removes from a whitened residual what the parameters of a problem can take up, from `point`: linear, with priors.
-
-    Source: score test, Rao 1948.
-    """
-
-    def __init__(self, problem: Problem, point: Array) -> None:
-        whitened = problem.sensitivity(point) * problem.data.weight()[:, np.newaxis]
-        self._prior = -problem.prior(point)
-        self._basis, _ = np.linalg.qr(np.vstack([whitened, problem.prior_slopes(point)]))
-
-    def remainder(self, residual: Array) -> Array:
-        """Returns (values + parameters,) from (values,). The rows of the priors come last."""
-        return self._project(np.concatenate([residual, self._prior]))
-
-    def signatures(self, changes: Sequence[Array] | Array) -> Array:
-        """Returns (values + parameters, changes) from changes of the simulated signals, (values,) each, in scales."""
-        return np.array([self._project(np.append(one, np.zeros(len(self._prior)))) for one in changes]).T
-
-    def _project(self, rows: Array) -> Array:
-        rest: Array = rows - self._basis @ (self._basis.T @ rows)
-        return rest

@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from brickpilot.fit.parameters import WIDE_SD, Free, value_of
 from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.combinations import FORMULAS, Formula, forms
 from brickpilot.vehicle.model import Model, with_values
+from brickpilot.vehicle.spread import Spread
 
 if TYPE_CHECKING:
     import pandas
@@ -288,66 +289,3 @@ def _log_slope(formula: Formula, known: Mapping[str, float], free: Free, size: f
     step = _FORMULA_STEP * max(abs(value), 1e-3 * free.size)
     moved = formula.value_at(dict(known) | {free.name: value + step})
     return float(np.log(moved / formula.value_at(known)) / step * size)
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A normal distribution of the coordinates of all fitted parameters about their estimates.
-
-    Attributes:
-        names: "mass" or "effect.parameter".
-        values: estimates, SI.
-        units: SI: a coordinate is (value - estimate) / unit. None: it is log(value / estimate).
-        covariance: of the coordinates, (parameters, parameters).
-    """
-
-    names: tuple[str, ...]
-    values: tuple[float, ...]
-    units: tuple[float | None, ...]
-    covariance: Array
-
-    @property
-    def correlation(self) -> Array:
-        """The correlation of the coordinates, (parameters, parameters)."""
-        sd = np.sqrt(np.diag(self.covariance))
-        some = np.where(sd > 0, sd, 1.0)
-        return np.asarray(self.covariance / np.outer(some, some))
-
-    def at(self, coordinates: Array) -> dict[str, float]:
-        """Returns the values at a point, SI, not limited to their ranges."""
-        rows = zip(self.names, self.values, self.units, coordinates.tolist(), strict=True)
-        return {
-            name: value * math.exp(min(x, 700.0)) if unit is None else value + x * unit for name, value, unit, x in rows
-        }
-
-    def to_json(self) -> dict[str, Any]:
-        """Returns the object that `from_json` reads."""
-        return {
-            "parameters": list(self.names),
-            "values": list(self.values),
-            "units": list(self.units),
-            "covariance": self.covariance.tolist(),
-        }
-
-
-def from_json(given: Mapping[str, Any]) -> Spread:
-    """Returns the spread of an object of calibrate.json or verdict.json.
-
-    Raises:
-        ValueError: the object is none, or its covariance is not one.
-    """
-    try:
-        names, values, units = (tuple(given[key]) for key in ("parameters", "values", "units"))
-        covariance = np.array(given["covariance"], dtype=float).reshape(len(names), len(names))
-        numbers = np.array([*values, *(1.0 if unit is None else unit for unit in units)], dtype=float)
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"lacks {error}") from error
-    if not len(names) == len(values) == len(units) or not (
-        np.isfinite(numbers).all() and np.isfinite(covariance).all()
-    ):
-        raise ValueError("has a parameter without value, unit or covariance")
-    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance).min(initial=0.0) < -1e-6 * (
-        1 + np.trace(covariance)
-    ):
-        raise ValueError("its covariance is not symmetric, or has a negative variance")
-    return Spread(names, values, units, covariance)

@@ -33,12 +33,14 @@ class Guess:
         vehicle: None: neither stated nor guessed.
         reasons: signal -> why it was taken for this.
         notes: for the user, a sentence each.
+        guessed: the numbers that nobody stated and everything rests on, such as "960 counts a turn".
     """
 
     sources: dict[str, Source]
     vehicle: Vehicle | None
     reasons: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    guessed: tuple[str, ...] = ()
 
 
 def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> Guess:
@@ -73,25 +75,26 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     left_out += _one_input_set(sources, reasons, vehicle)
     _check_found(table, sources)
     notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
-    notes += _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
-    return Guess(sources, vehicle, reasons, (*notes, *left_out))
+    bases, loud = _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
+    return Guess(sources, vehicle, reasons, (*notes, *loud, *left_out), tuple(bases))
 
 
-def _guessed_bases(sources: Mapping[str, Source]) -> list[str]:
-    """Returns a loud note on each number that nobody stated and on which every speed or voltage rests."""
-    found = []
-    for stems, what, spoiled, form in (
-        (("wheel_angle", "angle"), "how many counts a turn has", "speed", "COUNTS:rotation"),
-        (("duty",), "which number is full drive", "voltage", "FULL"),
+def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]:
+    """Returns each number that nobody stated and on which every speed or voltage rests, and a loud note on it."""
+    bases, notes = [], []
+    for stems, base, what, spoiled, form in (
+        (("wheel_angle", "angle"), "counts a turn", "how many counts a turn has", "speed", "COUNTS:rotation"),
+        (("duty",), "as full drive", "which number is full drive", "voltage", "FULL"),
     ):
         scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
         if scaled:
             columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
-            found.append(
+            bases.append(f"{number} {base}")
+            notes.append(
                 f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
                 f"is; state it with --map SIGNAL=COLUMN/{form}"
             )
-    return found
+    return bases, notes
 
 
 def _values(table: TextTable, name: str) -> Vector:

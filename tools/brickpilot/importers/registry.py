@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     from brickpilot.importers.listing import Contents
@@ -88,3 +90,58 @@ def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
         ):
             return row.kind
     return None
+
+
+def importer_and_files(
+    words: Sequence[str], kind: str | None, importers: Sequence[Importer]
+) -> tuple[Importer, list[Path]]:
+    """Returns the row of the kind that the user names, or that the ending of the first file shows, and the files.
+
+    Raises:
+        InputError: the kind is neither named nor known by the ending, or no file is given.
+    """
+    rows = {row.kind: row for row in importers}
+    files = [Path(word) for word in words]
+    if kind is None and words[0] in rows:
+        kind, files = words[0], files[1:]
+    if not files:
+        raise InputError("no file to import", field="FILE")
+    kind = kind or kind_of(files[0], importers)
+    if kind is None:
+        raise InputError(f"no kind of log is known by this ending; name one: {', '.join(rows)}", file=files[0])
+    return rows[kind], files
+
+
+def all_options(importers: Sequence[Importer]) -> list[Option]:
+    return list(dict.fromkeys(option for row in importers for option in row.options))
+
+
+def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
+    """Returns the kinds of log that take `option`, as words: "matlab and table"."""
+    *most, last = [row.kind for row in importers if option in row.options]
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the options that `importer` takes, by keyword; those that are not given have their defaults.
+
+    An option without a default, and a switch, has to be one that the importer takes; others are left at their default.
+
+    Raises:
+        InputError: an option of other kinds of log is given, or one that is needed is not, or there is no such option.
+    """
+    known = {option.keyword for option in all_options(importers)}
+    for keyword in given:
+        if keyword not in known:
+            raise InputError(f"is no option of an importer: {', '.join(sorted(known))}", field=keyword)
+    asked: dict[str, Any] = {one.keyword: () if one.repeatable else one.default for one in all_options(importers)}
+    asked.update(given)
+    for option in all_options(importers):
+        value = asked[option.keyword]
+        if option not in importer.options and option.default in (None, False) and value:
+            message = f"works only with {kinds_with(option, importers)}; a log of kind {importer.kind} describes itself"
+            raise InputError(message, field=option.flag)
+        spared = any(one.keyword == option.unless and asked[one.keyword] for one in importer.options)
+        if option in importer.options and option.required and not value and not spared:
+            raise InputError(f"is needed to import {importer.kind}", field=option.flag)
+    return {option.keyword: asked[option.keyword] for option in importer.options}

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.holdout import kind_of
 from brickpilot.data.signals import RATE_OF, SIGNALS
 from brickpilot.errors import InputError
 
@@ -20,7 +21,6 @@ _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # of the rest before a manoeuvre and after it
 _SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
 _STILL = 0.05  # of the fastest motion of the log: what is slower counts as rest
-_ONE_KIND = 0.25  # of turning in driving, or the other way round: less of it leaves a straight run or a spin
 
 
 @dataclass(frozen=True)
@@ -172,13 +172,7 @@ def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
 
 def _kind(inputs: Mapping[str, Vector]) -> str:
     """Returns what is driven: straight, spin or curve; of a motor: drive."""
-    if len(inputs) < 2:
-        return "drive"
-    one, two = inputs.values()
+    driven = np.column_stack(list(inputs.values()))
     if "duty_mean" in inputs:
-        ahead, turning = np.mean(np.abs(one)), np.mean(np.abs(two)) / 2
-    else:
-        ahead, turning = np.mean(np.abs(one + two)), np.mean(np.abs(one - two))
-    if turning <= _ONE_KIND * ahead:
-        return "straight"
-    return "spin" if ahead <= _ONE_KIND * turning else "curve"
+        driven = np.column_stack([inputs["duty_mean"] + sign * inputs["duty_diff"] / 2 for sign in (1, -1)])
+    return kind_of(driven)

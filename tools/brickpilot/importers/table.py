@@ -83,7 +83,7 @@ def import_table(
         notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
     new = NewDataset(
         name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {}, notes, scalings,
-        found.reasons, input_timing, sources,
+        found.reasons, input_timing, sources, found.guessed,
     )  # fmt: skip
     return write(new, out, files[0])
 

@@ -75,6 +75,7 @@ class NewDataset:
         reasons: signal -> why it was taken for what it is: a comment behind its line.
         input_timing: what an input does between two rows.
         sources: signal -> where it stands in the log, for the options that mend a wrong wiring.
+        guessed: what the importer guessed and everything rests on, such as "960 counts a turn".
         frame: None: nobody states it, and it is the one that wheels, drives and yaw show, else FRD.
     """
 
@@ -89,6 +90,7 @@ class NewDataset:
     reasons: Mapping[str, str] = field(default_factory=dict)
     input_timing: InputTiming = "held"
     sources: Mapping[str, Source] = field(default_factory=dict)
+    guessed: Sequence[str] = ()
 
 
 def check_out(out: Path) -> None:
@@ -177,7 +179,7 @@ def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
     )
     if shown is None:
         note = f"the sign of {yaw} is not shown by the wheels: the frame is taken as FRD; see --frame"
-        return {"frame": "FRD", "notes": (*new.notes, note)}
+        return {"frame": "FRD", "notes": (*new.notes, note), "guessed": (*new.guessed, "the frame FRD")}
     sense = "counter-clockwise" if shown == "FLU" else "clockwise"
     note = f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive"
     return {"frame": shown, "notes": (*new.notes, note)}
@@ -218,6 +220,8 @@ def _description(new: NewDataset) -> str:
     document.update({"name": new.name, "vehicle": new.vehicle, "frame": new.frame or "FRD"})
     if new.input_timing != "held":
         document["input_timing"] = new.input_timing
+    if new.guessed:
+        document["guessed"] = list(new.guessed)
     document["csv"] = _inline({"delimiter": ",", "header": True})
     signals = tomlkit.table()
     for signal, unit in new.units.items():

@@ -11,11 +11,11 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Fault
 from brickpilot.data.gap import Place
 from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
-from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.report import discover_plots
 from brickpilot.report.discover_text import alternatives, explanation, known_size, say, shown_size, words
 from brickpilot.report.quantities import DASH, ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
 from brickpilot.vehicle.model import Model, unit_on
+from brickpilot.vehicle.replay import RUN_KINDS
 
 
 def place(one: Place, finding: Finding) -> dict[str, str]:

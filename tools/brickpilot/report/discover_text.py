@@ -8,11 +8,11 @@ from brickpilot import catalogue
 from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
-from brickpilot.fit.replay import RUN_KINDS
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
 from brickpilot.report.own_words import shown_finding, told
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
+from brickpilot.vehicle.replay import RUN_KINDS
 
 OVER_NOISE = 1.1
 """A gap above this, in multiples of the noise, is reported as remaining."""

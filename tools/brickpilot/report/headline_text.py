@@ -7,8 +7,8 @@ from typing import Any
 
 from brickpilot.data.agreement import Agreement
 from brickpilot.data.own_units import OwnUnit
-from brickpilot.fit.headline import FREE_RUN, ROLES, Headline
 from brickpilot.report.quantities import DASH, fit_number, fit_text, quantity
+from brickpilot.vehicle.headline import FREE_RUN, ROLES, Headline
 
 RUNS = {"held_out": "the held-out runs", "fit": "the fit runs"}
 """A role as sentences have it."""

@@ -1,8 +1,9 @@
-"""What a notebook shows of a result: a title, its sentences and a small table. All text is escaped."""
+"""What a notebook or a terminal shows of a result: a title, its sentences and a small table. HTML is escaped."""
 
 from __future__ import annotations
 
 import numbers
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 from brickpilot.data.dataset import Dataset
@@ -14,15 +15,19 @@ from brickpilot.fit.compare import Comparison
 from brickpilot.report import check_text, discover_text, headline_text
 from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
+from brickpilot.report.why_page import Why
 from brickpilot.vehicle.fly import Flown
 
 if TYPE_CHECKING:
     import pandas
 
-Result = Dataset | Comparison | Calibration | Check | Finding | Flown
+Result = Dataset | Comparison | Calibration | Check | Finding | Flown | Why
 
 _ROWS = 20
 """Of a table; a notebook is no page."""
+
+_LINES, _WIDE = 10, 110
+"""Of the text for a terminal; the longest of its lines."""
 
 
 def to_html(result: Result) -> str:
@@ -31,14 +36,30 @@ def to_html(result: Result) -> str:
     Raises:
         TypeError: it is no result of this package.
     """
-    if isinstance(result, Flown):
-        return _flown(result)
     title, sentences = _words(result)
-    return _table(title, sentences, result.to_frame())
+    return _table(title, sentences, _figures(result) if isinstance(result, Flown) else result.to_frame())
 
 
-def _words(result: Dataset | Comparison | Calibration | Check | Finding) -> tuple[str, list[str]]:
+def to_text(result: Result) -> str:
+    """Returns a result in at most ten lines of plain text: its title and its sentences, without its table.
+
+    Raises:
+        TypeError: it is no result of this package.
+    """
+    title, sentences = _words(result)
+    told = headline_text.plain("\n".join(sentences)).splitlines()
+    lines = [line for one in told for line in textwrap.wrap(one, _WIDE, initial_indent="  ", subsequent_indent="  ")]
+    cut = len(lines) >= _LINES
+    return "\n".join([title, *(lines[: _LINES - 2] if cut else lines), *(["  ..."] if cut else [])])
+
+
+def _words(result: Result) -> tuple[str, list[str]]:
     """Returns the title of a result and the sentences above its table."""
+    if isinstance(result, Why):
+        found = result.answer
+        return f"{result.finding.dataset.name}: why", [found.what, found.sure, *found.todo]
+    if isinstance(result, Flown):
+        return f"{result.flight.plan.scenario.name}: flown", [] if result.failure is None else [result.failure]
     if isinstance(result, Dataset):
         return f"{result.name}: {result.vehicle}, {len(result.runs)} runs", list(result.notes)
     if isinstance(result, Comparison):
@@ -68,14 +89,12 @@ def _error(comparison: Comparison, signal: str) -> str:
     return f"{signal}: {fit_text(one.fit_percent)} on {headline_text.RUNS[role]}, and an error of {error} rms."
 
 
-def _flown(flown: Flown) -> str:
-    """Returns the figures that are one value, and why the mission failed."""
+def _figures(flown: Flown) -> pandas.DataFrame:
+    """Returns the figures of a flight that are one value."""
     import pandas
 
     single = {k: v for k, v in flown.figures.items() if isinstance(v, str | numbers.Real) and not k.endswith("sha256")}
-    table = pandas.DataFrame({"figure": list(single), "value": list(single.values())}, dtype=object)
-    plan = flown.flight.plan
-    return _table(f"{plan.scenario.name}: flown", [] if flown.failure is None else [flown.failure], table)
+    return pandas.DataFrame({"figure": list(single), "value": list(single.values())}, dtype=object)
 
 
 def _table(title: str, sentences: list[str], frame: pandas.DataFrame) -> str:

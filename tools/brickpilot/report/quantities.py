@@ -80,6 +80,24 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
     return Shown(text(value), low, high, shown)
 
 
+def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -> tuple[str, str]:
+    """Returns a size, and its interval behind it, for a sentence: "12 %" and " (12 to 13 %)", or nothing.
+
+    It has no more digits than tell the ends of its interval apart; a plain number is a share, in percent.
+    """
+    per, shown = (0.01, "%") if unit == "1" else scaled(value, unit)
+    ends = [one / per for one in ci95 or ()]
+    suffix = f"{_SPACE}{shown}" if shown else ""
+    if not ends or not all(math.isfinite(one) for one in ends):
+        return f"{plain(float(f'{value / per:.2g}'))}{suffix}", ""
+    decimals = next((k for k in range(-3, 6) if round(ends[0], k) != round(ends[1], k)), 6)
+    text, low, high = (
+        f"{round(one, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+        for one in (value / per, *ends)
+    )
+    return f"{text}{suffix}", f" ({low} to {high}{suffix})"
+
+
 def trusted(value: float, sd: float | None, unit: str) -> str:
     """Returns a value with its standard deviation, both in one unit: "28.4 ± 0.9 mm"."""
     if not sd:

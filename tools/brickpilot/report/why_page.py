@@ -5,17 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from brickpilot.data.shown import Result
 from brickpilot.discover.finding import Finding
 from brickpilot.report import experiment_files
 from brickpilot.report.discover_runs import telling_figures
-from brickpilot.report.discover_text import leaves_more_than_noise
 from brickpilot.report.own_words import frames, told
 from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
 from brickpilot.report.why_text import Answer, as_stated
 from brickpilot.vehicle.drive_constants import FeedForward, Odometry, feed_forward, odometry
+
+if TYPE_CHECKING:
+    import pandas
 
 CONTROLLER, HEADER, MOTOR_HEADER = "diff_drive_controller.yaml", "robot_constants.h", "motor_constants.h"
 
@@ -80,22 +83,39 @@ def _c_float(value: float) -> str:
     return f"{text if '.' in text or 'e' in text else f'{text}.0'}f"
 
 
-def page(
-    finding: Finding, answer: Answer, constants: Constants, *, source: str, files: Sequence[str], command: str,
-    notes: Sequence[str],
-) -> str:  # fmt: skip
+@dataclass(frozen=True)
+class Why(Result):
+    """The result of `why`.
+
+    Attributes:
+        finding: all that discovery says, from which the answer is made.
+        constants: of the robot as found, for other programs.
+        notes: on how the log was read, one sentence each.
+    """
+
+    finding: Finding
+    answer: Answer
+    constants: Constants
+    notes: tuple[str, ...]
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns the effects that were found; see `Finding.to_frame`."""
+        return self.finding.to_frame()
+
+
+def page(why: Why, *, source: str, files: Sequence[str], command: str) -> str:
     """Returns the page as one self-contained HTML text.
 
     Args:
         source: what was read, in words.
         files: the names of those that lie beside the page.
         command: the command line that reproduces it.
-        notes: on how the log was taken, one sentence each.
     """
+    finding, answer, constants = why.finding, why.answer, why.constants
     return render(
         "why",
         title=f"Why {finding.dataset.name} does not do what the simulation does"
-        if finding.verdict != "none" or leaves_more_than_noise(finding)
+        if answer.ending != "nothing"
         else f"{finding.dataset.name} does what the simulation does",
         answer=answer,
         constants=_rows(constants),
@@ -106,7 +126,7 @@ def page(
         frames=frames(finding.dataset),
         source=source,
         command=command,
-        notes=told(finding.dataset, list(notes)),
+        notes=told(finding.dataset, [*why.notes, *finding.notes]),
     )
 
 

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+import numpy as np
+
+from brickpilot import catalogue
+from brickpilot.data.facts import WeakerSide, drives_straight_alone, weaker_side
+from brickpilot.data.holdout import kind_of
 from brickpilot.discover.finding import Finding
-from brickpilot.report import discover_fit
+from brickpilot.report import discover_fit, experiment_files
 from brickpilot.report.discover_text import (
     alternatives,
     explanation,
@@ -16,40 +22,27 @@ from brickpilot.report.discover_text import (
     leaves_more_than_noise,
     listed,
     one_mechanism,
+    sizes,
     why_unclaimed,
+    words,
 )
-from brickpilot.report.own_words import told
-from brickpilot.report.quantities import fit_text, percent, quantity
-from brickpilot.vehicle.compensation import NOMINAL, Compensation
+from brickpilot.report.own_words import clauses, shown_finding, shown_size, told
+from brickpilot.report.quantities import fit_text, in_words, percent, quantity
+from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.drive_constants import Drives, drives
+from brickpilot.vehicle.manoeuvres import Manoeuvre, commands
 from brickpilot.vehicle.model import Model
 
-_REMEDIES = {
-    "supply": "Charge or replace the battery and shorten thin leads, or log its voltage for the simulation.",
-    "drive": "Look at the motor driver: its dead band, its PWM frequency, and whether it brakes or floats at zero.",
-    "timing": "Measure the time from a command to its effect, and send commands at a steady rate.",
-    "motor": "Run the motors one by one without load and compare them: a warm or a worn one is weaker.",
-    "gear": "Feel for play and tight spots in the gears.",
-    "bearing": "Turn each wheel by hand. Clean and grease the axles, and look for a part that rubs.",
-    "tyre": "Compare the radii of both wheels, clean tyres and floor, and try to accelerate and turn less hard.",
-    "body": "Look at casters and cables, and at where the heavy parts sit.",
-    "floor": "Level the floor, or drive each manoeuvre both ways over it.",
-    "sensor": "Calibrate the sensor: at rest for its bias, over a known way or angle for its scale.",
-}
-"""Mechanism -> what a person can do to the machine."""
-
-_OF_A_MOTOR = {
-    "motor": "Run the motor without its load, cold and warm: a warm or a worn one is weaker.",
-    "bearing": "Turn the shaft by hand. Clean and grease its bearings, and look for a part that rubs.",
-    "body": "Look at cables, and at what the load drags along.",
-    "floor": "Level the bench, or run each manoeuvre both ways.",
-    "sensor": "Calibrate the sensor: at rest for its offset, over a known way or angle for its scale.",
-}
-"""The same for a motor and its load."""
+Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
 _ALL = 99.0  # % of the signals: what is left is no complaint
+_WORSE = 0.05  # percentage points of the fit: an explanation that costs more explains no whole run
 _VEERS = math.radians(1.0)  # rad/m: less is hardly seen
 _DIFFERS = 0.03  # of a speed or a way: less is hardly seen
+
+
+_GRID_S = 0.05  # on which a manoeuvre is looked at
+_TOLD = 4  # effects of which the smallest visible size is told
 
 
 @dataclass(frozen=True)
@@ -57,62 +50,154 @@ class Answer:
     """What a person who asked "why" wants to know.
 
     Attributes:
+        ending: "nothing" is wrong; a "cause" is known; something is "missing", and `todo` begins with what to drive
+            next; or the data hold a "contradiction".
         what, sure: sentences.
         todo: what to do, the first thing first.
         symptoms: how the robot drives against how the simulation without the finding does, one sentence each.
+        next: the manoeuvre to drive next; None: none is asked for.
     """
 
+    ending: Ending
     what: str
     sure: str
     todo: tuple[str, ...]
     symptoms: tuple[str, ...]
+    next: Manoeuvre | None = None
 
 
-def answer(finding: Finding, undone: Compensation | None, mend: str = "") -> Answer:
+def answer(
+    finding: Finding, undone: Compensation | None, mend: str = "", advised: Callable[[], Sequence[Manoeuvre]] = tuple
+) -> Answer:
     """Returns the answer that a finding gives: a wrong wiring first, as all else rests on it.
 
     Args:
         undone: the compensation that was made of it; None: the firmware can undo nothing.
         mend: the options of `import` that mend a wrong wiring.
+        advised: returns the manoeuvres that would tell most, where the finding asks for none; it is called only then.
     """
-    what, todo = _what(finding), _todo(finding, undone)
+    ending, what = _what(finding)
+    straight = drives_straight_alone(finding.dataset) and ending != "nothing"
+    is_sided = straight or (ending == "missing" and finding.verdict == "ambiguous" and _is_of_sides(finding))
+    weaker = weaker_side(finding.dataset) if is_sided else None
+    if weaker is not None:
+        which = f"The logs cannot tell which it is: {_either(finding)}."
+        if straight:
+            which = "Straight runs cannot tell whether its motor, its drive, friction or a wheel's radius is the cause."
+        ending, what = "missing", f"{_side(weaker)} {which}"
+    asked = finding.next_experiment
+    manoeuvre = None if asked is None else asked.manoeuvre
+    if ending == "missing" and manoeuvre is None:
+        found = advised()
+        manoeuvre = next((one for one in found if straight and _turns(one)), found[0] if found else None)
+    todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if wiring := finding.dataset.wiring:
         mended = all(one.is_mended for one in wiring)
-        after = "With that mended" if mended else "What follows rests on data that contradict themselves"
-        what = f"{' '.join(one.sentence for one in wiring)} {after}: {what[0].lower()}{what[1:]}"
+        said = " ".join(one.sentence for one in wiring)
+        what = f"{said} With that mended: {what}" if mended else f"These data contradict themselves: {said}"
+        ending = "cause" if mended else "contradiction"
         first = "Mend the wiring, or state the log otherwise"
         todo = [f"{first}: {mend}." if mend else f"{first}.", *todo]
-    found = Answer(what, _sure(finding), tuple(todo), tuple(_symptoms(finding)))
-    return Answer(**{name: told(finding.dataset, value) for name, value in vars(found).items()})
+    sure, symptoms = _sure(finding), _symptoms(finding)
+    if weaker is not None:
+        sure = "The wheels themselves show it, without a model."
+        symptoms = [f"It turns to the {weaker.side} when it is to drive straight."]
+    data = finding.dataset
+    return Answer(
+        ending, told(data, what), told(data, sure), told(data, tuple(todo)), told(data, tuple(symptoms)), manoeuvre
+    )
 
 
-def _what(finding: Finding) -> str:
-    names = [explanation(one) for one in found_names(finding)]
-    if finding.verdict == "none" and leaves_more_than_noise(finding):
-        fit = discover_fit.headline(finding)
-        if fit is not None and _is_all(finding):
-            return f"Nothing is wrong: the simulation explains {fit_text(fit.after)} of the signals on {fit.runs}."
-        size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
-        return f"The simulation explains {size}, and no cause was found for the rest."
+def _turns(manoeuvre: Manoeuvre) -> bool:
+    return kind_of(commands(manoeuvre, np.arange(0.0, manoeuvre.duration_s, _GRID_S))) != "straight"
+
+
+def _side(one: WeakerSide) -> str:
+    """Returns what runs under equal commands say of two sides that do not turn alike, without a model."""
+    size, interval = in_words(one.share, "1", (one.low, one.high))
+    other = "right" if one.side == "left" else "left"
+    return (
+        f"The {one.side} side is {size} weaker than the {other}{interval}: under equal commands its wheel turns that "
+        "much less."
+    )
+
+
+def _is_of_sides(finding: Finding) -> bool:
+    """Whether an explanation that the data allow is a difference between left and right."""
+    names = {name for one in alternatives(finding) for name in one.split(" + ")}
+    return any(info.over_mean for one in catalogue.effects_of(names) for info in one.parameters)
+
+
+def _either(finding: Finding) -> str:
+    """Returns the explanations that the data allow, by the meaning of their values where the table has one."""
+    rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
+    if len(finding.effects) == 1:
+        rivals[finding.effects[0].name] = finding.effects[0].parameters
+    meant = {name: clauses(finding.dataset, name, values) for name, values in rivals.items() if " + " not in name}
+    return listed([listed(meant.get(one, [])) or explanation(one) for one in alternatives(finding)], "or")
+
+
+def _what(finding: Finding) -> tuple[Ending, str]:
+    fit = discover_fit.headline(finding)
+    if finding.verdict == "none" and finding.nominal_findings:
+        moved = [
+            f"{one.parameter} is {quantity(one.fitted, one.unit)}, and {quantity(one.stated, one.unit)} is stated"
+            for one in finding.nominal_findings
+        ]
+        return "cause", f"What is stated is wrong: {listed(moved)}."
     if finding.verdict == "none":
-        return "Nothing is wrong that these logs would show: the simulation does what the robot does."
+        if leaves_more_than_noise(finding) and not _is_all(finding):
+            size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
+            return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."
+        does = "the simulation does what the robot does"
+        if fit is not None and leaves_more_than_noise(finding):
+            does = f"the simulation explains {fit_text(fit.after)} of the signals on {fit.runs}"
+        return "nothing", f"Nothing is wrong: {does}. {_visible(finding)}".rstrip()
     if finding.verdict == "named":
-        return f"The robot has {listed(names)}, and the simulation has not."
+        if fit is not None and fit.after < fit.before - _WORSE:
+            best = listed([explanation(one) for one in found_names(finding)])
+            return "missing", f"Something is missing: {best} would explain the most, but not whole runs."
+        return "cause", _cause(finding)
     if finding.verdict == "ambiguous":
-        either = listed([explanation(one) for one in alternatives(finding)], "or")
-        if (kind := one_mechanism(finding)) is not None:
-            return f"It is in the {kind}, and the logs cannot tell which of these the robot has: {either}."
-        return f"The robot has one of these, and the logs cannot tell which: {either}."
+        kind = one_mechanism(finding)
+        where = "Something is missing" if kind is None else f"Something is missing in the {kind}"
+        return "missing", f"{where}, and the logs cannot tell which it is: {_either(finding)}."
     if finding.mechanism is None:
-        return "The robot does something that the simulation does not, and the logs do not say in which part."
-    likely = f", most likely {listed(names)}" if names else ""
-    return f"The robot does something that the simulation does not. It is in the {finding.mechanism}{likely}."
+        return "missing", "Something is missing: the robot does what the simulation does not, and no log says where."
+    likely = f", most likely {listed([explanation(one) for one in found_names(finding)])}" if finding.effects else ""
+    return "missing", f"Something is missing in the {finding.mechanism}{likely}."
+
+
+def _cause(finding: Finding) -> str:
+    """Returns what was named, by its meaning where the table has one for its values, else by its words and sizes."""
+    own = {one.name: one for one in shown_finding(finding).effects}
+    said, named = [], []
+    for one in finding.effects:
+        meant = clauses(finding.dataset, one.name, one.parameters)
+        if meant:
+            said.append(f"{listed(meant)} ({one.name})")
+        else:
+            named.append(f"{explanation(one.name)}, {sizes(own[one.name].parameters)}")
+    named += [explanation(one.kind) for one in finding.run_values]
+    parts = [*([f"the robot has {'; '.join(named)}"] if named else []), *said]
+    text = listed(parts) if len(parts) < 3 else f"{'; '.join(parts[:-1])}; and {parts[-1]}"
+    return f"{text[0].upper()}{text[1:]}. The simulation does not know it."
+
+
+def _visible(finding: Finding) -> str:
+    """Returns how small a fault these data would have shown: of a common effect of each mechanism, the first ones."""
+    common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
+    parts = []
+    for effect in list(common.values())[:_TOLD]:
+        one = shown_size(finding.dataset, effect.name, finding.power[effect.name])
+        parts.append(f"{effect.words} from {in_words(one.size, one.unit)[0]} on")
+    return f"These data would have shown {listed(parts, 'or')}." if parts else ""
 
 
 def _is_all(finding: Finding) -> bool:
     """Whether the simulation explains the signals so far that nobody would ask why."""
     fit = discover_fit.headline(finding)
-    return fit is not None and fit.after is not None and fit.after >= _ALL
+    return fit is not None and fit.after >= _ALL
 
 
 def _sure(finding: Finding) -> str:
@@ -126,12 +211,20 @@ def _sure(finding: Finding) -> str:
     added = any(one.claimed for one in finding.effects) or finding.term is not None
     if removed is not None and finding.verdict != "none" and added:
         parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
-    return " ".join(parts)
+    return " ".join(parts) + (_base(finding) if finding.verdict != "none" else "")
+
+
+def _base(finding: Finding) -> str:
+    """Returns the sentence on a base that was guessed; empty: all that the sizes rest on was stated."""
+    guesses = finding.dataset.guesses
+    return f" Not confirmed: nobody stated {listed(guesses)}." if guesses else ""
 
 
 def _proof(finding: Finding) -> str:
     """Returns what proves the explanation, or why it is not proved."""
     if finding.verdict != "unknown" and finding.evidence is not None:
+        if finding.dataset.guesses and finding.evidence.kind == "held_out" and not finding.evidence.contradicted:
+            return "Held-out runs agree."
         return finding.evidence.sentence
     if finding.budget is not None and finding.budget.exhausted:
         return "Not proved: the time was too short to compare all explanations."
@@ -142,28 +235,35 @@ def _proof(finding: Finding) -> str:
     return f"No explanation is proved. {why_unclaimed(finding)}" if finding.effects else "No explanation is proved."
 
 
-def _todo(finding: Finding, undone: Compensation | None) -> list[str]:
+def _drive(finding: Finding, manoeuvre: Manoeuvre | None, ending: Ending) -> list[str]:
+    """Returns the sentence on what to drive next; none where nothing is asked for."""
+    asked = finding.next_experiment
+    if manoeuvre is None:
+        if asked is not None:
+            return [asked.advice]
+        return ["Measure more signals: no manoeuvre would tell much more."] if ending == "missing" else []
+    file = next(iter(reversed(experiment_files.files_of(manoeuvre, finding.dataset.vehicle))))
+    if asked is not None and asked.manoeuvre is manoeuvre:
+        return [f"{asked.advice} {file} has it."]
+    return [f'Drive "{manoeuvre.name}" next, {manoeuvre.duration_s:g} s: {file} has it. Then ask why of both logs.']
+
+
+def _todo(finding: Finding, undone: Compensation | None, ending: Ending) -> list[str]:
     found = []
-    if finding.verdict != "none":
-        shown = [finding.mechanism, *(one.mechanism for one in finding.effects)]
-        remedies = _REMEDIES | (_OF_A_MOTOR if finding.dataset.vehicle == "motor" else {})
-        found += [remedies[kind] for kind in dict.fromkeys(shown) if kind in remedies]
+    if finding.verdict in ("named", "ambiguous") or any(one.claimed for one in finding.effects):
+        found += [
+            catalogue.advice(one.name, {name: p.value for name, p in one.parameters.items()}) for one in finding.effects
+        ]
+        for rival in (rival for one in finding.effects for rival in one.equivalents):
+            found += [f"If it is {words(one.name)}: {one.advice}" for one in catalogue.effects_of((rival.name,))]
     for one in finding.nominal_findings:
         stated, fitted = quantity(one.stated, one.unit), quantity(one.fitted, one.unit)
         found.append(f"Measure {one.parameter} again: {stated} is stated, and the logs fit {fitted}.")
-    if undone is not None and undone.undone:
+    if ending == "cause" and undone is not None and undone.undone:
         found.append(f"Or let the firmware undo it: compensation.toml does so for {listed(undone.undone)}.")
-    elif (
-        finding.verdict != "none"
-        and undone is not None
-        and any(NOMINAL in sources for sources in undone.sources.values())
-    ):
-        found.append("The firmware believes in the packaged robot: compensation.toml tells it of this one.")
-    if finding.next_experiment is not None:
-        found.append(finding.next_experiment.advice)
+    if ending == "nothing":
+        found.append("Nothing needs to be done.")
     found += _lengths(finding)
-    if not found and leaves_more_than_noise(finding) and not _is_all(finding):
-        return ["Drive more manoeuvres, or measure more signals: `brickpilot check` says which manoeuvres tell more."]
     return found or ["Nothing. Drive more manoeuvres if you still doubt it: `brickpilot check` says which."]
 
 
@@ -218,12 +318,23 @@ def _stopping(robot: Drives, simulation: Drives, unit: str) -> list[str]:
     return [f"It stops {'short' if robot.stop < simulation.stop else 'late'}: after {ways} from full power."]
 
 
-def lines(found: Answer) -> Sequence[str]:
-    """Returns the answer for a terminal: what is wrong, how sure that is and what to do first, then the rest."""
-    return [
-        f"what is wrong: {found.what}",
-        f"how sure:      {found.sure}",
-        f"what to do:    {found.todo[0]}",
-        *(f"               {one}" for one in found.todo[1:]),
-        *(f"so:            {one}" for one in found.symptoms),
-    ]
+def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbose: bool = False) -> list[str]:
+    """Returns the answer for a terminal: what is wrong, how sure that is and what to do first, then the notes.
+
+    Args:
+        notes: on how the log was read, one sentence each.
+        guesses: of `Dataset.guesses`.
+        verbose: all that is to do, all symptoms and all notes; else four lines at most.
+    """
+    short = [f"what is wrong: {found.what}", f"how sure:      {found.sure}", f"what to do:    {found.todo[0]}"]
+    if verbose:
+        steps = [f"               {one}" for one in found.todo[1:]]
+        return [
+            *short,
+            *steps,
+            *(f"so:            {one}" for one in found.symptoms),
+            *(f"note: {one}" for one in notes),
+        ]
+    loud = f"{listed(guesses)} {'are guesses' if len(guesses) > 1 else 'is a guess'}; " if guesses else ""
+    more = len(notes) + len(found.todo[1:]) + len(found.symptoms)
+    return [*short, *([f"note: {loud}{more} more lines stand on the page, or come with --verbose"] if more else [])]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -14,6 +14,7 @@ import tomlkit
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.constants import RCX
+from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import plant, whole_file
@@ -48,8 +49,8 @@ class Model:
         parameters: nominal parameter -> value, SI; what is absent keeps the plant's preset.
         effects: effect -> its parameters, SI; what is absent keeps the effect's preset.
         basis: parameter, or ``effect.parameter``, -> source of its value.
-        by_run: kind of value that a run has of its own -> run -> value; see `fit.replay`. They belong to recordings and
-            stand in no file.
+        by_run: kind of value that a run has of its own -> run -> value; see `vehicle.replay`. They belong to recordings
+            and stand in no file.
     """
 
     name: str
@@ -65,6 +66,31 @@ class Model:
 def rcx() -> Model:
     """Returns the packaged robot of the paper."""
     return load(RCX)
+
+
+def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
+    """Returns the model that a data set states, with some more effects on; what is not stated stands at its preset."""
+    stated = dataset.nominal_effects
+    tables = {
+        name: {
+            info.name: stated.get(name, {}).get(info.name, Nominal(info.preset)).value
+            for info in catalogue.effect(name).parameters
+        }
+        for name in dict.fromkeys([*stated, *effects])
+    }
+    values = _absent_values(dataset) | {name: nominal.value for name, nominal in dataset.nominal.items()}
+    return Model(name=dataset.name, vehicle=dataset.vehicle, profile="coupled", parameters=values, effects=tables)
+
+
+def _absent_values(dataset: Dataset) -> dict[str, float]:
+    """Returns the presets of the vehicle. A motor has one load: a mass where a force drives it, else an inertia."""
+    absent = [info.name for info in catalogue.parameters() if info.zero_if_unstated]
+    values = catalogue.presets(dataset.vehicle) | dict.fromkeys(absent, 0.0)
+    if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:
+        values |= {"mass": catalogue.parameter("mass").preset, "wheel_inertia": 0.0}
+    elif dataset.vehicle == "motor" and {"position", "velocity", "force"} & dataset.signals.keys():
+        values["wheel_radius"] = catalogue.parameter("wheel_radius").preset
+    return values
 
 
 def with_values(model: Model, values: Mapping[str, float]) -> Model:

@@ -18,11 +18,10 @@ from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.input_timing import held_back, later, mean_over_steps, scaled
 from brickpilot.data.motion import run_of
-from brickpilot.fit import start_state
-from brickpilot.fit.start_state import GEOMETRY, Reading
-from brickpilot.vehicle import plant
+from brickpilot.vehicle import plant, start_state
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun, State
+from brickpilot.vehicle.start_state import GEOMETRY, Reading
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]

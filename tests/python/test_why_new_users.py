@@ -1,0 +1,169 @@
+"""What `why` says first of a log of an engine that is not the plant: a side with its size, nothing, or what to do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import brickpilot as bp
+import numpy as np
+import pytest
+from brickpilot.data.audit.wiring_motion import Miswired
+from brickpilot.data.facts import weaker_side
+from brickpilot.data.gap import Gap
+from brickpilot.report import why_text
+from brickpilot.vehicle.manoeuvres import Manoeuvre
+from command import brickpilot
+from findings import RAMP, finding, measured
+from hidden.manoeuvre import steps
+from new_users_logs import FOUR, MANY, STRAIGHT, WEAK_RIGHT, stated, write_log
+
+WEAK_LEFT = {"motor_asymmetry": {"difference": -WEAK_RIGHT["motor_asymmetry"]["difference"]}}
+PERCENT = r"(\d+(?:\.\d+)?)\s%"
+
+
+def plain(text: str) -> str:
+    return text.replace("\N{NO-BREAK SPACE}", " ")
+
+
+@pytest.mark.parametrize(
+    ("robot", "hidden", "side", "other"),
+    [("mujoco", WEAK_RIGHT, "right", "left"), ("planar", WEAK_LEFT, "left", "right")],
+)
+def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
+    robot: str, hidden: dict[str, dict[str, float]], side: str, other: str, tmp_path: Path
+) -> None:
+    write_log(tmp_path / "log.csv", robot, STRAIGHT, hidden)
+    said = brickpilot("why", "log.csv", "--out", "found", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    lines = plain(said.stdout).splitlines()
+    assert len(lines) <= 5
+    found = re.match(
+        rf"what is wrong: The {side} side is {PERCENT} weaker than the {other} \({PERCENT[:-3]} to", lines[0]
+    )
+    assert found, lines[0]
+    assert float(found[1]) == pytest.approx(12.0, abs=0.5)
+    assert "cannot tell whether its motor, its drive, friction or a wheel's radius is the cause" in lines[0]
+    assert lines[2].startswith("what to do:    Drive ")
+    assert (tmp_path / "found/next_experiment.toml").exists()
+    page = (tmp_path / "found/why.html").read_text()
+    assert f"It turns to the {side} when it is to drive straight." in page
+
+
+def test_one_run_two_runs_and_all_give_one_answer_that_gets_surer(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.csv", "mujoco", STRAIGHT, WEAK_RIGHT, seed=1)
+    write_log(tmp_path / "b.csv", "mujoco", (steps("more", 5.0, (0.5, 3.5, 3.5), (4.0, 0, 0)),), WEAK_RIGHT, seed=2)
+    write_log(tmp_path / "c.csv", "mujoco", MANY, WEAK_RIGHT, seed=3)
+    logs, widths = [tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "c.csv"], []
+    for count in (1, 2, 3):
+        found = bp.why(logs[:count])
+        what = plain(found.answer.what)
+        assert re.match(rf"The right (side|motor) is {PERCENT} weaker than the left", what), what
+        low, high = (float(one) for one in re.search(r"\(([\d.]+) to ([\d.]+) %\)", what).groups())  # type: ignore[union-attr]
+        assert low <= 12.3
+        assert high >= 11.7
+        widths.append(high - low)
+    assert "the right motor" in what.lower()
+    assert any(one.startswith("Swap the plugs of both motors: if the right side stays") for one in found.answer.todo)
+    assert max(widths) < 1.0
+
+
+def test_a_dead_band_shows_in_four_manoeuvres(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", "planar", FOUR, {"actuator_deadband": {"voltage": 0.6, "whole": 0}})
+    found = bp.why(tmp_path / "log.csv")
+    assert found.answer.ending == "cause"
+    assert "a dead band of the drive around zero volts (actuator_deadband)" in found.answer.what
+    assert found.finding.effects[0].parameters["voltage"].value == pytest.approx(0.6, abs=0.06)
+    assert found.answer.todo[0].startswith("Start each motor's PWM above the dead band")
+    assert "curve_1" not in [name for name, role in found.finding.roles.items() if role == "held_out"]
+
+
+def test_nothing_wrong_is_said_with_how_small_a_fault_would_have_shown(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", "mujoco", MANY, {})
+    found = bp.why(tmp_path / "log.csv")
+    assert found.answer.ending == "nothing", found.answer
+    assert found.answer.what.startswith("Nothing is wrong: the simulation ")
+    assert re.search(r"These data would have shown .* from [\d.]+", found.answer.what)
+    assert found.answer.todo[0] == "Nothing needs to be done."
+
+
+def test_what_rests_on_a_guess_is_not_confirmed_until_it_is_stated(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", "planar", MANY, WEAK_RIGHT)
+    said = brickpilot("why", "log.csv", "--out", "guessed", cwd=tmp_path)
+    sure = plain(said.stdout).splitlines()[1]
+    assert "confirm it" not in sure
+    assert "Not confirmed: nobody stated 960 counts a turn, 255 as full drive" in sure
+    assert "are guesses" in said.stdout.splitlines()[3]
+    maps = [f"duty_{s}=pwm_{s}/255" for s in ("left", "right")]
+    maps += [f"wheel_angle_{s}=enc_{s}/960:rotation" for s in ("left", "right")]
+    words = [word for one in maps for word in ("--map", one)]
+    known = [*stated("planar"), "--nominal", "battery_voltage=9", "--frame", "FRD"]
+    told = brickpilot("why", "log.csv", *words, *known, "--out", "stated", "--json", cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    answer = json.loads(told.stdout)
+    assert "Not confirmed" not in answer["sure"]
+    assert "The right" in answer["what"]
+
+
+def test_data_that_contradict_themselves_are_said_to_before_all_else(tmp_path: Path) -> None:
+    """As long as it is not sure enough to be mended; what is mended is the cause."""
+    made = finding(measured(tmp_path / "set"), "named")
+    unsure = Miswired("scale", ("yaw_rate",), "yaw_rate is 57.3 times what the wheels say", 0.95, {})
+    open_data = dataclasses.replace(made.dataset, wiring=(unsure,))
+    found = why_text.answer(dataclasses.replace(made, dataset=open_data), None)
+    assert found.ending == "contradiction"
+    assert found.what.startswith(
+        "These data contradict themselves: yaw_rate is 57.3 times what the wheels say (95 % sure)"
+    )
+    assert found.todo[0] == "Mend the wiring, or state the log otherwise."
+
+
+def test_the_three_endings_and_a_cause(tmp_path: Path) -> None:
+    data = measured(tmp_path / "set")
+    found = {kind: why_text.answer(finding(data, kind), None) for kind in ("none", "named", "ambiguous", "unknown")}
+    assert {kind: one.ending for kind, one in found.items()} == {
+        "none": "cause", "named": "cause", "ambiguous": "missing", "unknown": "missing",
+    }  # fmt: skip
+    assert found["none"].what.startswith("What is stated is wrong: resistance is 27.3")
+    small = {role: Gap(1.0, 1.0) for role in ("fit", "held_out")}
+    right = dataclasses.replace(finding(data, "none"), nominal_findings=(), gap=small)
+    assert why_text.answer(right, None).ending == "nothing"
+    assert "next_experiment.toml has it" in found["ambiguous"].todo[0]
+    asked: list[str] = []
+
+    def advised() -> list[Manoeuvre]:
+        asked.append("once")
+        return [RAMP]
+
+    lost = why_text.answer(dataclasses.replace(finding(data, "unknown"), next_experiment=None), None, "", advised)
+    assert (lost.ending, lost.next, asked) == ("missing", RAMP, ["once"])
+    assert lost.todo[0].startswith('Drive "a slow ramp" next, 8 s: next_experiment.toml has it.')
+
+
+def test_a_side_is_weaker_only_where_equal_commands_show_it(tmp_path: Path) -> None:
+    time = np.arange(0.0, 3.0, 0.01)
+    volts = np.where(time > 0.5, 5.0, 0.0)
+    frame = {"time": time, "voltage_left": volts, "voltage_right": volts}
+    speed = {"wheel_speed_left": 2.0 * volts, "wheel_speed_right": 1.8 * volts}
+    found = weaker_side(bp.Dataset.from_frames({"a": pandas({**frame, **speed})}, vehicle="diff_drive"))
+    assert found is not None
+    assert (found.side, round(found.share, 6)) == ("right", 0.1)
+    unequal = {**frame, "voltage_right": 0.9 * volts, **speed}
+    assert weaker_side(bp.Dataset.from_frames({"a": pandas(unequal)}, vehicle="diff_drive")) is None
+
+
+def pandas(columns: dict[str, np.ndarray]):  # type: ignore[no-untyped-def]
+    import pandas as pd
+
+    return pd.DataFrame(columns)
+
+
+def test_the_terminal_gets_all_of_it_only_when_asked() -> None:
+    found = why_text.Answer("cause", "W.", "S.", ("One.", "Two."), ("Seen.",), None)
+    short = why_text.lines(found, ["noted"] * 9, ["960 counts a turn"])
+    assert len(short) == 4
+    assert short[3].startswith("note: 960 counts a turn is a guess; 11 more lines")
+    whole = why_text.lines(found, ["noted"] * 9, [], verbose=True)
+    assert [line.strip() for line in whole[3:6]] == ["Two.", "so:            Seen.", "note: noted"]

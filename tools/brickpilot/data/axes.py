@@ -1,0 +1,139 @@
+"""Coordinates along which what a model leaves may repeat: time, a wheel's angle and the position, with its spectra."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.periods import PADDING, separate
+
+Array = NDArray[np.float64]
+Spectrum = NDArray[np.complex128]
+Settings = tuple[tuple[str, float], ...]
+"""Names of settings that shape a repeating term, each with its value."""
+
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
+_LEAST_STEPS = 20  # of a spectrum, that a coordinate has to move by
+
+# What a period along it is called -> names of the coordinate, its step in a spectrum, rad or m, and what is one turn.
+_COORDINATES = {
+    "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
+    "wavelength": (("x", "position"), 0.005, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One signal of one run in the stacked residual.
+
+    Attributes:
+        place: its rows.
+        time: (n,) s since the run's first sample.
+        age: s from power-on to the run's first sample.
+        at: what the base model gives at these rows, by name: wheel angles, "x", or "angle" and "position" of a motor.
+            Terms that depend on a missing one are not screened.
+    """
+
+    run: str
+    signal: str
+    place: slice
+    time: Array
+    age: float
+    at: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A coordinate along which a residual may repeat: time, a wheel's angle or the position.
+
+    Attributes:
+        setting: what holds a period along it: a frequency in Hz, an order, or a wavelength in m.
+        clock: of time: ("clock", 0) where it counts from the start of each run, ("clock", 1) from power-on.
+        tracks: the segments with their coordinate (n,), once for each name that it has.
+        step: of the spectrum, in the coordinate's unit.
+        turn: what one period is counted for, in the coordinate's unit.
+        extent: the longest way along it that has one phase.
+    """
+
+    setting: str
+    clock: Settings
+    tracks: Sequence[Sequence[tuple[Segment, Array]]]
+    step: float
+    turn: float
+    extent: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the settings that a period along it has."""
+        return (self.setting, *(name for name, _ in self.clock))
+
+    @property
+    def resolution(self) -> float:
+        """The difference of periods per turn, m or s that the runs resolve."""
+        return self.turn / self.extent
+
+    @property
+    def least(self) -> float:
+        """The least frequency: what repeats less than once in all time is a drift."""
+        return self.resolution if self.clock else 0.0
+
+    def peaks(self, residual: Array) -> list[float]:
+        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along it."""
+        found: set[float] = set()
+        for track in self.tracks:
+            places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
+            longest = max(float(np.ptp(coordinate)) for _, coordinate in track)
+            inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (places[1:-1] >= 1.5 / longest)
+            indices = np.flatnonzero(inner) + 1
+            strongest = indices[np.argsort(-power[indices], kind="stable")]
+            found |= {one * self.turn for one in separate(places, strongest, 0.5 / longest)}
+        return sorted(found)
+
+    def at(self, count: float) -> Settings:
+        """Returns the settings of so many periods per turn, m or s."""
+        return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
+
+    def beside(self, settings: Settings) -> list[Settings]:
+        """Returns settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
+        count = dict(settings)[self.setting]
+        count = 1 / count if self.setting == "wavelength" else count
+        near = [count + k * self.resolution for k in _NEIGHBOURS]
+        return [self.at(one) for one in near if one > 0 and one >= self.least]
+
+
+def axes(segments: Sequence[Segment]) -> list[Axis]:
+    """Returns the coordinates that are known: time first, from power-on too if the runs differ in age."""
+    step = min(float(np.median(np.diff(one.time))) for one in segments if len(one.time) > 1)
+    found = []
+    for clock in (0.0, 1.0) if len({one.age for one in segments}) > 1 else (0.0,):
+        track = [(one, one.time + clock * one.age) for one in segments]
+        extent = max(float(time[-1]) for _, time in track)
+        found.append(Axis("frequency", (("clock", clock),), [track], step, 1.0, extent))
+    for setting, (names, step, turn) in _COORDINATES.items():
+        known = [[(one, one.at[name]) for one in segments if name in one.at] for name in names]
+        ways = [float(np.ptp(coordinate)) for track in known for _, coordinate in track]
+        moved = [[pair for pair in track if np.ptp(pair[1]) > _LEAST_STEPS * step] for track in known]
+        if ways:
+            found.append(Axis(setting, (), [track for track in moved if track], step, turn, max(ways)))
+    return found
+
+
+def _spectrum(
+    track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
+) -> tuple[Array, Array]:
+    """Returns frequencies and power over each segment's coordinate. Coherent: runs are added with their phases."""
+    low = min(float(np.min(coordinate)) for _, coordinate in track)
+    high = max(float(np.max(coordinate)) for _, coordinate in track)
+    length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))
+    sums: dict[tuple[str, ...], Spectrum] = {}
+    for one, coordinate in track:
+        values = residual[one.place]
+        bins = ((coordinate - low) / step).astype(np.intp)
+        key = (one.signal,) if coherent else (one.signal, one.run)
+        sums[key] = sums.get(key, 0.0) + np.fft.rfft(np.bincount(bins, values - values.mean(), length)[:length])
+    power = sum((np.abs(one) ** 2 for one in sums.values()), np.zeros(length // 2 + 1))
+    return np.arange(length // 2 + 1) / (length * step), power

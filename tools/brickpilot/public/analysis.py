@@ -1,0 +1,122 @@
+"""Check, calibrate, compare and discover as `brickpilot` gives them: of a data set or its folder, with checks first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from brickpilot.discover import check as checking
+from brickpilot.discover import pipeline
+from brickpilot.discover.check import Check
+from brickpilot.discover.finding import Finding
+from brickpilot.errors import InputError
+from brickpilot.fit import calibrate as calibrating
+from brickpilot.fit import compare as comparing
+from brickpilot.fit.calibrate import Calibration
+from brickpilot.fit.compare import Comparison
+from brickpilot.fit.descent import Progress
+from brickpilot.public.doors import Data, dataset_of, jobs_of, model_of, names_of, seed_of
+from brickpilot.vehicle.model import Model
+
+
+def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
+    """Returns what `dataset` is worth, in seconds: what it tells, what it would show, and what to drive next.
+
+    Args:
+        dataset: a data set, or its folder.
+        seed: of the random starts of the nominal fit, where nominal values are not given; 0 or more.
+        jobs: simulations at the same time, 1..256.
+
+    Raises:
+        InputError: an argument is wrong, no measured signal is one that the model gives, every run is held out, or the
+            plant diverges with the nominal values.
+
+    `brickpilot.discover.check.check` has an example.
+    """
+    return checking.check(dataset_of(dataset), seed=seed_of(seed), jobs=jobs_of(jobs))
+
+
+def calibrate(
+    dataset: Data, *, effects: str | Iterable[str] = (), free: str | Iterable[str] = (), seed: int = 0, jobs: int = 2,
+    progress: Progress | None = None,
+) -> Calibration:  # fmt: skip
+    """Fits the free nominal parameters by free runs, and returns them with their 95 % intervals.
+
+    Args:
+        dataset: a data set, or its folder.
+        effects: effects to switch on, whose parameters are fitted; one name, or several.
+        free: parameters to fit although the data set gives them.
+        seed: of the random starts, where nominal values are not given; 0 or more.
+        jobs: simulations at the same time, 1..256.
+        progress: called with (done, total, text).
+
+    Raises:
+        InputError: an argument is wrong, or the data set cannot be fitted.
+    """
+    wanted, freed = names_of("effects", effects), names_of("free", free)
+    data = dataset_of(dataset)
+    return calibrating.calibrate(
+        data, effects=wanted, free=freed, seed=seed_of(seed), threads=jobs_of(jobs), progress=progress
+    )
+
+
+def compare(
+    dataset: Data, model: Model | str | Path | None = None, *, seed: int = 0, jobs: int = 2,
+    progress: Progress | None = None,
+) -> Comparison:  # fmt: skip
+    """Simulates each run with its own inputs, and returns how much of each signal the model explains.
+
+    Args:
+        dataset: a data set, or its folder.
+        model: a model, or its file; None: the calibrated nominal model.
+        seed, jobs, progress: as in `calibrate`.
+
+    Raises:
+        InputError: an argument is wrong, or the model is of another vehicle than the data set.
+    """
+    data, chosen = dataset_of(dataset), model_of(model)
+    return comparing.compare(data, chosen, seed=seed_of(seed), threads=jobs_of(jobs), progress=progress)
+
+
+def discover(
+    dataset: Data, model: Model | str | Path | None = None, *, seed: int = 0, jobs: int = 2,
+    budget_s: float | None = None, predictor: bool = False, progress: Progress | None = None,
+) -> Finding:  # fmt: skip
+    """Finds what the simulator of `dataset` lacks.
+
+    Args:
+        dataset: a data set, or its folder.
+        model: the search starts from this model, or its file, and its effects; None: from the nominal values.
+        seed: of the random starts, which are used where nominal values are not given; 0 or more.
+        jobs: fits at the same time, 1..256.
+        budget_s: the answer is the best one so far after so many s, above 0; None: no limit.
+        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
+        progress: called with (done, total, text).
+
+    Raises:
+        InputError: an argument is wrong, no measured signal is one that the model gives, or every run is held out.
+        SimulationError: the plant diverges with the nominal values.
+
+    A motor with dry friction as large as 0.6 V, of which the nominal values say nothing:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> time = np.arange(0.0, 3.0, 0.01)
+    >>> def bench(volts):
+    ...     driven = 3 * (abs(volts) - 0.6) * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15))
+    ...     coasting = np.maximum((driven[200] + 1.8) * np.exp(-(time - 2) / 0.15) - 1.8, 0)
+    ...     speed = np.sign(volts) * np.where(time < 2, driven, coasting)
+    ...     voltage = np.where((time > 0.195) & (time < 1.995), volts, 0.0)
+    ...     noise = np.random.default_rng(1).normal(0, 0.1, time.size)
+    ...     return pd.DataFrame({"time": time, "voltage": voltage, "speed": speed + noise})
+    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
+    >>> runs = {"low": bench(3.0), "back": bench(-5.0), "high": bench(6.0)}
+    >>> finding = bp.discover(bp.Dataset.from_frames(runs, vehicle="motor", nominal=known))
+    >>> [one.mechanism for one in finding.effects]
+    ['bearing']
+    """
+    if budget_s is not None and not budget_s > 0:
+        raise InputError(f"needs seconds above 0, not {budget_s!r}", field="budget_s")
+    data, start = dataset_of(dataset), model_of(model)
+    return pipeline.discover(
+        data, start, seed=seed_of(seed), jobs=jobs_of(jobs), budget_s=budget_s, predictor=predictor, progress=progress
+    )

@@ -1,0 +1,134 @@
+"""What every public function checks of its arguments, so that a wrong one gives one line that names it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from brickpilot.data.dataset import Dataset, read
+from brickpilot.errors import InputError
+from brickpilot.vehicle import compensation, fly, gains
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle.flight import Plan
+from brickpilot.vehicle.model import Model
+
+Data = Dataset | str | Path
+"""A data set, or its folder."""
+
+
+def dataset_of(given: Data) -> Dataset:
+    """Returns a data set, read if its folder is given.
+
+    Raises:
+        InputError: it is neither, or the folder is no data set.
+    """
+    if isinstance(given, Dataset):
+        return given
+    if isinstance(given, str | Path):
+        return read(given)
+    message = f"is a {type(given).__name__}: give a Dataset, its folder, or Dataset.from_frames of your tables"
+    raise InputError(message, field="dataset")
+
+
+def model_of(given: Model | str | Path | None) -> Model | None:
+    """Returns a model, read if its file is given.
+
+    Raises:
+        InputError: it is neither, or the file is no model.
+    """
+    if given is None or isinstance(given, Model):
+        return given
+    if isinstance(given, str | Path):
+        return dataclasses.replace(model_file.load(Path(given)), name=str(given))
+    raise InputError(f"is a {type(given).__name__}: give a Model or its file", field="model")
+
+
+def whole(field: str, given: int, low: int, high: int = 2**63 - 1) -> int:
+    """Returns a whole number from `low` to `high`.
+
+    Raises:
+        InputError: it is none.
+    """
+    if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+        upper = "" if high == 2**63 - 1 else f" to {high}"
+        raise InputError(f"needs a whole number from {low}{upper}, not {given!r}", field=field)
+    return given
+
+
+def jobs_of(given: int) -> int:
+    """Returns how many processes or threads work at the same time, 1..256; InputError if it is no such number."""
+    return whole("jobs", given, 1, 256)
+
+
+def seed_of(given: int) -> int:
+    """Returns a seed, 0 or more; InputError if it is none."""
+    return whole("seed", given, 0)
+
+
+def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
+    """Returns names; one text is one name.
+
+    Raises:
+        InputError: something in it is no text.
+    """
+    names = (given,) if isinstance(given, str) else tuple(given)
+    if not all(isinstance(one, str) for one in names):
+        raise InputError(f"needs names, not {names!r}", field=field)
+    return names
+
+
+@dataclass(frozen=True)
+class FlightRequest:
+    """The shared options as the user gave them; None where an option is absent."""
+
+    scenario_name: str | None
+    scenario_file: str | None
+    profile: str | None
+    sensors: str | None
+    model_file: str | None
+    compensation_file: str | None
+    gains_file: str | None
+    seed: int | None
+
+    @property
+    def scenario(self) -> str:
+        """The scenario's name or file; the packaged mission by default."""
+        if self.scenario_name is not None:
+            return self.scenario_name
+        return "mission" if self.scenario_file is None else self.scenario_file
+
+    def plan(self) -> Plan:
+        """Reads the scenario, the model and the compensation.
+
+        Raises:
+            InputError: a file is bad, or the scenario is given twice.
+        """
+        return fly.prepare(self.scenario, **self.choices())
+
+    def choices(self) -> dict[str, Any]:
+        """Returns the arguments of `fly.fly` beside the scenario.
+
+        Raises:
+            InputError: a file is bad, or the scenario is given twice.
+        """
+        if self.scenario_name is not None and self.scenario_file is not None:
+            raise InputError("the scenario is given twice: as an argument and as an option", field="--scenario")
+        return {
+            "model": model_file.load(Path(self.model_file)) if self.model_file else None,
+            "profile": self.profile,
+            "sensors": self.sensors,
+            "seed": self.seed,
+            "compensation": compensation.load(Path(self.compensation_file)) if self.compensation_file else None,
+            "gains": gains.load(Path(self.gains_file)) if self.gains_file else None,
+        }
+
+    def options(self, plan: Plan) -> list[str]:
+        """The options that repeat the flight of `plan`, for the command line on its page."""
+        found = ["--profile", plan.controller, "--sensors", plan.sensors, "--seed", str(plan.seed)]
+        found += ["--model", self.model_file] if self.model_file else []
+        found += ["--compensation", self.compensation_file] if self.compensation_file else []
+        found += ["--gains", self.gains_file] if self.gains_file else []
+        return found

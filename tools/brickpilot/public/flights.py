@@ -1,0 +1,251 @@
+"""A flight over a link, with the plant at one end and the controller at the other: `hil`, and what it is asked."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.firmware import own_image
+from brickpilot.firmware.own_image import OwnImage
+from brickpilot.hil import avr_flight, board, ends
+from brickpilot.hil import fly as hil_fly
+from brickpilot.hil.avr_robot import avr_image, check_avr_sensors
+from brickpilot.hil.fly import HilFlight
+from brickpilot.hil.h8_simulator import check_sensors
+from brickpilot.hil.linked_flight import Progress
+from brickpilot.hil.traffic_log import RecordingLink
+from brickpilot.link.links import Link
+from brickpilot.link.session import LOCKSTEP, REALTIME
+from brickpilot.public.doors import FlightRequest, whole
+from brickpilot.public.made import Made
+from brickpilot.report import junit, link_figures, run_folder, run_page
+from brickpilot.vehicle import flight_checks, flight_figures, whole_file
+from brickpilot.vehicle.flight import Plan
+from brickpilot.vehicle.settings import named
+
+
+@dataclasses.dataclass(frozen=True)
+class Session:
+    """What `hil` is asked beside the flight; `settings` are raw values to write before it."""
+
+    spec: str
+    lockstep: bool
+    telemetry_every: int
+    settings: Mapping[str, int]
+    record: Path | None
+    junit: Path | None
+    trace: Path | None
+    image: OwnImage | None
+
+    @property
+    def avr(self) -> bool:
+        """Whether the brick is an AVR on simavr."""
+        return self.spec.startswith("avr:")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the brick is a simulated processor, which `--target` names."""
+        return self.avr or self.spec.startswith("h8sim")
+
+    @property
+    def pace(self) -> str:
+
+        if self.avr:
+            return "simulated time"
+        return LOCKSTEP if self.lockstep else REALTIME
+
+
+def link_of(spec: str | None, target: str, lockstep: bool) -> str:
+    """Returns what `--link` and `--target` together name for `hil.ends`; InputError if they contradict each other."""
+    if target == "host":
+        if spec is None:
+            raise InputError("is missing: name the link to the brick", field="--link")
+        if spec.startswith(ends.INFRARED):
+            raise InputError(
+                "is too slow for a plant; `brickpilot upload` speaks to an RCX over it", field=f"--link {spec}"
+            )
+        return spec
+    if spec is not None:
+        raise InputError("has its own link: leave --link out", field=f"--target {target}")
+    if not lockstep:
+        raise InputError("runs in lockstep only, because a simulator has no clock", field=f"--target {target}")
+    return target
+
+
+def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
+    """Returns the image that --image names.
+
+    Raises:
+        InputError: it cannot be flown, or an option contradicts it.
+    """
+    if target != "host":
+        raise InputError("has an image of its own: leave it or --image out", field=f"--target {target}")
+    if request.model_file is None:
+        raise InputError("needs --model: the robot that the image was made for", field="--image")
+    for name, given in (("compensation", request.compensation_file), ("gains", request.gains_file)):
+        if given is not None:
+            raise InputError("has no place here: the image has its own", field=f"--{name}")
+    if request.profile not in (None, "coupled"):
+        raise InputError("the image has the profile coupled alone", field=f"--profile {request.profile}")
+    return own_image.find(image)
+
+
+def _plan(request: FlightRequest, session: Session) -> Plan:
+    """Returns the plan of the flight, for sensors that the brick can have."""
+    if session.image is None:
+        plan = request.plan()
+        (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
+        return plan
+    request.choices()  # checks that the scenario is given once
+    scenario = request.scenario_name or request.scenario_file
+    assert request.model_file is not None
+    return own_image.plan(session.image, Path(request.model_file), scenario, request.sensors, request.seed or 0)
+
+
+def hil(
+    scenario: str | Path = "mission", *, link: str | None = None, target: str = "host", lockstep: bool = True,
+    profile: str | None = None, sensors: str | None = None, model: str | Path | None = None,
+    compensation: str | Path | None = None, gains: str | Path | None = None, seed: int = 0,
+    settings: Mapping[str, int] | None = None, image: str | Path | None = None, trace: str | Path | None = None,
+    record: str | Path | None = None, junit: str | Path | None = None, telemetry_every: int | None = None,
+    out: str | Path | None = None, progress: Progress | None = None,
+) -> Made:  # fmt: skip
+    """Flies a scenario with the plant at one end of a link and the controller at the other, and writes its run folder.
+
+    Args:
+        scenario: its name or its file.
+        link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others meet one
+            that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
+        target: "host", "h8sim", "avr:328p-imu", ...: what the brick end is.
+        lockstep: one step is simulated for each reply; else real time follows the clock.
+        profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
+        seed: of the sensors' noise, 0 or more.
+        settings: setting -> raw value that is written before the flight.
+        image: an image of `firmware`, which simavr flies with the robot of `model`.
+        trace, record, junit: files to write: signals at the pins (VCD), traffic of the link, checks (JUnit XML).
+        telemetry_every: steps from one telemetry to the next, 1..255; None: 1 in lockstep, else 10.
+        out: the run folder; None: runs/hil-SCENARIO-PROFILE-SENSORS.
+        progress: called with (steps done, all steps, text).
+
+    Raises:
+        InputError: an argument is wrong, or a link cannot be opened.
+        SimulationError: the link is lost, or the plant diverges.
+    """
+
+    def text(one: str | Path | None) -> str | None:
+        return None if one is None else str(one)
+
+    def path(one: str | Path | None) -> Path | None:
+        return None if one is None else Path(one)
+
+    request = FlightRequest(
+        str(scenario), None, profile, sensors, text(model), text(compensation), text(gains), whole("seed", seed, 0)
+    )
+    if telemetry_every is not None:
+        whole("telemetry_every", telemetry_every, 1, 255)
+    own = None if image is None else image_of(Path(image), request, target)
+    spec = link_of(link, target if own is None else own.target, lockstep)
+    every = telemetry_every or (1 if lockstep and not spec.startswith("avr:") else 10)
+    for name, value in (settings or {}).items():
+        named(name).check(value)
+    session = Session(spec, lockstep, every, settings or {}, path(record), path(junit), path(trace), own)
+    return fly_over(request, session, path(out), progress or (lambda done, steps, text: None))
+
+
+def fly_over(request: FlightRequest, session: Session, out: Path | None, progress: Progress) -> Made:
+    """Flies what is asked and writes its run folder; see `hil`."""
+    if session.trace is not None and not session.avr:
+        raise InputError("needs --target avr: only there are pins", field="--trace")
+    plan = _plan(request, session)
+    folder = out or Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
+    command = _command(request, session, plan)
+    priority = not session.lockstep and ends.claim_priority()
+    try:
+        flown = (_fly_on_simavr if session.avr else _fly_over_the_link)(plan, session, progress)
+    except (InputError, SimulationError) as error:
+        _write_junit(session, junit.text_of_error(plan.scenario.name, str(error), command))
+        raise
+    figures = _figures(flown, session) | {"realtime_priority": priority}
+    failure = figures["failure"] = flight_checks.failure(figures)
+    ticks = flown.ticks.columns()
+    shown = link_figures.shown(ticks, realtime=not session.lockstep, replies=not session.avr)
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command, shown), folder, ticks)
+    _write_junit(session, junit.text(plan.scenario.name, flight_checks.checks(figures), command))
+    return Made(folder, failure or f"{plan.scenario.title or plan.scenario.name} is flown", figures)
+
+
+def _command(request: FlightRequest, session: Session, plan: Plan) -> str:
+    """Returns the command line that repeats the flight."""
+    simulated = ["--target", session.spec] if session.image is None else ["--image", str(session.image.path)]
+    where = simulated if session.simulated else ["--link", session.spec, f"--{session.pace}"]
+    own_mission = session.image is not None and request.scenario_name is None and request.scenario_file is None
+    words = ["brickpilot", "hil", *([] if own_mission else [request.scenario]), *where]
+    words += request.options(plan)
+    return shlex.join(
+        words + [word for name, value in session.settings.items() for word in ("--set", f"{name}={value}")]
+    )
+
+
+def _figures(flown: HilFlight, session: Session) -> dict[str, Any]:
+    """Returns the figures of the flight, and those of its link."""
+    return flight_figures.summary(flown.flight) | {
+        "link": session.spec,
+        "pace": session.pace,
+        "late_ticks": flown.late_ticks,
+        "lost_frames": flown.lost_frames,
+        "safe_stops": flown.safe_stops,
+        "broke_off": flown.broke_off,
+        "board": board.told(flown.board),
+    }
+
+
+def _write_junit(session: Session, text: str) -> None:
+    """Writes the JUnit file, where one was asked for."""
+    if session.junit is None:
+        return
+    try:
+        session.junit.parent.mkdir(parents=True, exist_ok=True)
+        whole_file.write(session.junit, text)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=session.junit) from error
+
+
+def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
+    """Opens the link, flies `plan` over it, and records the traffic where that was asked for."""
+    with ends.both_ends(session.spec) as both, ExitStack() as closing:
+        if session.record is not None:
+            both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
+            closing.callback(both.link.close)
+        return hil_fly.fly(
+            both, session.spec, plan, pace=session.pace, telemetry_every=session.telemetry_every, progress=progress,
+            settings=dict(session.settings),
+        )  # fmt: skip
+
+
+def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFlight:
+    """Flies `plan` with an AVR as the brick, and records the traffic and the signals where that was asked for."""
+    with ExitStack() as closing:
+
+        def wrap(link: Link) -> Link:
+            if session.record is None:
+                return link
+            recording = RecordingLink(link, session.record)
+            closing.callback(recording.close)
+            return recording
+
+        return avr_flight.fly(
+            plan,
+            session.spec,
+            avr_image(session.spec) if session.image is None else session.image.path,
+            telemetry_every=session.telemetry_every,
+            progress=progress,
+            settings=dict(session.settings),
+            trace=session.trace,
+            scales={} if session.image is None else session.image.scales,
+            wrap=wrap,
+        )

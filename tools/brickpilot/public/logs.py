@@ -1,0 +1,213 @@
+"""From logs to a data set, and to an answer: `import_log` and `why`."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from brickpilot.data import dataset as dataset_module
+from brickpilot.data.dataset import Dataset, joined
+from brickpilot.discover.check import check
+from brickpilot.discover.finding import Finding, verdict_json
+from brickpilot.errors import InputError
+from brickpilot.fit.descent import Progress
+from brickpilot.importers import IMPORTERS
+from brickpilot.importers.registry import Importer, importer_and_files, options_taken
+from brickpilot.importers.writer import Imported
+from brickpilot.public.analysis import discover
+from brickpilot.report import composed_law, discover_page, experiment_files, why_page, why_text
+from brickpilot.report.run_folder import fresh_folder
+from brickpilot.report.why_page import Why
+from brickpilot.vehicle import compensation, model
+from brickpilot.vehicle.manoeuvres import Manoeuvre
+
+_DATA = "data"  # the folder of the imported log beside the page
+
+Logs = Dataset | str | Path | Sequence[str | Path]
+"""A data set, a log or the folder of a data set, or several of one robot."""
+
+
+def import_log(
+    files: str | Path | Sequence[str | Path], out: str | Path, *, kind: str | None = None,
+    nominal: Mapping[str, float] | None = None, name: str | None = None, progress: Progress | None = None,
+    importers: Sequence[Importer] = IMPORTERS, **options: Any,
+) -> Imported:  # fmt: skip
+    """Makes a data set of logs of other tools, and returns its folder, its runs and notes on how it was read.
+
+    Args:
+        files: one log, or several whose runs make one data set.
+        out: the new folder.
+        kind: the kind of log, as `brickpilot import --help` lists them; None: what the ending of the file shows.
+        nominal: parameter -> value in SI, as in [nominal] of a data set.
+        name: of the data set; None: that of the folder.
+        progress: called with (done, total, text) by kinds that take long.
+        importers: the table of kinds.
+        options: those of the kind, by the names of its function: `mapping`, `vehicle`, `frame`, `split`, `guessed`, ...
+
+    Raises:
+        InputError: naming file, line and column, or the option. Nothing is written then.
+
+    >>> import brickpilot as bp, pathlib, tempfile
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> _ = (folder / "log.csv").write_text("ms,pwm,rpm\\n0,0,0\\n10,100,5\\n20,100,9\\n")
+    >>> mapping = ["time=ms:ms", "duty=pwm/255", "speed=rpm:rpm"]
+    >>> made = bp.import_log(folder / "log.csv", folder / "bench", vehicle="motor", mapping=mapping)
+    >>> made.runs
+    ('log',)
+    """
+    given = [files] if isinstance(files, str | Path) else list(files)
+    importer, paths = importer_and_files([str(one) for one in given], kind, importers)
+    taken = options_taken(importer, importers, options)
+    if importer.reports_progress:
+        taken["progress"] = progress or (lambda done, total, text: None)
+    return importer.load()(paths, Path(out), nominal=dict(nominal or {}), name=name, **taken)
+
+
+def why(
+    logs: Logs, *, vehicle: str | None = None, frame: str | None = None, mapping: Sequence[str] = (),
+    nominal: Mapping[str, float] | None = None, out: str | Path | None = None, budget_s: float | None = None,
+    seed: int = 0, jobs: int = 2, progress: Progress | None = None, command: str = "bp.why",
+) -> Why:  # fmt: skip
+    """Says why a robot does not do what the simulation does, from logs that `import_log` reads, or data sets.
+
+    Args:
+        logs: a log, the folder of a data set or a data set; or several logs, or several folders, of one robot.
+        vehicle: "diff_drive" or "motor"; None: guessed from a table.
+        frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
+        mapping: what of a table stands where, as in `import_log`; the rest is guessed.
+        nominal: parameter -> value in SI.
+        out: the folder to write with the page why.html; None: nothing is written.
+        budget_s, seed, jobs, progress: as in `discover`.
+        command: stands on the page as what repeats it.
+
+    Raises:
+        InputError: a log cannot be read, or an argument is wrong.
+
+    A motor that does what its nominal values say:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "wheel_inertia": 1e-3}
+    >>> motor = bp.Model("bench", "motor", "coupled", {**known, "viscous_friction": 1e-4})
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> def run(volts):
+    ...     voltage = np.where((time > 0.1) & (time < 1.4), volts, 0.0)
+    ...     (simulated,) = bp.simulate([(motor, bp.OpenLoopRun(time, voltage[:, np.newaxis]))])
+    ...     noise = np.random.default_rng(1).normal(0.0, 0.02, time.size)
+    ...     return pd.DataFrame({"time": time, "voltage": voltage, "speed": simulated.outputs["speed"] + noise})
+    >>> runs = {"low": run(3.0), "back": run(-5.0), "high": run(7.0)}
+    >>> found = bp.why(bp.Dataset.from_frames(runs, vehicle="motor", nominal=known))
+    >>> found.answer.ending
+    'nothing'
+    """
+    with _folder(out) as folder:
+        data, notes, mend = _read(logs, folder / _DATA, vehicle, frame, mapping, nominal)
+        found = discover(data, seed=seed, jobs=jobs, budget_s=budget_s, progress=progress)
+
+        def advised() -> list[Manoeuvre]:
+            if progress is not None:
+                progress(0, 1, "looking for what to drive next")
+            return [one.manoeuvre for one in check(data, seed=seed, jobs=jobs).advice]
+
+        undone = compensation.from_model(found.augmented)
+        answer = why_text.answer(found, undone, mend, advised)
+        made = Why(found, answer, why_page.constants_of(found), tuple(notes))
+        if out is not None:
+            runs = len(data.runs)
+            source = f"{_words(logs)}: {runs} run{'s' if runs != 1 else ''}"
+            _write(made, folder, source, command)
+    return made
+
+
+@contextmanager
+def _folder(out: str | Path | None) -> Iterator[Path]:
+    """Yields the folder in which the work is done: what becomes `out`, or one that is deleted."""
+    if out is not None:
+        place = Path(out)
+        with fresh_folder(place, {"why.html", *why_page.FILES} | _terms(place)) as beside:
+            yield beside
+        return
+    beside = Path(tempfile.mkdtemp(prefix="brickpilot-why-"))
+    try:
+        yield beside
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _words(logs: Logs) -> str:
+    if isinstance(logs, Dataset):
+        return logs.name
+    return str(logs) if isinstance(logs, str | Path) else shlex.join(map(str, logs))
+
+
+def _terms(folder: Path) -> set[str]:
+    """Returns the C files of composed terms that an earlier call has left in the folder."""
+    return {path.name for path in folder.glob("composed_for_*.c")} if folder.is_dir() else set()
+
+
+def _read(
+    logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
+    nominal: Mapping[str, float] | None,
+) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
+    """Returns the data set of logs, imported `into` a folder if they are none, its notes and what mends it."""
+    if isinstance(logs, Dataset):
+        return logs, (), ""
+    paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
+    if not paths:
+        raise InputError("no log is given", field="LOG")
+    are_sets = [(one / "dataset.toml").is_file() or one.name == "dataset.toml" for one in paths]
+    if not any(are_sets):
+        made = _import(paths, into, vehicle, frame, mapping, nominal)
+        return dataset_module.read(into), made.notes, made.mend
+    if not all(are_sets):
+        raise InputError("is a log, beside a data set: import it first", file=paths[are_sets.index(False)])
+    if mapping or nominal or vehicle or frame:
+        message = "a data set describes itself: --map, --nominal, --vehicle and --frame are for logs"
+        raise InputError(message, file=paths[0])
+    return joined([dataset_module.read(one) for one in paths]), (), ""
+
+
+def _import(
+    paths: Sequence[Path], into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
+    nominal: Mapping[str, float] | None,
+) -> Imported:  # fmt: skip
+    """Makes a data set of logs, with guesses where their kind allows them.
+
+    Raises:
+        InputError: there is no such file, its kind is not known, or an option is missing that its kind needs.
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError("no such file", file=path)
+    importer, _ = importer_and_files([str(one) for one in paths], None, IMPORTERS)
+    asked: dict[str, Any] = {"vehicle": vehicle, "mapping": tuple(mapping)} | ({"frame": frame} if frame else {})
+    has = {option.keyword for option in importer.options}
+    asked |= ({"guessed": True} if "guessed" in has else {}) | ({"split": ("rests",)} if "split" in has else {})
+    return import_log(paths, into, nominal=nominal, name=paths[0].stem, **asked)
+
+
+def _write(made: Why, beside: Path, source: str, command: str) -> None:
+    """Writes the pages and files into `beside`."""
+    found: Finding = made.finding
+    asked = made.answer.next
+    texts = {
+        "verdict.json": json.dumps(verdict_json(found), indent=2, allow_nan=False) + "\n",
+        "report.html": discover_page.page(found, command),
+        **({} if asked is None else experiment_files.files_of(asked, found.dataset.vehicle)),
+        **why_page.files_of(found.dataset.name, made.constants),
+        **composed_law.of_finding(found),
+    }
+    for name, text in texts.items():
+        (beside / name).write_text(text, encoding="utf-8")
+    model.save(found.augmented, beside / "model.toml")
+    undone = compensation.from_model(found.augmented)
+    if undone is not None:
+        undone.save(beside / "compensation.toml")
+    files = sorted(one.name for one in beside.iterdir())
+    page = why_page.page(made, source=source, files=files, command=command)
+    (beside / "why.html").write_text(page, encoding="utf-8")

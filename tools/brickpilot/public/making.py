@@ -1,0 +1,346 @@
+"""Campaigns, tuned gains, firmware and exports: the work of the commands of these names, as functions."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from brickpilot.campaign import conduct, workers
+from brickpilot.campaign import file as campaign_file
+from brickpilot.data.dataset import read
+from brickpilot.discover.prepare import SD_SHARE
+from brickpilot.errors import InputError
+from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read, run_topics, traffic_topics
+from brickpilot.export import fmu as fmus
+from brickpilot.export import mjcf as mjcfs
+from brickpilot.export import urdf as urdfs
+from brickpilot.firmware import boards, package, robot, simulate
+from brickpilot.firmware.package import Made as Built
+from brickpilot.firmware.package import Order
+from brickpilot.fit import calibrate
+from brickpilot.fit.descent import Progress
+from brickpilot.public.doors import jobs_of, model_of, seed_of, whole
+from brickpilot.public.made import Made
+from brickpilot.report import campaign_page, run_folder, run_page
+from brickpilot.report.mission_lines import waypoint_lines
+from brickpilot.report.template import render_plain
+from brickpilot.tune import page as tune_page
+from brickpilot.tune import robot as tuned_robot
+from brickpilot.tune import tune as tuning
+from brickpilot.tune.search import Budget
+from brickpilot.tune.tune import Tuned
+from brickpilot.vehicle import flight_checks, flight_figures, scenario
+from brickpilot.vehicle import gains as gains_file
+from brickpilot.vehicle import model as model_file
+from brickpilot.vehicle.gains import Gains
+from brickpilot.vehicle.model import Model, rcx
+
+_TUNE_FILES = ("gains.toml", "mission.toml", "report.html", "summary.json", "model.toml", "calibrate.json")
+
+
+def _silent(done: int, total: int, text: str) -> None:
+    """Takes a progress that nobody asked for."""
+
+
+def campaign(
+    file: str | Path, out: str | Path | None = None, *, runs: int | None = None, seed: int | None = None,
+    jobs: int = 2, scheduler: str | None = None, progress: Progress | None = None,
+) -> Made:  # fmt: skip
+    """Flies many missions that differ as `file` says, and writes runs.parquet, summary.json and report.html.
+
+    A second call with the same arguments goes on where the first was stopped.
+
+    Args:
+        file: the campaign's file.
+        out: the folder; None: runs/campaign-NAME.
+        runs: how many, instead of the file's; above 0.
+        seed: of all draws, instead of the file's; 0 or more.
+        jobs: processes of this machine, 1..256.
+        scheduler: tcp://HOST:PORT of a Dask cluster, in their place.
+        progress: called with (parts done, all parts, text).
+
+    Raises:
+        InputError: the file or an argument is wrong, or the folder holds another campaign.
+        WorkFailedError: the disk is full, or no worker is left.
+    """
+    count = None if runs is None else whole("runs", runs, 1)
+    given = campaign_file.load(Path(file), count=count, seed=None if seed is None else seed_of(seed), shares=SD_SHARE)
+    words = ["brickpilot", "campaign", str(file)]
+    words += ["--runs", str(count)] if count is not None else []
+    words += ["--seed", str(seed)] if seed is not None else []
+    folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
+    found = conduct.conduct(
+        given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, shlex.join(words)
+    )
+    return Made(folder, campaign_page.verdict(found), found)
+
+
+def tune(
+    model: str | Path | None = None, dataset: str | Path | None = None, out: str | Path | None = None, *,
+    board: str = "rcx", sensors: str = "imu", scenario: str | Path | None = None, robots: int = 24,
+    judges: int = 1000, budget: str | int = 200, seed: int = 0, jobs: int = 2, scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[Made, Tuned]:  # fmt: skip
+    """Tunes gains for a robot whose values are known only so far, and writes gains.toml, mission.toml and report.html.
+
+    Args:
+        model: the robot's model.toml; calibrate.json or verdict.json beside it says how far its values are known.
+        dataset: instead of it, a data set's folder, which is calibrated first.
+        out: the folder; None: runs/tune-NAME.
+        board: "rcx", "avr", "avr:2560", or "packaged": the project's firmware with the model's compensation.
+        sensors: "imu" or "imu+encoders".
+        scenario: the mission; None: the paper's eight waypoints, scaled to the robot.
+        robots: that fly each gain set, 4..1000.
+        judges: fresh robots that fly before and after, 20..100000.
+        budget: gain sets to try, or seconds as "90s".
+        seed, jobs, scheduler, progress: as in `campaign`.
+
+    Returns:
+        The folder with its figures, and all that was tried.
+
+    Raises:
+        InputError: an argument is wrong, or the data allow no robot.
+        SimulationError: a flight cannot begin.
+    """
+    if (model is None) == (dataset is None):
+        raise InputError("needs a robot: --model FILE or --dataset DIR, one of them", field="tune")
+    whole("robots", robots, 4, 1000), whole("judges", judges, 20, 100_000), seed_of(seed)
+    spent, where = _budget(str(budget)), workers.chosen(jobs_of(jobs), scheduler)
+    words = ["brickpilot", "tune", *(["--model", str(model)] if model else ["--dataset", str(dataset)])]
+    words += ["--board", board, "--sensors", sensors, *(["--scenario", str(scenario)] if scenario else [])]
+    words += ["--robots", str(robots), "--judges", str(judges), "--budget", str(budget), "--seed", str(seed)]
+    folder = Path(out) if out else Path("runs") / f"tune-{Path(model or dataset or '').stem}"
+    show = progress or _silent
+    with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
+        file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
+        ready = tuned_robot.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
+        total = tuning.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
+        said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
+        tuned = tuning.tune(
+            ready.problem, ready.firmware, where, robots=robots, judges=judges, budget=spent,
+            show=lambda stage, count: show(min(count, total), total, said[stage]),
+        )  # fmt: skip
+        figures = _write_tuned(tuned, shlex.join(words), beside)
+    return Made(folder, tune_page.sentence(tuned), figures), tuned
+
+
+def _budget(text: str) -> Budget:
+    """Reads `--budget`."""
+    try:
+        amount = float(text.removesuffix("s"))
+    except ValueError:
+        amount = -1.0
+    if not 1 <= amount <= 1e6 or (not text.endswith("s") and amount != int(amount)):
+        raise InputError("needs a number of gain sets, as 200, or of seconds, as 90s", field=f"--budget {text}")
+    return Budget(None, amount) if text.endswith("s") else Budget(int(amount), None)
+
+
+def _calibrated(folder: Path, beside: Path, seed: int, progress: Progress) -> Path:
+    """Calibrates a data set into `beside`, and returns its model file."""
+    found = calibrate.calibrate(read(folder), seed=seed, progress=progress)
+    (beside / "calibrate.json").write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
+    model_file.save(found.model, beside / "model.toml")
+    return beside / "model.toml"
+
+
+def _write_tuned(tuned: Tuned, command: str, folder: Path) -> dict[str, Any]:
+    """Writes the gain set, the mission, the figures and the page; returns the figures."""
+    plan = tuned.problem.plan
+    Gains(plan.model.name, dict(tuned.gains)).save(folder / "gains.toml")
+    (folder / "mission.toml").write_text(scenario.render_mission(plan.scenario), encoding="utf-8")
+    figures = tuning.to_json(tuned)
+    (folder / "summary.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / "report.html").write_text(tune_page.page(tuned, command), encoding="utf-8")
+    return figures
+
+
+def firmware(
+    model: str | Path, board: str, out: str | Path | None = None, *, sensors: str = "imu",
+    scenario: str | Path | None = None, gains: str | Path | None = None, seed: int = 0,
+) -> Made:  # fmt: skip
+    """Makes the firmware of a robot, and flies the robot with it in simulation.
+
+    Args:
+        model: the robot's model.toml.
+        board: "rcx", "avr", "avr:2560" or "template".
+        out: the folder; None: firmware-NAME-BOARD.
+        sensors: "imu" or "imu+encoders".
+        scenario: the mission in the image; None: the paper's eight waypoints, scaled to the robot.
+        gains: a gains.toml of `tune` that is compiled in.
+        seed: of the sensors' noise, 0 or more.
+
+    Returns:
+        The folder; `figures["flight"]["failure"]` says why the mission was not flown, or is None.
+
+    Raises:
+        InputError: an argument is wrong, or a value fits no fixed-point format; the line names it and its range.
+        WorkFailedError: the image cannot be built.
+    """
+    if board not in boards.BOARDS:
+        raise InputError(f"{board!r} is not one of {', '.join(boards.BOARDS)}", field="board")
+    own = robot.load(Path(model))
+    if gains is not None:
+        own = robot.with_gains(own, gains_file.load(Path(gains)))
+    mission = None if scenario is None else str(scenario)
+    order = Order(own, boards.BOARDS[board], sensors, mission, seed_of(seed))
+    folder = Path(out) if out else Path(f"firmware-{order.robot.model.name}-{board.replace(':', '-')}")
+    with run_folder.fresh_folder(folder, package.files_of(order.board)) as beside:
+        made = package.make(order, beside)
+        figures = _firmware_figures(order, made) | {"fly": _fly_image(str(model), order, folder)}
+        command = _firmware_command(str(model), None if gains is None else str(gains), order, folder)
+        _write_firmware(order, made, figures, command, beside)
+    failure = figures["flight"]["failure"]
+    said = f"{order.robot.model.name}: {failure or 'the mission is flown'}"
+    return Made(folder, said, figures)
+
+
+def _firmware_command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
+    words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
+    words += ["--sensors", order.sensors, "--seed", str(order.seed)]
+    words += ["--gains", gains_file] if gains_file else []
+    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
+
+
+def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
+    """Returns the command that flies the image itself, where a simulator of its board can."""
+    if not order.board.library:
+        return None
+    words = ["brickpilot", "hil", "--image", str(folder / "brickpilot.elf"), "--model", model_file]
+    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
+
+
+def _firmware_figures(order: Order, made: Built) -> dict[str, Any]:
+    flight = flight_figures.summary(made.flown.flight)
+    flight["cruise_m_s"] = order.robot.value("controller", "coupled", "cruise")
+    flight["failure"] = flight_checks.failure(flight)
+    return {
+        "robot": order.robot.model.name,
+        "board": order.board.name,
+        "step_s": made.step,
+        "bytes": made.sizes,
+        "compensation": simulate.undone(order.robot),
+        "remarks": list(order.robot.remarks),
+        "mission": made.plan.scenario.title,
+        "acceptance_m": made.plan.acceptance,
+        "waypoints_m": [list(point) for point in made.plan.scenario.waypoints],
+        "flight": flight,
+    }
+
+
+def _write_firmware(order: Order, made: Built, figures: dict[str, Any], command: str, folder: Path) -> None:
+    """Writes the flight, the figures and the page that explains the folder."""
+    flown = made.flown.flight
+    run_folder.write(flown, figures["flight"], run_page.page(flown, figures["flight"], command), folder / "flight")
+    package.write_figures(figures, folder)
+    page = render_plain(
+        "firmware.md",
+        figures=figures,
+        board=order.board,
+        constants=order.robot.vehicle["controller"]["coupled"],
+        waypoints=list(waypoint_lines(figures["flight"])),
+        command=command,
+        library=order.board.library,
+        standalone=not order.board.flags,
+    )
+    (folder / "README.md").write_text(page, encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files for another program.
+
+    Attributes:
+        files: that were written.
+        left_out: what of the model is not in them, a sentence each.
+    """
+
+    files: tuple[Path, ...]
+    left_out: tuple[str, ...] = ()
+
+
+def export(
+    what: Model | str | Path | None, kind: str, out: str | Path | None = None, *, fmi: str = "3.0",
+    binary: bool = True,
+) -> Exported:  # fmt: skip
+    """Writes a model or a run for other programs.
+
+    Args:
+        what: for "fmu", "mjcf" and "urdf" a model or its file, None: the packaged robot; for "mcap" and "parquet" a
+            run folder, for "mcap" also a recording of a link's traffic.
+        kind: one of these five.
+        out: the file; None: beside the run, or NAME with the ending of its kind.
+        fmi: of an FMU: "3.0", "2.0" or "both".
+        binary: an FMU holds a binary for this machine, which needs a C compiler.
+
+    Raises:
+        InputError: an argument is wrong, or a file cannot be read or written.
+    """
+    if kind in ("mcap", "parquet") and isinstance(what, str | Path):
+        return (_mcap if kind == "mcap" else _parquet)(Path(what), out)
+    if kind not in ("fmu", "mjcf", "urdf"):
+        known = "of a run folder mcap or parquet" if kind in ("mcap", "parquet") else "fmu, mjcf, urdf, mcap or parquet"
+        raise InputError(f"{kind!r} does not fit: {known}", field="kind")
+    chosen = model_of(what)
+    chosen = rcx() if chosen is None else model_file.load(Path(what)) if isinstance(what, str | Path) else chosen
+    if kind == "fmu":
+        return _fmu(chosen, out, fmi, binary)
+    ending, written = ("xml", mjcfs.write(chosen)) if kind == "mjcf" else ("urdf", urdfs.write(chosen))
+    path = _file(out, Path(f"{files.plain_name(chosen.name)}.{ending}"))
+    files.write({path: written.text.encode()})
+    return Exported((path,), tuple(written.left_out))
+
+
+def _fmu(chosen: Model, out: str | Path | None, fmi: str, binary: bool) -> Exported:
+    path = _file(out, Path(f"{fmus.identifier(chosen)}.fmu"))
+    if fmi not in (*fmus.VERSIONS, "both"):
+        raise InputError(f"{fmi!r} is not one of {', '.join(fmus.VERSIONS)} and both", field="fmi")
+    versions = fmus.VERSIONS if fmi == "both" else (fmi,)
+    ends = {version: f"-fmi{version[0]}" if fmi == "both" else "" for version in versions}
+    made = {
+        path.with_name(f"{path.stem}{ends[version]}{path.suffix}"): fmus.archive(chosen, version, binary=binary)
+        for version in versions
+    }
+    files.write(made)
+    return Exported(tuple(made))
+
+
+def _mcap(given: Path, out: str | Path | None) -> Exported:
+    if given.is_dir() or not given.exists():
+        run = run_read.read(given)
+        topics = run_topics.topics(run)
+        content = mcap_file.write(topics, run_topics.samples(run), {"summary.json": run.summary})
+        layout = foxglove.run_layout(topics)
+    else:
+        topics, samples = traffic_topics.read(given)
+        content = mcap_file.write(topics, samples, {})
+        layout = foxglove.traffic_layout(topics)
+    path = _file(out, given.with_suffix(".mcap") if given.is_file() else _beside(given, ".mcap"))
+    made = {path: content, path.with_suffix(".foxglove.json"): layout.encode()}
+    files.write(made)
+    return Exported(tuple(made))
+
+
+def _parquet(given: Path, out: str | Path | None) -> Exported:
+    path = _file(out, _beside(given, ".parquet"))
+    tables = parquet_file.tables(run_read.read(given))
+    made = {path.with_name(f"{path.stem}{ending}{path.suffix}"): content for ending, content in tables.items()}
+    files.write(made)
+    return Exported(tuple(made))
+
+
+def _file(out: str | Path | None, default: Path) -> Path:
+    """Returns the file to write. Raises InputError if `out` can only be a folder."""
+    path = Path(out) if out else default
+    if path.name in ("", ".."):
+        raise InputError("is a folder; name a file", file=out)
+    return path
+
+
+def _beside(folder: Path, ending: str) -> Path:
+    whole = folder.resolve()
+    return (
+        folder.parent / (whole.name + ending) if folder.name not in ("", "..") else whole.with_name(whole.name + ending)
+    )
