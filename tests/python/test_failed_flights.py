@@ -121,7 +121,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
 
 @pytest.mark.realtime
 def test_in_real_time_the_flight_ends_a_second_after_its_mission() -> None:
-    for _ in range(6):  # the machine itself can stall for 20 ms
+    for _ in range(30):  # a busy machine stalls for 20 ms, again and again
         flown = over("serial:pty", plan(duration=30.0, waypoints=((0.3, 0.0),)), REALTIME)
         if flown.flight.log["fault"][-1] != LATE:
             break

@@ -48,7 +48,6 @@ page: str = bp.to_html(finding)
         "brickpilot",
         "brickpilot.data.dataset",
         "brickpilot.discover.check",
-        "brickpilot.discover.pipeline",
         "brickpilot.fit.calibrate",
         "brickpilot.fit.compare",
         "brickpilot.public.analysis",

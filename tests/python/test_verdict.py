@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset
-from brickpilot.discover import adequacy, numbers
+from brickpilot.discover import adequacy, numbers, verdict
 from brickpilot.discover.adequacy import Adequacy
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import FINE, fit, joined, refine
@@ -20,6 +21,7 @@ from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
 from synthetic import robot, write
+from test_criterion import found_in, made
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
 STATED = "\n".join(f"{name} = {value}" for name, value in robot().parameters.items() if value and "per" not in name)
@@ -199,3 +201,57 @@ def test_a_torque_that_goes_with_the_current_is_the_motor_s() -> None:
     assert of["wheel_loss_linear"] == "bearing"
     assert of["gyro_add_current_sum"] == "sensor"
     assert {one.mechanism for one in basis() if one.place == "drive"} == {"drive"}
+
+
+LITTLE, MUCH = Adequacy({"speed": 0.1}, 0.1, 0.9), Adequacy({"speed": 0.3}, 1.0, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("weak", "kind", "best", "rivals"),
+    [
+        ([], "none", (), []),  # three stretches speak against the friction
+        ([""], "named", ("coulomb_friction",), []),
+        (["", "coulomb_friction"], "named", ("coulomb_friction", "cogging"), []),  # which it no longer speaks for
+        (["", "coulomb_friction", "coulomb_friction cogging"], "unknown", ("coulomb_friction",), []),
+    ],
+)
+def test_what_leaves_too_much_is_no_answer(
+    weak: list[str], kind: str, best: tuple[str, ...], rivals: list[tuple[str, ...]]
+) -> None:
+    """The friction removes most of the error and the nominal model still holds weight; cogging removes a third more."""
+    flat, uneven = np.full(15, -40.0), np.where(np.arange(15) < 3, -18.0, 6.0)
+    table = [
+        made("", flat, cost=99.0),
+        made("coulomb_friction", flat + uneven, cost=98.0),
+        made("coulomb_friction cogging", flat + uneven + 1.0, cost=97.7),
+    ]
+    found = verdict.adequate(found_in(table, 2.0), lambda one: MUCH if " ".join(one.names) in weak else LITTLE)
+    assert (found.kind, found.best.names) == (kind, best)
+    assert found.rivals == ()
+    assert found.adequacy is (LITTLE if kind != "unknown" else MUCH)
+    assert [one.stage for one in found.steps] == (["weigh", "adequacy"] if weak else ["weigh"])
+    assert found.steps[-1].verdict == kind
+    if weak:
+        said = "The nominal model leaves too much" if kind == "named" else "30 % of the error of speed"
+        assert said in found.steps[-1].why
+
+
+def test_what_a_refuted_explanation_contains_is_refuted() -> None:
+    flat = np.full(15, -40.0)
+    found = found_in([made("", flat), made("cogging", flat + 9.0), made("cogging start_delay", flat + 20.0)], 2.0)
+    assert verdict._among(found, {frozenset({"cogging", "start_delay"})}) is None
+    both = verdict._among(found, {frozenset({"cogging"})})
+    assert both is not None
+    assert both.best.names == ("cogging", "start_delay")
+
+
+@pytest.mark.parametrize(("gains", "kind"), [((-18.0, 6.0), "named"), ((6.0, 6.0), "unknown")])
+def test_what_is_refuted_on_the_coarse_grid_is_refuted_at_the_samples(gains: tuple[float, float], kind: str) -> None:
+    """At the samples cogging removes 40 % alone: what the nominal model would speak for, unless it is refuted."""
+    flat, uneven = np.full(15, -40.0), np.where(np.arange(15) < 3, *gains)
+    coarse = [made("", flat, cost=98.0), made("cogging", flat + uneven, cost=97.3)]
+    samples = [made("", flat, cost=98.0), made("cogging", flat + 6.0, cost=98 + math.log(0.6, 4))]
+    found = verdict.adequate(found_in(coarse, 2.0), lambda one: LITTLE if one.names else MUCH)
+    assert found.kind == "named"
+    assert bool(found.refuted) == (kind == "named")
+    assert verdict.confirmed(found, found_in(samples, 2.0), 0.0).kind == kind

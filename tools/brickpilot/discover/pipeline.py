@@ -8,7 +8,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     in_closed_loop   -> Prepared      innovations take the residual's place, where a loop is around the data
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequacy         -> Adequacy      what is left: predictable or too much makes it `unknown`       (adequacy.py)
+    adequate         -> Verdict       among what leaves nothing predictable; nothing does: `unknown` (verdict.py)
     prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
@@ -19,7 +19,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-The verdict changes behind `weigh` in three places: `_explain`, by what is left or where time ran out; `confirmed`,
+The verdict changes behind `weigh` in three places: `adequate`, by what is left, or where time ran out; `confirmed`,
 where only runs differ, or the measured samples do not show what was named; and `_prove`, where the seal does not
 confirm. `Finding.steps` says which of them did.
 
@@ -31,12 +31,13 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass
+from functools import cache
 
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import numbers
-from brickpilot.discover.adequacy import adequacy
+from brickpilot.discover.adequacy import Adequacy, adequacy
 from brickpilot.discover.compose import Composed, compose
 from brickpilot.discover.conclude import Conclusion, conclude
 from brickpilot.discover.deadline import SEARCHED, Deadline, Span, Stages, estimate
@@ -49,10 +50,12 @@ from brickpilot.discover.row_meaning import with_known_sampling, with_known_timi
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
 from brickpilot.discover.settle import Settled, at_samples, best_predictor, settle
-from brickpilot.discover.verdict import Verdict, best_so_far, confirmed, weigh
+from brickpilot.discover.verdict import Verdict, adequate, best_so_far, confirmed
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
 from brickpilot.vehicle.model import Model
+
+_NO_TIME = "The time was up before everything was searched."
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,28 +92,7 @@ def discover(
         InputError: no measured signal is one that the model gives, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
 
-    A motor with dry friction as large as 0.6 V, or 0.009 N m, of which the nominal values say nothing:
-
-    >>> import brickpilot as bp, numpy as np, pandas as pd
-    >>> time = np.arange(0.0, 3.0, 0.01)
-    >>> def bench(volts):
-    ...     driven = 3 * (abs(volts) - 0.6) * (1 - np.exp(-np.maximum(time - 0.2, 0) / 0.15))
-    ...     coasting = np.maximum((driven[200] + 1.8) * np.exp(-(time - 2) / 0.15) - 1.8, 0)
-    ...     speed = np.sign(volts) * np.where(time < 2, driven, coasting)
-    ...     voltage = np.where((time > 0.195) & (time < 1.995), volts, 0.0)
-    ...     noise = np.random.default_rng(1).normal(0, 0.1, time.size)
-    ...     return pd.DataFrame({"time": time, "voltage": voltage, "speed": speed + noise})
-    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
-    >>> runs = {"low": bench(3.0), "back": bench(-5.0), "high": bench(6.0)}
-    >>> roles = {"low": "fit", "back": "fit", "high": "held_out"}
-    >>> finding = bp.discover(bp.Dataset.from_frames(runs, vehicle="motor", nominal=known, roles=roles))
-    >>> finding.verdict
-    'named'
-    >>> [one.mechanism for one in finding.effects]
-    ['bearing']
-    >>> finding.to_frame()[["parameter", "value", "unit"]].round(3)
-      parameter  value unit
-    0    torque  0.009  N m
+    `brickpilot.discover` has an example.
     """
     # Fits run side by side already, and their matrices are small: threads of BLAS would only wait for each other.
     with threadpool_limits(1, "blas"):
@@ -161,14 +143,16 @@ def _explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int =
         prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.deadline.until(SEARCHED), tell
     )
     found: Found = search.run(judge)
-    verdict: Verdict = weigh(found)
-    left = adequacy(judge, found.table[verdict.best.key], found.nothing, prepared.seed)
-    cut_short = bool(prepared.deadline.left_out)
-    if not left.is_adequate or cut_short:
+
+    @cache
+    def left_of(one: Explanation) -> Adequacy:
+        return adequacy(judge, found.table[one.key], found.nothing, prepared.seed)
+
+    verdict: Verdict = adequate(found, left_of)
+    if prepared.deadline.left_out and verdict.kind != "unknown":
         best = best_so_far(found) if verdict.kind == "none" else verdict.best
-        said = Step("adequacy", "unknown", left.sentence or "The time was up before everything was searched.")
-        verdict = verdict.turned(said, best=best)
-    return Explained(prepared, found, dataclasses.replace(verdict, adequacy=left))
+        verdict = verdict.turned(Step("adequacy", "unknown", _NO_TIME), best=best)
+    return Explained(prepared, found, verdict)
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:

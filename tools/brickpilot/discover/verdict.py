@@ -2,15 +2,16 @@
 
 The explanations that hold 95 % of the weight are kept. Those that contain another of them say nothing more within the
 tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
-sure: `named`. Several: `ambiguous`. The empty one: `none`. What is left over may turn each of these into `unknown`, see
-`adequacy`, and so may held-out runs, see `seal`. An effect that only the stated values speak for is no name either: it
-is the effect, or a value that was stated wrongly.
+sure: `named`. Several: `ambiguous`. The empty one: `none`. An explanation that leaves too much is refuted, see
+`adequacy`: it is no answer, and speaks for no other. Where none stands, the verdict is `unknown`, and held-out runs may
+make it so, see `seal`. An effect that only the stated values speak for is no name either: it is the effect, or a value
+that was stated wrongly.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,7 @@ class Verdict:
         adequacy: what the best explanation leaves; None: not asked, as time ran out.
         ranked: the evidence of all that were weighed, the heaviest first.
         steps: how `kind` came about.
+        refuted: the keys of explanations that leave too much.
     """
 
     kind: VerdictKind
@@ -65,6 +67,7 @@ class Verdict:
     adequacy: Adequacy | None
     ranked: tuple[Evidence, ...]
     steps: tuple[Step, ...]
+    refuted: frozenset[frozenset[str]] = frozenset()
 
     def turned(self, by: Step, **changes: Any) -> Verdict:
         """Returns the verdict behind a stage that turned it, with what else that changes."""
@@ -83,9 +86,44 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
 
 def weigh(found: Found) -> Verdict:
     """Returns the verdict of the evidence alone, before what is left is looked at."""
+    verdict = _among(found, ())
+    assert verdict is not None  # nothing is refuted
+    return verdict
+
+
+def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdict:
+    """Returns the verdict of the evidence among the explanations that by `left_of` leave no more to name.
+
+    One that leaves an error which a black box predicts is not the whole answer. It is refuted, and the others are
+    weighed again, as long as those that stand hold weight beside it. Where none does, the verdict is `unknown`.
+    """
+    first, refuted = (verdict := weigh(found)), set[frozenset[str]]()
+    while failed := [one for one in (verdict.best, *verdict.rivals) if not left_of(one).is_adequate]:
+        refuted |= {one.key for one in failed}
+        again = _among(found, refuted)
+        if again is None:
+            best = best_so_far(found) if first.kind == "none" else first.best
+            by = Step("adequacy", "unknown", next(text for one in failed if (text := left_of(one).sentence)))
+            return first.turned(by, best=best, adequacy=left_of(first.best))
+        verdict = again
+    left = left_of(verdict.best)
+    if not refuted:
+        return dataclasses.replace(verdict, adequacy=left)
+    fails = "The nominal model" if first.kind == "none" else " + ".join(first.best.names)
+    step = Step("adequacy", verdict.kind, f"{fails} leaves too much: that is no answer. {verdict.steps[-1].why}")
+    return dataclasses.replace(verdict, adequacy=left, steps=(*first.steps, step), refuted=frozenset(refuted))
+
+
+def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
+    """Returns the verdict of the evidence without what is refuted, and what that contains; None: all but 5 % is."""
     temperature = found.temperature
-    ranked = _needed(found.ranked(), found)
+    fails = {one for one in found.table if any(one <= key for key in refuted)}  # with fewer parts, still more is left
+    ranked = _needed(found.ranked(), found, fails)
     weight = evidence.weigh(ranked, temperature)
+    weight[[one.explanation.key in fails for one in ranked]] = 0.0
+    if weight.sum() <= 1 - numbers.SURE:
+        return None
+    weight /= weight.sum()
     order = np.argsort(-weight, kind="stable")
     last = int(np.searchsorted(np.cumsum(weight[order]), numbers.SURE))
     held = [Weighed(ranked[index].explanation, float(weight[index])) for index in order[: last + 1].tolist()]
@@ -122,7 +160,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
         return verdict.turned(Step("runs", "none", _RUNS))
     if verdict.kind == "ambiguous":
         return verdict
-    said = weigh(samples) if samples.is_sure(verdict.best) else None
+    said = _among(samples, verdict.refuted) if samples.is_sure(verdict.best) else None
     if said is None or said.kind == "none":
         if samples.judge.top - samples.nothing.total <= enough:
             return verdict.turned(Step("samples", "none", _UNSURE), best=verdict.nominal)
@@ -147,8 +185,8 @@ def best_so_far(found: Found) -> Explanation:
     return best.explanation if gain > numbers.CHANCE_NATS * found.judge.correlation(best) else nothing.explanation
 
 
-def _needed(ranked: Sequence[Evidence], found: Found) -> list[Evidence]:
-    """Returns the explanations but for those beside which a simpler one says as much.
+def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> list[Evidence]:
+    """Returns the explanations but for those beside which a simpler one says as much, which is not refuted.
 
     Those that contain a simpler one have to remove more than they leave of what that one leaves, of the squared error
     above noise and of how far values are from what was stated: no law is exact, and another law often improves on the
@@ -165,6 +203,7 @@ def _needed(ranked: Sequence[Evidence], found: Found) -> list[Evidence]:
             return True
         return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
 
-    needed = [other for other in ranked if not any(says_as_much(one, other) for one in ranked if one is not other)]
+    stands = [one for one in ranked if one.explanation.key not in refuted]
+    needed = [other for other in ranked if not any(says_as_much(one, other) for one in stands if one is not other)]
     first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
     return [one for one in needed if first[one.explanation.laws] is one]
