@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.data import dataset
-from brickpilot.discover.finding import Evidence, Step
+from brickpilot.discover import seal
+from brickpilot.discover.evidence import Judge
+from brickpilot.discover.finding import NOMINAL_VALUES, Evidence, Step
 from brickpilot.discover.pipeline import discover
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Sealed, prove, unproved
@@ -82,6 +84,34 @@ def test_runs_that_do_not_show_it_neither_confirm_nor_contradict(tmp_path: Path)
     assert "do not excite" in found.sentence
 
 
+@pytest.mark.parametrize(("fall", "contradicted", "said"), [(-3.0, False, "but not surely"), (-30.0, True, "do not")])
+def test_runs_that_rather_speak_for_it_do_not_contradict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fall: float, contradicted: bool, said: str
+) -> None:
+    """One stretch of each four falls by more than the others rise, or by less."""
+    monkeypatch.setattr(Judge, "rises", lambda judge, _, __: np.where(np.arange(judge.count) % 4, 2.0, fall))
+    found = proved(tmp_path / "set", truth(**FRICTION), **FRICTION)
+    assert (found.kind, found.contradicted) == ("fitted_only", contradicted)
+    assert said in found.sentence
+    assert found.draws is not None
+    assert (found.draws < 0.5) is contradicted
+
+
+def test_a_name_that_held_out_runs_do_not_surely_confirm_is_one_of_two(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The effect, or the nominal model: what was named stays, and the other is said."""
+    weak = Evidence("fitted_only", 0.9, 0.5, 0.8, False, "The held-out runs speak for it, but not surely.")
+    monkeypatch.setattr(seal, "_evidence", lambda *_, **__: weak)
+    found = discover(dataset.read(written(tmp_path / "set", biased := truth(gyro_bias={"bias": 0.2}), biased)), jobs=1)
+    assert found.steps[0].verdict == "named"
+    assert found.verdict == "ambiguous"
+    (effect,) = found.effects
+    assert (effect.name, effect.claimed) == ("gyro_bias", True)
+    assert [one.name for one in effect.equivalents] == [NOMINAL_VALUES]
+    assert found.steps[-1] == Step("seal", "ambiguous", weak.sentence)
+
+
 def test_without_held_out_runs_nothing_is_confirmed(tmp_path: Path) -> None:
     folder = write(tmp_path / "set", truth(**FRICTION), NOISE, NOMINAL, manoeuvres=MOVES, roles=["fit"] * 6)
     prepared, _, sealed = ready(folder)
@@ -93,7 +123,8 @@ def test_without_held_out_runs_nothing_is_confirmed(tmp_path: Path) -> None:
 
 
 def test_a_model_that_adds_nothing_needs_no_proof_and_what_fell_is_simulated_without_it(tmp_path: Path) -> None:
-    prepared, nominal, sealed = ready(written(tmp_path / "set", robot(), truth(**FRICTION)))
+    prepared, _, sealed = ready(written(tmp_path / "set", robot(), truth(**FRICTION)))
+    nominal = robot()
     proof = prove(prepared, sealed, nominal, truth(**FRICTION), {})
     plain = unproved(proof, nominal)
     assert proof.is_contradicted

@@ -105,7 +105,7 @@ class Evidence:
             the model is worse. None: no such runs, or no cost above noise.
         draws: how often the held-out runs are predicted better when stretches of them are weighed anew, 0..1; None: no
             such runs.
-        contradicted: held-out runs show what it adds, and do not confirm it; else they confirm it or say nothing.
+        contradicted: held-out runs would show what it adds, and rather speak against it.
         sentence: what this means, for a reader.
     """
 

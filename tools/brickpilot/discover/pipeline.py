@@ -21,7 +21,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
 
 The verdict changes behind `weigh` in three places: `adequate`, by what is left, or where time ran out; `confirmed`,
 where only runs differ, or the measured samples do not show what was named; and `_prove`, where the seal does not
-confirm. `Finding.steps` says which of them did.
+confirm it: `ambiguous` with the nominal model, or `unknown` if it contradicts. `Finding.steps` says which of them did.
 
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
@@ -181,7 +181,6 @@ def _prove(
     prepared = explained.prepared
     samples: Found = at_samples(prepared, explained.verdict.nominal, explained.verdict.best)
     verdict = confirmed(explained.verdict, samples, numbers.UNEXPLAINED_NATS * len(prepared.fine.measured))
-    steps = [*verdict.steps]
     nominal: Settled = settle(prepared, samples.nothing.explanation)
     best = settle(prepared, samples.table[verdict.best.key].explanation) if verdict.best.parts else nominal
     written = best if verdict.kind in ("named", "ambiguous") else nominal
@@ -189,25 +188,20 @@ def _prove(
         written = settle(prepared, composed.explanation)
         composed = Composed.of(written.explanation)
     proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
-    if (verdict.kind == "named" and not proof.is_confirmed) or proof.is_contradicted:
-        steps.append(Step("seal", "unknown", proof.evidence.sentence if proof.evidence else ""))
+    said = proof.evidence.sentence if proof.evidence else ""
+    if verdict.kind == "named" and not (proof.is_confirmed or proof.is_contradicted):
+        verdict = verdict.turned(Step("seal", "ambiguous", said), rivals=(verdict.nominal,))
+    steps = verdict.steps
+    if proof.is_contradicted:
+        steps += (Step("seal", "unknown", said),)
         composed, written, proof = (None, nominal, unproved(proof, nominal.model))
     experiment = plan_experiment(prepared, verdict)
     tell("measuring what is attainable")
     yardstick = Yardstick()
     if prepared.deadline.allows("what is attainable"):
         yardstick = measure(prepared, proof, nominal.model, written.model)
+    predictor = None if predicts is None else as_predictor(prepared, proof, predicts)
+    judge = explained.found.judge
     return Conclusion(
-        tuple(steps),
-        explained.found.judge,
-        samples,
-        verdict,
-        best,
-        written,
-        nominal,
-        composed,
-        proof,
-        experiment,
-        yardstick,
-        None if predicts is None else as_predictor(prepared, proof, predicts),
+        steps, judge, samples, verdict, best, written, nominal, composed, proof, experiment, yardstick, predictor
     )

@@ -34,6 +34,7 @@ _DRAWS = 1000  # of the bootstrap
 _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
+_WEAK = "The held-out runs speak for it, but not surely."
 _CONTRADICTED = "It explains the fit runs, but the held-out runs do not confirm it."
 
 
@@ -147,15 +148,16 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     judge = Judge.of(held_out, prepared.seed)
     before, after = held_out.predict([nominal, written])
     rises = judge.rises(held_out.measured - before, held_out.measured - after)
-    alpha = np.random.default_rng(0).dirichlet(np.ones(judge.count), _DRAWS)
-    draws = float(np.mean(alpha @ rises > 0))
+    drawn = np.random.default_rng(0).dirichlet(np.ones(judge.count), _DRAWS) @ rises
+    draws = float(np.mean(drawn > 0))
     claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
     shown = claimed > numbers.CHANCE_NATS
     confirmed = shown and draws >= numbers.SURE and not grows
-    sentence = _CONFIRMED if confirmed else _CONTRADICTED if shown else _NOT_EXCITED
+    contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # they rather speak for the nominal model
     kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
+    sentence = (_WEAK if shown else _NOT_EXCITED) if not contradicted else _CONTRADICTED
     removed = _removed(held_out, nominal, written)
-    return Evidence(kind, removed_fit, removed, draws, shown and not confirmed, sentence)
+    return Evidence(kind, removed_fit, removed, draws, contradicted, _CONFIRMED if confirmed else sentence)
 
 
 def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
