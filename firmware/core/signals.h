@@ -83,7 +83,7 @@ typedef struct {
 typedef struct {
     int32_t x_um; /* +-2147 m, saturates */
     int32_t y_um;
-    int32_t travel_um_q5;      /* forward since the step before, +-2^26 */
+    int32_t travel_um_q5;      /* forward since the step before, +-1613234176 */
     int32_t sway_travel_um_q5; /* the same to the right */
     uint16_t heading_bam16;
     int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */

@@ -27,6 +27,19 @@ void pid_safe(void)
     END();
 }
 
+void pid_start_safe(void)
+{
+    parameters_t parameters;
+    const pid_config_t *const config = any_config(&parameters);
+    pid_state_t state;
+    pid_input_t input;
+    int16_t wanted_mv;
+
+    pid_start(config, &state, &input, wanted_mv);
+    ASSERT(pid_holds(&state) && UP_TO((int32_t)config->limit_mv * 65536, state.integral_mv_q16));
+    END();
+}
+
 void pid_stop_clears(void)
 {
     pid_state_t state;
