@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <termios.h>
+#include <time.h>
 #include <unistd.h>
 
 static void clear(line_t *line)
@@ -19,6 +20,8 @@ static void clear(line_t *line)
     line->fd = line->listening = line->slave = -1;
     line->pending_size = 0;
     line->address[0] = 0;
+    line->token = NULL;
+    line->proved = true;
 }
 
 static int set_raw(int fd)
@@ -75,6 +78,20 @@ static const char *split(const char *host_and_port, char *host, size_t room, con
     return NULL;
 }
 
+/* Returns NULL, or why this address may not be listened on: whoever reaches a line commands the robot. */
+static const char *take_token(line_t *line, const struct sockaddr_in *address)
+{
+    const char *token = getenv(LINE_TOKEN);
+    const size_t size = token == NULL ? 0 : strlen(token);
+
+    if (size == 0)
+        return ntohl(address->sin_addr.s_addr) >> 24 == 127 ? NULL : "other machines reach it: set " LINE_TOKEN;
+    if (size < TOKEN_LEAST || size > TOKEN_MOST)
+        return LINE_TOKEN " needs 16 to 64 bytes";
+    line->token = token;
+    return NULL;
+}
+
 const char *line_listen(line_t *line, const char *host_and_port)
 {
     const struct addrinfo wanted = {.ai_family = AF_INET, .ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE};
@@ -91,6 +108,12 @@ const char *line_listen(line_t *line, const char *host_and_port)
         return trouble;
     if (getaddrinfo(host, port, &wanted, &found) != 0)
         return "no such host or port";
+    trouble = take_token(line, (const struct sockaddr_in *)(const void *)found->ai_addr);
+    if (trouble != NULL) {
+        freeaddrinfo(found);
+        errno = 0;
+        return trouble;
+    }
     line->listening = socket(found->ai_family, found->ai_socktype, found->ai_protocol);
     if (line->listening >= 0)
         setsockopt(line->listening, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
@@ -112,17 +135,79 @@ static bool is_quiet(int fd)
     return recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
 }
 
+/* Sends words with a 0 round them, as no frame has. */
+static void tell(int fd, const char *words)
+{
+    char bytes[2 + TOKEN_TEXT_MOST] = {0};
+    const int size = snprintf(bytes + 1, sizeof bytes - 1, "%s", words);
+
+    (void)send(fd, bytes, (size_t)size + 2, MSG_NOSIGNAL | MSG_DONTWAIT);
+}
+
 /* What has come is read first: closing a socket with unread bytes would take the words back. */
 static void send_away(int fd)
 {
-    static const char BUSY[] = "\0" LINE_BUSY;
     char bytes[64];
 
-    (void)send(fd, BUSY, sizeof BUSY, MSG_NOSIGNAL | MSG_DONTWAIT);
+    tell(fd, LINE_BUSY);
     shutdown(fd, SHUT_WR);
     while (recv(fd, bytes, sizeof bytes, MSG_DONTWAIT) > 0) {
     }
     close(fd);
+}
+
+static time_t now_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec;
+}
+
+/* Ends the connection. Always -1. */
+static int drop(line_t *line)
+{
+    close(line->fd);
+    line->fd = -1;
+    line->pending_size = 0;
+    return -1;
+}
+
+static void ask_for_proof(line_t *line)
+{
+    uint8_t random[TOKEN_DIGITS / 2];
+    char words[sizeof LINE_ASKS + TOKEN_DIGITS];
+
+    if (getentropy(random, sizeof random) != 0) {
+        (void)drop(line);
+        return;
+    }
+    token_digits(random, sizeof random, line->challenge);
+    line->proof_size = 0;
+    line->asked_s = now_s();
+    snprintf(words, sizeof words, LINE_ASKS "%s", line->challenge);
+    tell(line->fd, words);
+}
+
+/* Takes bytes of the client's proof. Returns 0, or -1 and ends the connection: the proof is wrong. */
+static int take_proof(line_t *line, const unsigned char *bytes, size_t size)
+{
+    char wanted[TOKEN_PROOF + 1];
+
+    if (size <= sizeof line->proof - line->proof_size) {
+        memcpy(line->proof + line->proof_size, bytes, size);
+        line->proof_size += size;
+        if (line->proof_size < sizeof line->proof)
+            return 0;
+        token_proof(line->token, "host", line->challenge, line->proof, wanted);
+        if (token_equal(wanted, line->proof + TOKEN_DIGITS)) {
+            token_proof(line->token, "brick", line->challenge, line->proof, wanted);
+            tell(line->fd, wanted);
+            line->proved = true;
+            return 0;
+        }
+    }
+    tell(line->fd, LINE_WRONG);
+    return drop(line);
 }
 
 void line_accept(line_t *line)
@@ -132,6 +217,8 @@ void line_accept(line_t *line)
 
     if (line->fd >= 0 && !is_quiet(line->fd))
         return;
+    if (line->fd >= 0 && !line->proved && now_s() - line->asked_s > LINE_PROOF_S)
+        (void)drop(line);
     fd = accept(line->listening, NULL, NULL);
     if (fd < 0)
         return;
@@ -143,27 +230,27 @@ void line_accept(line_t *line)
     line->pending_size = 0;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
     set_nonblocking(fd);
+    line->proved = line->token == NULL;
+    if (!line->proved)
+        ask_for_proof(line);
 }
 
 int line_read(line_t *line, unsigned char *bytes, size_t room)
 {
     const ssize_t got = read(line->fd, bytes, room);
 
+    if (got > 0 && !line->proved)
+        return take_proof(line, bytes, (size_t)got);
     if (got > 0)
         return (int)got;
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR))
         return 0;
-    if (line->listening >= 0) {
-        close(line->fd);
-        line->fd = -1;
-        line->pending_size = 0;
-    }
-    return -1;
+    return line->listening >= 0 ? drop(line) : -1;
 }
 
 bool line_write(line_t *line, const unsigned char *bytes, size_t size)
 {
-    if (line->fd < 0 || size > LINE_PENDING - line->pending_size)
+    if (line->fd < 0 || !line->proved || size > LINE_PENDING - line->pending_size)
         return false;
     memcpy(line->pending + line->pending_size, bytes, size);
     line->pending_size += size;

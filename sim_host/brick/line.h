@@ -4,6 +4,9 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <time.h>
+
+#include "brick/token.h"
 
 enum { LINE_ADDRESS_MAX = 128, LINE_PENDING = 4096 };
 
@@ -14,6 +17,13 @@ typedef struct {
     char address[LINE_ADDRESS_MAX]; /* what to connect to: a path, or HOST:PORT */
     unsigned char pending[LINE_PENDING];
     size_t pending_size; /* bytes that the other end has not taken yet */
+
+    const char *token; /* NULL, or what a client of a listening line has to know */
+    bool proved;       /* the client knows it, or needs not */
+    time_t asked_s;
+    char challenge[TOKEN_DIGITS + 1];
+    char proof[TOKEN_DIGITS + TOKEN_PROOF]; /* the client's digits and proof, as far as they have come */
+    size_t proof_size;
 } line_t;
 
 /* Each opens a line. Returns NULL, or what failed, with errno set where errno says why. */
@@ -21,11 +31,23 @@ const char *line_open_pty(line_t *line);
 const char *line_open_serial(line_t *line, const char *path);
 const char *line_listen(line_t *line, const char *host_and_port); /* port 0: any free one */
 
+/* The environment variable with the token of a listening line, of TOKEN_LEAST to TOKEN_MOST bytes. An address that other
+ * machines reach is not listened on without one. */
+#define LINE_TOKEN "BRICKPILOT_TOKEN"
+
 /* What a client is told that comes while another one has the line; a 0 stands before and behind it. */
 #define LINE_BUSY "another host has this link"
 
+/* What a client is asked for, before the challenge, and what one is told whose proof does not hold; 0 round both. */
+#define LINE_ASKS "token "
+#define LINE_WRONG "the token is wrong"
+
+/* Seconds after which a client that has not proved the token makes way for the next one. */
+enum { LINE_PROOF_S = 2 };
+
 /* Accepts the connection that waits on `listening`. The first client keeps the line until it ends: another one is sent away
- * with LINE_BUSY. One that waits while bytes of the first, or its end, are unread is left for the next call. */
+ * with LINE_BUSY. One that waits while bytes of the first, or its end, are unread is left for the next call. Where the line has a token, the client has to prove it
+ * before anything else passes; one that has not is replaced after LINE_PROOF_S. */
 void line_accept(line_t *line);
 
 /* Returns the number of bytes read. 0: none at present. -1: the other end has gone; a listening line waits for the

@@ -2,6 +2,7 @@
  *
  *   brick --pty | --serial PATH | --listen HOST:PORT | --slcan-pty | --slcan PATH   [--until-eof]
  *
+ * --listen on an address that other machines reach needs BRICKPILOT_TOKEN in the environment, at both ends: brick/token.h.
  * Its first line on stdout is the value for `brickpilot hil --link`. With --until-eof it ends when its standard input
  * ends. SIGUSR1 restarts the brick, which it reports in one line.
  */

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-OWN = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "tools/docs/data_recipe.md")
+OWN = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "tools/docs/data_recipe.md")
 FOLDERS = ("firmware", "hal", "sim_host", "tests", "tools")
 NOT_OURS = {"uplot", "build"}
 TOP = "README.md"

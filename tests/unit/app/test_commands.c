@@ -315,6 +315,62 @@ static void test_serving_takes_a_sound_request_for_a_sign_of_life(void)
     TEST_ASSERT_EQUAL_INT16(5, port.left_q15);
 }
 
+static uint16_t write_route(uint8_t count)
+{
+    uint16_t check = CRC_START;
+    for (uint8_t i = 0; i < count; i++) {
+        const uint8_t bytes[] = {(uint8_t)(i + 1), 0, 0, 0};
+        TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, waypoint(i, true, (int16_t)(i + 1), 0).status);
+        check = crc_of_bytes(check, bytes, sizeof bytes);
+    }
+    return check;
+}
+
+static void test_a_route_has_up_to_32_waypoints_and_each_is_written_anew(void)
+{
+    const uint16_t check = write_route(32);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_OK, commit(true, 32, check).status);
+    TEST_ASSERT_EQUAL_INT16(32, waypoint(31, false, 0, 0).x);
+    for (int i = 0; i < 2; i++) { /* either place, of which the last waypoint is not written again */
+        TEST_ASSERT_EQUAL_UINT8(ROUTE_OK, commit(true, 31, write_route(31)).status);
+        write_route(31);
+        TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_INCOMPLETE_CHOICE, commit(true, 32, check).status);
+    }
+}
+
+static void test_a_new_session_has_no_waypoint(void)
+{
+    static const uint8_t ZEROS[4] = {0};
+    TEST_ASSERT_EQUAL_UINT8(WIRE_ROUTE_STATUS_INCOMPLETE_CHOICE,
+                            commit(true, 1, crc_of_bytes(CRC_START, ZEROS, sizeof ZEROS)).status);
+}
+
+static void test_a_reply_tells_mode_and_fault_and_its_spare_bytes_are_0(void)
+{
+    struct wire_mode_reply_t answer;
+    loop.step.mode.mode = MODE_FAULT;
+    loop.step.mode.fault = MODE_COMMANDED;
+    memset(request.data, 0xFF, sizeof request.data);
+    TEST_ASSERT_TRUE(send(WIRE_MODE_COMMAND_FRAME_ID));
+    wire_mode_reply_unpack(&answer, reply.data, 8);
+    TEST_ASSERT_EQUAL_UINT8(MODE_FAULT, answer.mode);
+    TEST_ASSERT_EQUAL_UINT8(MODE_COMMANDED, answer.fault);
+    TEST_ASSERT_EQUAL_UINT8(0, reply.data[WIRE_MODE_REPLY_STATUS_AT + 1]);
+    TEST_ASSERT_EQUAL_UINT8(0, reply.data[WIRE_MODE_REPLY_STATUS_AT + 2]);
+    memset(request.data, 0xFF, sizeof request.data);
+    TEST_ASSERT_TRUE(send(WIRE_ROUTE_REQUEST_FRAME_ID));
+    TEST_ASSERT_EQUAL_UINT8(0, reply.data[WIRE_ROUTE_STATUS_AT + 1]);
+    TEST_ASSERT_NOT_EQUAL_UINT8(0, reply.data[WIRE_ROUTE_STATUS_AT]);
+}
+
+static void test_a_time_is_more_than_0(void)
+{
+    const uint8_t timeout = WIRE_PARAMETER_REQUEST_PARAMETER_LEG_TIMEOUT_CHOICE;
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_OK, parameter(timeout, true, 1).status);
+    TEST_ASSERT_EQUAL_UINT8(PARAMETERS_RANGE, parameter(timeout, true, 0).status);
+    TEST_ASSERT_EQUAL_INT32(1, parameter(timeout, false, 0).value);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -329,5 +385,9 @@ int main(void)
     RUN_TEST(test_a_mode_command_waits_for_the_next_step_and_acts_once);
     RUN_TEST(test_serving_takes_a_sound_request_for_a_sign_of_life);
     RUN_TEST(test_serving_answers_each_request_and_a_session_stops_the_motors);
+    RUN_TEST(test_a_route_has_up_to_32_waypoints_and_each_is_written_anew);
+    RUN_TEST(test_a_new_session_has_no_waypoint);
+    RUN_TEST(test_a_reply_tells_mode_and_fault_and_its_spare_bytes_are_0);
+    RUN_TEST(test_a_time_is_more_than_0);
     return UNITY_END();
 }

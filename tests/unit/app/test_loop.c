@@ -349,6 +349,48 @@ static void test_loop_rests_before_a_run_until_the_gyros_bias_is_learnt(void)
     TEST_ASSERT_EQUAL_INT32(20 * 256, state.step.heading.bias.value);
 }
 
+static void test_loop_hands_every_reading_on(void)
+{
+    all_sensors(HAL_OK);
+    port.imu = (hal_imu_t){.accel_surge_mm_s2 = 11, .accel_sway_mm_s2 = 12, .yaw_rate_mrad_s = 13};
+    port.rotation = (hal_rotation_t){.left = 14, .right = 15};
+    port.reference =
+        (hal_reference_t){.x_um = 16, .y_um = 17, .heading_bam16 = 18, .speed_mm_s_q4 = 19, .yaw_rate_mrad_s = 20};
+    port.battery_mv = 8765;
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_INT16(11, state.sensors.accel_surge_mm_s2);
+    TEST_ASSERT_EQUAL_INT16(12, state.sensors.accel_sway_mm_s2);
+    TEST_ASSERT_EQUAL_INT16(13, state.sensors.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(14, state.sensors.rotation_left);
+    TEST_ASSERT_EQUAL_UINT16(15, state.sensors.rotation_right);
+    TEST_ASSERT_EQUAL_INT32(16, state.sensors.reference_x_um);
+    TEST_ASSERT_EQUAL_INT32(17, state.sensors.reference_y_um);
+    TEST_ASSERT_EQUAL_UINT16(18, state.sensors.reference_heading_bam16);
+    TEST_ASSERT_EQUAL_INT16(19, state.sensors.reference_speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(20, state.sensors.reference_yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(8765, state.sensors.battery_mv);
+}
+
+static void test_loop_sends_a_whole_report_in_as_many_ticks_as_it_has(void)
+{
+    for (int every = 1; every <= 3; every++) {
+        int sent = 0;
+        config.telemetry_every = (uint8_t)every;
+        setUp();
+        config.telemetry_every = (uint8_t)every;
+        run(1, 3, MODE_NONE); /* with a heartbeat, and the first part or parts */
+        state.until_telemetry = 0;
+        for (int tick = 0; tick < every; tick++) {
+            port.link_out_size = 0;
+            loop_tick(&config, &route, &state, MODE_NONE);
+            port.clock_ms += 3;
+            sent += port.link_out_size;
+            TEST_ASSERT_LESS_OR_EQUAL_INT((TELEMETRY_PARTS + every - 1) / every, port.link_out_size);
+        }
+        TEST_ASSERT_EQUAL_INT(TELEMETRY_PARTS, sent);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -375,5 +417,7 @@ int main(void)
     RUN_TEST(test_loop_tells_the_model_what_a_battery_below_its_floor_gave);
     RUN_TEST(test_loop_counters_do_not_wrap);
     RUN_TEST(test_loop_rests_before_a_run_until_the_gyros_bias_is_learnt);
+    RUN_TEST(test_loop_hands_every_reading_on);
+    RUN_TEST(test_loop_sends_a_whole_report_in_as_many_ticks_as_it_has);
     return UNITY_END();
 }

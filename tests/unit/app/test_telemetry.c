@@ -132,6 +132,21 @@ static void test_heartbeat_tells_mode_and_counts(void)
     TEST_ASSERT_EQUAL_UINT8(255, heartbeat.aborted);
 }
 
+static void test_telemetry_counts_up_to_255_and_tells_a_valid_state(void)
+{
+    struct wire_telemetry_y_t y;
+    struct wire_telemetry_track_t track;
+    state->mode.los.overshoots = 200;
+    output->estimate = (signals_estimate_t){.valid = true};
+    pack();
+    wire_telemetry_y_unpack(&y, parts[1].data, 8);
+    wire_telemetry_track_unpack(&track, parts[2].data, 8);
+    TEST_ASSERT_EQUAL_UINT8(200, y.overshoots);
+    TEST_ASSERT_EQUAL_UINT8(1, track.valid);
+    TEST_ASSERT_EQUAL_UINT8(0, track.at_rest);
+    TEST_ASSERT_EQUAL_UINT8(0, track.bias_unknown);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -139,5 +154,6 @@ int main(void)
     RUN_TEST(test_telemetry_carries_demands_and_efforts);
     RUN_TEST(test_telemetry_parts_have_ids_in_a_row_and_the_same_tick);
     RUN_TEST(test_heartbeat_tells_mode_and_counts);
+    RUN_TEST(test_telemetry_counts_up_to_255_and_tells_a_valid_state);
     return UNITY_END();
 }

@@ -154,6 +154,31 @@ static void test_los_takes_the_ends_of_every_range(void)
         }
 }
 
+static void test_los_begins_each_wait_from_nothing(void)
+{
+    static const route_waypoint_t BEHIND[] = {{-1000, 0}};
+    config.rest_ms = config.settle_ms = 58; /* 20 steps of 3 ms, and 19 of them with 1 ms more */
+    set_route(BEHIND, 1);
+    for (int i = 0; i < 10; i++)
+        step();
+    robot.speed_mm_s = 20.0;
+    step();
+    robot.speed_mm_s = 0.0;
+    for (int i = 0; i < 19; i++) {
+        step();
+        TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
+    }
+    robot.heading = TURN / 2.0;
+    step();
+    for (int i = 0; i < 19; i++) {
+        TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
+        step();
+    }
+    TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
+    step();
+    TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -168,5 +193,6 @@ int main(void)
     RUN_TEST(test_los_accepts_at_the_radius_and_not_beyond);
     RUN_TEST(test_los_turns_off_a_large_heading_error_at_rest);
     RUN_TEST(test_los_takes_the_ends_of_every_range);
+    RUN_TEST(test_los_begins_each_wait_from_nothing);
     return UNITY_END();
 }

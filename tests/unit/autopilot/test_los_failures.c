@@ -124,6 +124,18 @@ static void test_los_too_many_overshoots_skip_the_waypoint_where_told_to(void)
     TEST_ASSERT_EQUAL(LOS_ARRIVED, state.status);
 }
 
+static void test_los_counts_no_overshoot_behind_the_last_waypoint_reached(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    set_route(AHEAD, 1);
+    config.decel_mm_s2 = 16000;
+    robot.brake_mm_s2 = 300.0;
+    run_ms(10000);
+    TEST_ASSERT_EQUAL(LOS_ARRIVED, state.status);
+    TEST_ASSERT_GREATER_THAN_INT(1150, (int)robot.x_mm);
+    TEST_ASSERT_EQUAL_UINT16(0, state.overshoots);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -136,5 +148,6 @@ int main(void)
     RUN_TEST(test_los_counts_an_overshoot_while_coasting_in_brake);
     RUN_TEST(test_los_too_many_overshoots_end_the_route);
     RUN_TEST(test_los_too_many_overshoots_skip_the_waypoint_where_told_to);
+    RUN_TEST(test_los_counts_no_overshoot_behind_the_last_waypoint_reached);
     return UNITY_END();
 }

@@ -242,6 +242,20 @@ static void test_pid_takes_the_ends_of_every_range(void)
     TEST_ASSERT_EQUAL_INT16(32000, step(&config, highest).output_mv);
 }
 
+static void test_pid_integrates_the_period_and_no_more_than_20_ms(void)
+{
+    const pid_config_t config = {.ki_mv_q10 = 16384, .limit_mv = 32000};
+    int32_t sum_q14 = 0;
+    for (int period_ms = 1; period_ms <= 22; period_ms++) {
+        const int counted_ms = period_ms < 20 ? period_ms : 20;
+        setUp();
+        step(&config, (pid_input_t){.error = 4096, .period_ms = (uint8_t)period_ms});
+        TEST_ASSERT_INT32_WITHIN(2, 1048576 * counted_ms / 1000, state.integral_mv_q16 / 4096);
+        sum_q14 += state.integral_mv_q16 / 4096;
+    }
+    TEST_ASSERT_EQUAL_INT32(262159, sum_q14); /* the same on every brick */
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -261,5 +275,6 @@ int main(void)
     RUN_TEST(test_pid_stop_empties_the_integrator);
     RUN_TEST(test_pid_is_the_same_backward);
     RUN_TEST(test_pid_takes_the_ends_of_every_range);
+    RUN_TEST(test_pid_integrates_the_period_and_no_more_than_20_ms);
     return UNITY_END();
 }

@@ -194,6 +194,22 @@ static void test_fix_round_bam16_rounds_halves_away_from_zero(void)
     TEST_ASSERT_EQUAL_UINT16(0, fix_round_bam16(0U - 32767U));
 }
 
+static void test_fix_inverse_is_to_the_nearest(void)
+{
+    TEST_ASSERT_EQUAL_INT16(32767, fix_inverse_q15(1));
+    for (int value = 2; value < 256; value++)
+        TEST_ASSERT_EQUAL_INT16((2 * 32768 / value + 1) / 2, fix_inverse_q15((uint8_t)value));
+}
+
+static void test_fix_counts_the_bits_of_a_number(void)
+{
+    TEST_ASSERT_EQUAL_UINT8(0, fix_bits(0, 12));
+    TEST_ASSERT_EQUAL_UINT8(1, fix_bits(1, 12));
+    TEST_ASSERT_EQUAL_UINT8(3, fix_bits(4, 12));
+    TEST_ASSERT_EQUAL_UINT8(16, fix_bits(65535, 16));
+    TEST_ASSERT_EQUAL_UINT8(4, fix_bits(65535, 4));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -212,5 +228,7 @@ int main(void)
     RUN_TEST(test_fix_angle_difference_takes_the_short_way_round);
     RUN_TEST(test_fix_share_and_fraction_round_towards_zero_on_both_sides);
     RUN_TEST(test_fix_round_bam16_rounds_halves_away_from_zero);
+    RUN_TEST(test_fix_inverse_is_to_the_nearest);
+    RUN_TEST(test_fix_counts_the_bits_of_a_number);
     return UNITY_END();
 }

@@ -311,6 +311,28 @@ static void test_heading_leaves_the_models_yaw_rate_as_it_is(void)
     TEST_ASSERT_EQUAL_INT16(1000, estimate.yaw_rate_mrad_s);
 }
 
+static void test_heading_counts_the_blind_time_from_the_last_reading(void)
+{
+    heading_config_t config = *CONFIG;
+    config.blind_ms = 99;
+    for (int i = 0; i <= 34; i++) {
+        sensors.have = i == 0 ? SENSOR_GYRO : 0;
+        heading_step(&config, &state, &sensors, &predicted, &estimate);
+        TEST_ASSERT_EQUAL(i <= 33, estimate.valid);
+    }
+}
+
+static void test_heading_compares_all_rates_of_a_block_and_begins_one_from_nothing(void)
+{
+    run(0, 1);
+    run((int16_t)CONFIG->quiet_mrad_s, 1);
+    run(-1, 1); /* too far from the one before: no rest */
+    run(-1, HEADING_BLOCK_STEPS - 1);
+    TEST_ASSERT_FALSE(estimate.at_rest);
+    run(-1, 1);
+    TEST_ASSERT_TRUE(estimate.at_rest);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -339,5 +361,7 @@ int main(void)
     RUN_TEST(test_heading_of_a_known_gyro_is_the_same_to_both_sides_bit_for_bit);
     RUN_TEST(test_heading_of_a_known_gyro_saturates);
     RUN_TEST(test_heading_leaves_the_models_yaw_rate_as_it_is);
+    RUN_TEST(test_heading_counts_the_blind_time_from_the_last_reading);
+    RUN_TEST(test_heading_compares_all_rates_of_a_block_and_begins_one_from_nothing);
     return UNITY_END();
 }

@@ -101,6 +101,18 @@ static void test_pose_saturates(void)
     TEST_ASSERT_EQUAL_INT32(INT32_MAX, estimate.x_um);
 }
 
+static void test_pose_rounds_half_a_turn_step_to_the_heading_before(void)
+{
+    run(32 * 1000000, 1, 1);
+    TEST_ASSERT_EQUAL_INT32(0, estimate.y_um);
+    setUp();
+    run(32 * 1000000, -1, 1);
+    TEST_ASSERT_EQUAL_INT32(0, estimate.y_um);
+    setUp();
+    run(32 * 1000000, 2, 1);
+    TEST_ASSERT_NOT_EQUAL_INT32(0, estimate.y_um);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -112,5 +124,6 @@ int main(void)
     RUN_TEST(test_pose_mirrors_left_and_right_forward_and_backward_bit_for_bit);
     RUN_TEST(test_pose_takes_the_reference_above_all);
     RUN_TEST(test_pose_saturates);
+    RUN_TEST(test_pose_rounds_half_a_turn_step_to_the_heading_before);
     return UNITY_END();
 }

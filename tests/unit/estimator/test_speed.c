@@ -294,6 +294,95 @@ static void test_speed_output_saturates(void)
     TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
 }
 
+/* Travel behind after one step in which both wheels count this, with the smallest wheels. */
+static int32_t behind_of_counts(int counts)
+{
+    speed_config_t config = *CONFIG;
+    config.count_travel_um_q2 = 1;
+    config.count_mismatch_q15 = config.behind_to_travel_q15 = 0;
+    setUp();
+    sensors.have = SENSOR_ROTATION;
+    for (int i = 0; i < 2; i++) {
+        sensors.rotation_left = sensors.rotation_right = (uint16_t)(i * counts);
+        speed_step(&config, &state, &sensors, &predicted, &estimate);
+    }
+    return state.behind_um_q5;
+}
+
+static void test_speed_takes_4096_counts_of_both_wheels_and_no_more(void)
+{
+    TEST_ASSERT_EQUAL_INT32(4095 * 4 + 4, behind_of_counts(2048));
+    TEST_ASSERT_EQUAL_INT32(4096 * 4, behind_of_counts(2049));
+    TEST_ASSERT_EQUAL_INT32(-4096 * 4, behind_of_counts(-2049));
+    TEST_ASSERT_EQUAL_INT32(2047 * 8, behind_of_counts(2047));
+}
+
+static void test_speed_makes_up_for_no_more_than_its_limit_of_travel(void)
+{
+    speed_config_t config = *CONFIG;
+    config.count_travel_um_q2 = 65535;
+    config.count_mismatch_q15 = config.behind_to_travel_q15 = 32767;
+    sensors.have = SENSOR_ROTATION;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
+    sensors.rotation_left = 4096;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
+    TEST_ASSERT_EQUAL_INT32(32767L << 15, estimate.travel_um_q5); /* of 2^30 */
+}
+
+static void test_speed_stays_within_its_limits(void)
+{
+    step(8191 * Q17);
+    TEST_ASSERT_EQUAL_INT32(16380L * 65536, state.speed_mm_s_q17);
+    step(-8191 * Q17);
+    TEST_ASSERT_EQUAL_INT32(-16380L * 65536, state.speed_mm_s_q17);
+    state.rotation_known = true; /* without a reading */
+    state.behind_um_q5 = -536870900L;
+    step(8191 * Q17);
+    step(8191 * Q17);
+    TEST_ASSERT_EQUAL_INT32(-536870912L, state.behind_um_q5);
+}
+
+/* The filtered acceleration, mm/s^2 q8, after a jump of this speed in 2 ms. */
+static int32_t accel_of_jump(int32_t jump_mm_s_q17)
+{
+    speed_config_t config = *CONFIG;
+    config.accel_filter_q15 = 32767;
+    setUp();
+    sensors.period_ms = 2;
+    predicted.motion.surge_mm_s_q17 = jump_mm_s_q17;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
+    return state.accel_mm_s2_q8;
+}
+
+static void test_speed_takes_a_jump_of_4096_mm_s_for_an_acceleration_and_no_more(void)
+{
+    TEST_ASSERT_INT32_WITHIN(4000, 524272000,
+                             accel_of_jump(4096 * Q17)); /* 2,048 m/s^2, by a filter of 32767 / 32768 */
+    TEST_ASSERT_EQUAL_INT32(accel_of_jump(4096 * Q17), accel_of_jump(5000 * Q17));
+    TEST_ASSERT_GREATER_THAN_INT32(accel_of_jump(8191L * 65536), accel_of_jump(4096 * Q17));
+}
+
+static void test_speed_takes_turning_out_of_the_accelerometer_to_the_mm_s2(void)
+{
+    sensors.have = SENSOR_ACCELEROMETER;
+    step(0);
+    TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
+    sensors.accel_surge_mm_s2 = -30000;
+    predicted.motion.sway_mm_s_q17 = 2000 * Q17;
+    estimate.yaw_rate_mrad_s = 15000;
+    step(0);
+    TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
+}
+
+static void test_speed_takes_the_first_sample_at_rest_for_the_bias(void)
+{
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = 100;
+    estimate.at_rest = true;
+    step(0);
+    TEST_ASSERT_EQUAL_INT32(100L * 4096, state.bias.value);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -317,5 +406,11 @@ int main(void)
     RUN_TEST(test_speed_takes_the_reference_above_all);
     RUN_TEST(test_speed_tells_its_rate_of_change_at_any_period);
     RUN_TEST(test_speed_output_saturates);
+    RUN_TEST(test_speed_takes_4096_counts_of_both_wheels_and_no_more);
+    RUN_TEST(test_speed_makes_up_for_no_more_than_its_limit_of_travel);
+    RUN_TEST(test_speed_stays_within_its_limits);
+    RUN_TEST(test_speed_takes_a_jump_of_4096_mm_s_for_an_acceleration_and_no_more);
+    RUN_TEST(test_speed_takes_turning_out_of_the_accelerometer_to_the_mm_s2);
+    RUN_TEST(test_speed_takes_the_first_sample_at_rest_for_the_bias);
     return UNITY_END();
 }

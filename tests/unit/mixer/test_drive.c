@@ -107,6 +107,15 @@ static void test_drive_saturates(void)
     TEST_ASSERT_EQUAL_INT16(-INT16_MAX, left(INT16_MIN, INT16_MIN));
 }
 
+static void test_drive_adds_the_smallest_friction_and_the_largest(void)
+{
+    config.left.friction_mv = 1;
+    TEST_ASSERT_EQUAL_INT16(2001, left(2000, AHEAD_Q4));
+    config.left.friction_mv = 30000;
+    TEST_ASSERT_EQUAL_INT16(30000, left(0, AHEAD_Q4));
+    TEST_ASSERT_EQUAL_INT16(-30000, left(0, -AHEAD_Q4));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -120,5 +129,6 @@ int main(void)
     RUN_TEST(test_drive_undoes_what_is_nearest_to_the_wheel_first);
     RUN_TEST(test_drive_is_the_same_forward_and_backward);
     RUN_TEST(test_drive_saturates);
+    RUN_TEST(test_drive_adds_the_smallest_friction_and_the_largest);
     return UNITY_END();
 }

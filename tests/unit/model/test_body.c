@@ -1,5 +1,8 @@
+#include <math.h>
+
 #include "app/params_gen.h"
 #include "model/body.h"
+#include "wire/crc.h"
 #include "unity.h"
 
 static const body_coefficients_t *const COUPLED = &MODEL_COUPLED;
@@ -195,6 +198,90 @@ static void test_body_heading_is_rounded_to_the_nearest(void)
     TEST_ASSERT_EQUAL_UINT16((uint16_t)-0x1235, body_heading_bam16(&state));
 }
 
+/* The same tour with the robot turned by an odd angle first, seen from there. */
+static void assert_no_direction_is_special(const body_coefficients_t *coefficients, int16_t left_mv, int16_t right_mv)
+{
+    static const uint32_t TURNED_BAM32 = 0x13579BDFU;
+    const double angle = TURNED_BAM32 / 4294967296.0 * 6.283185307179586;
+    const body_state_t one = tour(coefficients, left_mv, right_mv);
+    setUp();
+    state.heading_bam32 = TURNED_BAM32;
+    run(coefficients, left_mv, right_mv, 400);
+    run(coefficients, left_mv, (int16_t)-right_mv, 150);
+    const body_state_t other = run(coefficients, 0, 0, 100);
+    TEST_ASSERT_INT32_WITHIN(131072, one.motion.surge_mm_s_q17, other.motion.surge_mm_s_q17);
+    TEST_ASSERT_INT32_WITHIN(131072, one.motion.sway_mm_s_q17, other.motion.sway_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(one.motion.yaw_rate_mrad_s_q12, other.motion.yaw_rate_mrad_s_q12);
+    TEST_ASSERT_INT32_WITHIN(1000, (int32_t)(one.x_um * cos(angle) - one.y_um * sin(angle)), other.x_um);
+    TEST_ASSERT_INT32_WITHIN(1000, (int32_t)(one.x_um * sin(angle) + one.y_um * cos(angle)), other.y_um);
+}
+
+static void test_body_drives_alike_in_every_direction(void)
+{
+    assert_no_direction_is_special(COUPLED, 6000, 5000);
+    assert_no_direction_is_special(COUPLED, -6000, -5000);
+    assert_no_direction_is_special(PAPER, 6000, 5000);
+    assert_no_direction_is_special(PAPER, -6000, -5000);
+}
+
+static uint16_t crc_of_tour(const body_coefficients_t *coefficients)
+{
+    const body_state_t end = tour(coefficients, 6001, -4502);
+    const int32_t values[] = {end.x_um,
+                              end.y_um,
+                              (int32_t)end.heading_bam32,
+                              end.motion.surge_mm_s_q17,
+                              end.motion.sway_mm_s_q17,
+                              end.motion.yaw_rate_mrad_s_q12,
+                              end.x_rest_um_q12,
+                              end.y_rest_um_q12,
+                              end.motor[0].speed_mrad_s_q13,
+                              end.motor[1].speed_mrad_s_q13};
+    uint16_t crc = CRC_START;
+    for (size_t i = 0; i < sizeof values / sizeof values[0]; i++)
+        crc = crc_of_number(crc_of_number(crc, (uint16_t)values[i]), (uint16_t)((uint32_t)values[i] >> 16));
+    return crc;
+}
+
+/* Every brick has the same model to the bit. A change here changes every golden stream. */
+static void test_body_ends_its_tour_in_this_state_to_the_bit(void)
+{
+    TEST_ASSERT_EQUAL_HEX16(0x50C8, crc_of_tour(COUPLED));
+    TEST_ASSERT_EQUAL_HEX16(0x1400, crc_of_tour(PAPER));
+}
+
+static void test_body_has_coefficients_of_its_own_for_each_motor(void)
+{
+    body_coefficients_t weak = *PAPER;
+    weak.motor[1] = (motor_coefficients_t){0};
+    const body_state_t both = run(PAPER, 6000, 6000, 100);
+    setUp();
+    run(&weak, 6000, 6000, 100);
+    TEST_ASSERT_EQUAL_INT32(both.motor[0].speed_mrad_s_q13, state.motor[0].speed_mrad_s_q13);
+    TEST_ASSERT_EQUAL_INT32(0, state.motor[1].speed_mrad_s_q13);
+    weak = *COUPLED;
+    weak.motor[1] = (motor_coefficients_t){0};
+    setUp();
+    run(&weak, 6000, -6000, 100);
+    TEST_ASSERT_EQUAL_INT32(0, state.motion.yaw_rate_mrad_s_q12);
+}
+
+static void test_body_corrections_end_at_the_limits(void)
+{
+    for (int i = 0; i < 8; i++)
+        body_correct_surge(COUPLED, &state, BODY_SPEED_LIMIT_MM_S_Q17);
+    TEST_ASSERT_EQUAL_INT32(MOTOR_SPEED_LIMIT_MRAD_S_Q13, state.motor[0].speed_mrad_s_q13);
+    setUp();
+    for (int i = 0; i < 2; i++)
+        body_correct_surge(PAPER, &state, BODY_SPEED_LIMIT_MM_S_Q17);
+    TEST_ASSERT_EQUAL_INT32(BODY_SPEED_LIMIT_MM_S_Q17, state.motion.surge_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(BODY_SPEED_LIMIT_MM_S_Q17, state.velocity_x_mm_s_q17);
+    setUp();
+    state.heading_bam32 = 0x40000000U; /* a quarter turn: along y */
+    body_correct_surge(PAPER, &state, 131072);
+    TEST_ASSERT_INT32_WITHIN(4, 131072, state.velocity_y_mm_s_q17);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -212,5 +299,9 @@ int main(void)
     RUN_TEST(test_body_saturates_and_never_wraps);
     RUN_TEST(test_body_surge_takes_a_correction_and_keeps_it);
     RUN_TEST(test_body_heading_is_rounded_to_the_nearest);
+    RUN_TEST(test_body_drives_alike_in_every_direction);
+    RUN_TEST(test_body_ends_its_tour_in_this_state_to_the_bit);
+    RUN_TEST(test_body_has_coefficients_of_its_own_for_each_motor);
+    RUN_TEST(test_body_corrections_end_at_the_limits);
     return UNITY_END();
 }

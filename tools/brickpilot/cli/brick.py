@@ -14,7 +14,8 @@ def brick(options: tuple[str, ...]) -> None:
     """Runs the firmware as a brick on this machine until it is interrupted.
 
     OPTIONS: --pty, --serial PATH, --listen HOST:PORT, --slcan-pty or --slcan PATH. The first line that it prints is
-    the link that `brickpilot hil --link` takes.
+    the link that `brickpilot hil --link` takes. An address that other machines reach needs a token of 16 to 64 bytes
+    in the environment variable BRICKPILOT_TOKEN, here and where the link is opened.
     """
     from brickpilot.hil.brick_process import PROGRAM
 

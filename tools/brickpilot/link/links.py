@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import hmac
 import os
+import secrets
 import select
 import socket
 import struct
@@ -76,6 +79,11 @@ class WrappedLink:
 BUSY = b"another host has this link"
 """What a brick tells a second client before it ends the connection. The brick's process has the same words."""
 
+TOKEN = "BRICKPILOT_TOKEN"
+"""The environment variable with the token that both ends of a TCP connection are given, of 16 to 64 bytes."""
+ASKS = b"token "
+"""Begins the words with which a brick asks for the token; its challenge follows. hal/README.md says more."""
+
 
 def encode_frame(identifier: int, data: bytes) -> bytes:
     """Returns the frame that carries a message on a serial line; see hal/wire/frame."""
@@ -146,6 +154,8 @@ class StreamLink:
                 continue
             if block == BUSY:
                 raise LinkGoneError(BUSY.decode())
+            if block.startswith(ASKS):
+                raise LinkGoneError(f"the brick asks for a token: set {TOKEN}")
             frame = decode_frame(block)
             if frame is None:
                 self.damaged += 1
@@ -218,7 +228,7 @@ def open_serial(spec: str, port: str) -> Link:
 
 
 def open_tcp(spec: str, address: str) -> Link:
-    """Opens a TCP connection to `HOST:PORT`."""
+    """Opens a TCP connection to `HOST:PORT`, and proves the token of `TOKEN` where it is set."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise _bad(spec, "needs tcp:HOST:PORT, the port from 1 to 65535")
@@ -227,7 +237,40 @@ def open_tcp(spec: str, address: str) -> Link:
     except OSError as error:
         raise _bad(spec, f"has no connection: {error.strerror or error}") from error
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return StreamLink(connection)
+    try:
+        if token := os.environ.get(TOKEN):
+            _prove(spec, connection, os.fsencode(token))
+        return StreamLink(connection)
+    except (InputError, LinkGoneError):
+        connection.close()
+        raise
+
+
+def _prove(spec: str, connection: socket.socket, token: bytes) -> None:
+    """Proves to the brick that this end has the token, and checks that the brick has it. Raises InputError."""
+    asked = _words(spec, connection)
+    if not asked.startswith(ASKS):
+        raise _bad(spec, asked.decode(errors="replace"))
+    digits = secrets.token_hex(16).encode()
+
+    def proof(who: bytes) -> bytes:
+        return hmac.new(token, who + b" " + asked.removeprefix(ASKS) + digits, hashlib.sha256).hexdigest().encode()
+
+    connection.sendall(digits + proof(b"host"))
+    answer = _words(spec, connection)
+    if not hmac.compare_digest(answer, proof(b"brick")):
+        raise _bad(spec, "the token is wrong" if len(answer) == 64 else answer.decode(errors="replace"))
+
+
+def _words(spec: str, connection: socket.socket) -> bytes:
+    """Returns what the brick says before its first frame: words with a 0 round them."""
+    data = b""
+    try:
+        while data.count(b"\0") < 2 and len(data) < 256 and (chunk := connection.recv(64)):
+            data += chunk
+    except OSError:
+        raise _bad(spec, f"the brick asks for no token; {TOKEN} is set here") from None
+    return data.split(b"\0")[1] if data.count(b"\0") >= 2 else b"the brick does not ask for the token as this end does"
 
 
 def open_bus(spec: str, kind: str, channel: str | None) -> can.BusABC:
