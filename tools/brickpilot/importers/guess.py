@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
@@ -83,13 +84,13 @@ def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]
     """Returns each number that nobody stated and on which every speed or voltage rests, and a loud note on it."""
     bases, notes = [], []
     for stems, base, what, spoiled, form in (
-        (("wheel_angle", "angle"), "counts a turn", "how many counts a turn has", "speed", "COUNTS:rotation"),
-        (("duty",), "as full drive", "which number is full drive", "voltage", "FULL"),
+        (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
+        (("duty",), " as full drive", "which number is full drive", "voltage", "FULL"),
     ):
         scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
         if scaled:
             columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
-            bases.append(f"{number} {base}")
+            bases.append(f"{number}{base}")
             notes.append(
                 f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
                 f"is; state it with --map SIGNAL=COLUMN/{form}"
