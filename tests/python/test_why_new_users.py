@@ -14,6 +14,7 @@ from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.facts import weaker_side
 from brickpilot.data.gap import Gap
 from brickpilot.report import why_text
+from brickpilot.report.quantities import in_words
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from command import brickpilot
 from findings import RAMP, finding, measured
@@ -211,6 +212,22 @@ def pandas(columns: dict[str, np.ndarray]):  # type: ignore[no-untyped-def]
     import pandas as pd
 
     return pd.DataFrame(columns)
+
+
+@pytest.mark.parametrize(
+    ("share", "interval", "said"),
+    [
+        (0.057, (0.055, 0.059), "5.7 % (5.5 to 5.9 %)"),
+        (0.1213, (0.1182, 0.1246), "12.1 % (11.8 to 12.5 %)"),
+        (0.1213, (0.1082, 0.1346), "12.1 % (10.8 to 13.5 %)"),
+        (0.12, (0.03, 0.21), "12 % (3 to 21 %)"),
+        (0.12, (0.12, 0.12), "12.000000 % (12.000000 to 12.000000 %)"),
+    ],
+)
+def test_a_size_has_the_digits_that_its_interval_supports(
+    share: float, interval: tuple[float, float], said: str
+) -> None:
+    assert plain("".join(in_words(share, "1", interval))) == said
 
 
 def test_the_terminal_gets_all_of_it_only_when_asked() -> None:
