@@ -22,7 +22,7 @@ from brickpilot.data.audit.wiring_motion import Channels, Miswired
 from brickpilot.data.dataset import Dataset, channels_of
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.signals import Frame, Vehicle
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
 
@@ -132,18 +132,21 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
     Raises:
         InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
+        WorkFailedError: the disk is full; nor is anything then.
     """
     check_out(out)
     place = out.resolve()
     parent = next(folder for folder in place.parents if folder.is_dir())
     partial = parent / f".{place.name}.partial-{os.getpid()}"
     try:
-        partial.mkdir()
-        _fill(new, partial)
+        with disk_named(out):
+            partial.mkdir()
+            _fill(new, partial)
         read_back = dataset.read(partial)
         if new.frame is None:
             new = replace(new, **_framed(new, read_back))
-            _describe(new, partial)
+            with disk_named(out):
+                _describe(new, partial)
             read_back = dataset.read(partial)
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.is_dir():
