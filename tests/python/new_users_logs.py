@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from hidden import measure
 from hidden.manoeuvre import Manoeuvre, steps
 from hidden.recipe import Recipe
 from miswired_logs import COUNTS, FULL_V, ROBOTS
+from numpy.typing import NDArray
 
 STRAIGHT = (steps("straight", 6.0, (0.5, 5.5, 5.5), (5.0, 0, 0)),)
 FOUR = (
@@ -57,3 +58,13 @@ def write_log(
         began += float(time[-1]) + 0.009
         counted += [one[-1] for one in turns]
     file.write_text("\n".join([*rows, ""]))
+
+
+def rewire(file: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
+    """Changes the two columns of counts in a log, as (rows, 2): what another wiring, or another encoder, writes."""
+    head, *rows = file.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    counts = change(np.array([[float(one[3]), float(one[4])] for one in cells]))
+    for one, (left, right) in zip(cells, counts, strict=True):
+        one[3:5] = [f"{left:.0f}", f"{right:.0f}"]
+    file.write_text("\n".join([head, *map(",".join, cells), ""]))

@@ -86,3 +86,38 @@ def test_a_command_that_is_killed_twice_gives_the_same_bytes(folder: Path, alone
 @pytest.mark.campaign
 def test_a_command_that_is_killed_twenty_times_gives_the_same_bytes(folder: Path, alone: dict[str, bytes]) -> None:
     assert resumed(folder, "often", kills=20, seed=4) == alone
+
+
+def test_sigterm_ends_the_workers_at_once(folder: Path, tmp_path: Path) -> None:
+    """A part of many long runs goes on for longer than the two seconds."""
+    command = [str(PROGRAM), "campaign", "trial.toml", "--runs", "20000", "--jobs", "2", "--out", str(tmp_path / "out")]
+    program = subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
+    )
+    until = time.monotonic() + 60
+    while len(children(program.pid)) < 3 and time.monotonic() < until:  # two workers and their resource tracker
+        time.sleep(0.05)
+    time.sleep(2.0)  # they fly
+    begun = children(program.pid)
+    assert len(begun) >= 2
+    until = time.monotonic() + 2.0
+    program.terminate()
+    assert program.wait(timeout=2.0) == 128 + signal.SIGTERM
+    while any(map(is_alive, begun)) and time.monotonic() < until:
+        time.sleep(0.02)
+    alive = [child for child in begun if is_alive(child)]
+    for child in alive:
+        os.kill(child, signal.SIGKILL)
+    assert not alive
+
+
+def is_alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def children(process: int) -> list[int]:
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(process)], capture_output=True, text=True, check=False)
+    return [int(line) for line in found.stdout.split()]

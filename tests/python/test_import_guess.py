@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,10 @@ from brickpilot.errors import InputError
 from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.table import import_table
 from command import brickpilot
+from numpy.typing import NDArray
 from serial_logs import COUNTS, HEADER, driven, lines_of, write_log
+
+Vector = NDArray[np.float64]
 
 
 def test_the_commonest_log_is_guessed_in_one_command(tmp_path: Path) -> None:
@@ -67,6 +71,46 @@ def test_one_number_is_full_drive_of_both_sides_and_is_said_to_be_a_guess(tmp_pa
     signals = read(made.folder).signals
     assert signals["duty_left"].scale == signals["duty_right"].scale == 1 / 1000
     assert any("NOBODY SAID which number is full drive: 1000 IS A GUESS for pwmL and pwmR" in one for one in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("drive", "look", "formula"),
+    [
+        (lambda pwm: 1500 + 2 * pwm, "look like servo pulses of 1000 to 2000 us with 1500 at rest", "({}-1500)/500"),
+        (
+            lambda pwm: np.where(np.arange(len(pwm))[:, np.newaxis] < 9, 0, 1500 + pwm),
+            "look like servo",
+            "({}-1500)/500",
+        ),
+        (lambda pwm: 2 * pwm, "go up to 400, which is 400 of some drivers or 1000 of others", "{}/400"),
+        (lambda pwm: np.round(1.6 * pwm), "go up to 320, which is 400 of some drivers or 1000 of others", "{}/400"),
+    ],
+)
+def test_drives_of_an_odd_scale_are_asked_about(
+    drive: Callable[[Vector], Vector], look: str, formula: str, tmp_path: Path
+) -> None:
+    log = driven()
+    log[:, 1:3] = drive(log[:, 1:3])
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(log)])
+    words = ["import", "log.csv", "--guess", "--out", "set"]
+    asked = brickpilot(*words, cwd=tmp_path)
+    maps = [f"duty_{side}={formula.format(f'pwm{side[0].upper()}')}" for side in ("left", "right")]
+    assert (asked.returncode, asked.stderr.count("\n")) == (2, 1)
+    assert f"pwmL and pwmR {look}" in asked.stderr
+    assert f"state it, as --map '{maps[0]}' --map '{maps[1]}'" in asked.stderr
+    told = brickpilot(*words, "--map", maps[0], "--map", maps[1], cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert "full drive" not in told.stdout
+    duty = read(tmp_path / "set").runs[0].inputs["duty_left"]
+    assert 0.3 < np.abs(duty[9:]).max() <= 1.0
+
+
+def test_a_duty_of_4095_is_still_one(tmp_path: Path) -> None:
+    log = driven()
+    log[:, 1:3] = np.round(log[:, 1:3] * 10)
+    write_log(tmp_path / "log.csv", [HEADER, *lines_of(log)])
+    made = import_table([tmp_path / "log.csv"], tmp_path / "set", guessed=True)
+    assert read(made.folder).signals["duty_left"].scale == 1 / 4095
 
 
 def test_the_frame_follows_the_wheels(tmp_path: Path) -> None:

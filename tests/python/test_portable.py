@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 UNIX_ONLY = ("termios", "fcntl", "pty", "tty", "resource", "pwd", "grp")
-OF_A_LINK = ("can", "cantools", "cobs", "msgpack", "serial")
+OF_A_LINK = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
 
 # On Windows and macOS these do not exist either.
 LINUX_ONLY = ("sched_setscheduler", "sched_param", "SCHED_FIFO", "sched_getaffinity")
@@ -87,7 +87,12 @@ def test_a_mission_is_flown_without_them(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    [["hil", "--link", "tcp"], ["upload", "--link", "tcp:127.0.0.1:1"], ["import", "rcx", "tty", "--out", "x"]],
+    [
+        ["flash", "avr", "x.hex"],
+        ["hil", "--link", "tcp"],
+        ["upload", "--link", "tcp:127.0.0.1:1"],
+        ["import", "rcx", "tty", "--out", "x"],
+    ],
 )
 def test_a_link_without_its_libraries_is_refused_in_one_line(command: list[str], tmp_path: Path) -> None:
     done = python(f"from brickpilot.cli.main import main; main({command!r})", tmp_path)

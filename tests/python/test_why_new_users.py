@@ -14,11 +14,13 @@ from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.facts import weaker_side
 from brickpilot.data.gap import Gap
 from brickpilot.report import why_text
+from brickpilot.report.quantities import in_words
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from command import brickpilot
 from findings import RAMP, finding, measured
 from hidden.manoeuvre import steps
-from new_users_logs import FOUR, MANY, STRAIGHT, WEAK_RIGHT, stated, write_log
+from miswired_logs import ROBOTS
+from new_users_logs import FOUR, MANY, STRAIGHT, WEAK_RIGHT, rewire, stated, write_log
 
 WEAK_LEFT = {"motor_asymmetry": {"difference": -WEAK_RIGHT["motor_asymmetry"]["difference"]}}
 PERCENT = r"(\d+(?:\.\d+)?)\s%"
@@ -120,6 +122,58 @@ def test_data_that_contradict_themselves_are_said_to_before_all_else(tmp_path: P
     assert found.todo[0] == "Mend the wiring, or state the log otherwise."
 
 
+LEFT, RIGHT = (f"--map wheel_angle_{side}=enc_{side}" for side in ("left", "right"))
+REWIRED = {
+    "swapped": (lambda counts: counts[:, ::-1], "The left and the right encoder are swapped (",
+                "--map wheel_angle_left=enc_right/960:rotation --map wheel_angle_right=enc_left/960:rotation"),
+    "reversed": (lambda counts: counts * [-1, 1], "The left encoder counts backwards (", f"{LEFT}/-960:rotation"),
+    "dead": (lambda counts: 0 * counts, "Both encoders stand still while the gyro turns (", ""),
+    "1440": (lambda counts: np.floor(1.5 * counts), "1440 counts a turn fit, 960 do not: ",
+             f"{LEFT}/1440:rotation {RIGHT}/1440:rotation"),
+}  # fmt: skip
+"""What is wrong -> what it does to the counts, how the answer begins, and the options that mend it."""
+
+
+@pytest.mark.parametrize(("robot", "fault"), [(robot, fault) for robot in ROBOTS for fault in REWIRED])
+def test_wrong_wiring_is_the_first_line_with_what_mends_it(robot: str, fault: str, tmp_path: Path) -> None:
+    change, begins, options = REWIRED[fault]
+    write_log(tmp_path / "log.csv", robot, MANY, {})
+    rewire(tmp_path / "log.csv", change)
+    known = [*stated(robot), "--nominal", "battery_voltage=9", "--budget", "3"]
+    said = brickpilot("why", "log.csv", *known, "--out", "found", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    first = plain(said.stdout).splitlines()[0]
+    assert first.startswith(f"what is wrong: {begins}"), first
+    assert (f"To state it right: {options}. " in first) == bool(options)
+    assert ("mended here). " if options else "left out here). ") in first
+    if not options:
+        return
+    words = ["import", "log.csv", "--guess", "--split", "rests", *options.split(), *known[:-2], "--out", "right"]
+    assert "wiring: " not in brickpilot(*words, cwd=tmp_path).stdout
+    mended, right = (bp.read(tmp_path / folder).runs[0].outputs for folder in ("found/data", "right"))
+    np.testing.assert_allclose(mended["wheel_angle_left"], right["wheel_angle_left"], rtol=0.01)
+
+
+def test_who_says_so_keeps_the_wiring_as_it_is_stated(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.csv", "planar", MANY, {})
+    rewire(tmp_path / "log.csv", REWIRED["swapped"][0])
+    words = ["--as-wired", "--frame", "FRD", *stated("planar")]
+    said = brickpilot("why", "log.csv", *words, "--budget", "3", "--out", "found", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert "encoder" not in said.stdout.splitlines()[0]
+    page = (tmp_path / "found/why.html").read_text()
+    assert "kept as it is stated: The left and the right encoder are swapped (99." in page
+    told = (tmp_path / "found/data/dataset.toml").read_text()
+    assert "as_wired = true" in told
+    kept = bp.read(tmp_path / "found/data")
+    assert kept.wiring == ()
+    (tmp_path / "found/data/dataset.toml").write_text(told.replace("as_wired = true\n", ""))
+    mended = bp.read(tmp_path / "found/data")
+    assert mended.wiring[0].is_mended
+    for one, other in zip(kept.runs, mended.runs, strict=True):
+        np.testing.assert_allclose(one.raw_outputs["wheel_angle_left"], other.raw_outputs["wheel_angle_right"])
+
+
 def test_the_three_endings_and_a_cause(tmp_path: Path) -> None:
     data = measured(tmp_path / "set")
     found = {kind: why_text.answer(finding(data, kind), None) for kind in ("none", "named", "ambiguous", "unknown")}
@@ -158,6 +212,22 @@ def pandas(columns: dict[str, np.ndarray]):  # type: ignore[no-untyped-def]
     import pandas as pd
 
     return pd.DataFrame(columns)
+
+
+@pytest.mark.parametrize(
+    ("share", "interval", "said"),
+    [
+        (0.057, (0.055, 0.059), "5.7 % (5.5 to 5.9 %)"),
+        (0.1213, (0.1182, 0.1246), "12.1 % (11.8 to 12.5 %)"),
+        (0.1213, (0.1082, 0.1346), "12.1 % (10.8 to 13.5 %)"),
+        (0.12, (0.03, 0.21), "12 % (3 to 21 %)"),
+        (0.12, (0.12, 0.12), "12.000000 % (12.000000 to 12.000000 %)"),
+    ],
+)
+def test_a_size_has_the_digits_that_its_interval_supports(
+    share: float, interval: tuple[float, float], said: str
+) -> None:
+    assert plain("".join(in_words(share, "1", interval))) == said
 
 
 def test_the_terminal_gets_all_of_it_only_when_asked() -> None:

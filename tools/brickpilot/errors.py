@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import errno
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+
+_FULL = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT}
 
 
 class SimulationError(Exception):
@@ -44,6 +48,24 @@ class InputError(Exception):
         if field is not None:
             place += f" {field}:" if place else f"{field}:"
         super().__init__(" ".join(f"{place} {message}".strip().splitlines()))
+
+
+@contextmanager
+def disk_named(path: Path | str) -> Iterator[None]:
+    """Turns the error of a full disk, which names no file, into one line that does.
+
+    Args:
+        path: what is being written, as the user named it.
+
+    Raises:
+        WorkFailedError: the disk, the quota or a limit of sizes is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        raise WorkFailedError(f"{path}: {error.strerror}; nothing of it is written") from error
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

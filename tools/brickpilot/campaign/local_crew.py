@@ -11,11 +11,14 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
+import threading
 import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
@@ -49,8 +52,15 @@ class LocalCrew:
         self._jobs = jobs
         self._workers: list[_Worker] = []
         self._deaths: Counter[str] = Counter()
+        self._had_handler = True
 
     def __enter__(self) -> LocalCrew:
+        is_main = threading.current_thread() is threading.main_thread()
+        self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+        if not self._had_handler:
+            signal.signal(
+                signal.SIGTERM, _end
+            )  # else it ends this process alone, and each worker goes on with its part
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -65,6 +75,8 @@ class LocalCrew:
                 worker.process.kill()
                 worker.process.join()
         self._workers.clear()
+        if not self._had_handler:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def room(self) -> int:
         return self._jobs - sum(worker.part is not None for worker in self._workers)
@@ -122,6 +134,11 @@ class LocalCrew:
             raise WorkFailedError(f"part {part.key} ended its worker {DEATHS} times, last by {_how(exitcode)}")
 
 
+def _end(number: int, frame: object) -> None:
+    """Ends this process by way of each `with`, with the status that a shell gives a signal."""
+    sys.exit(128 + number)
+
+
 def _buried(worker: _Worker) -> _Worker:
     """Returns a worker after its end: one that closed its pipe and lives on is killed."""
     worker.pipe.close()
@@ -144,6 +161,8 @@ def _quiet_and_single_threaded() -> Iterator[None]:
     """Lets processes that start here have one thread of BLAS each, and leaves Ctrl-C to this process."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
+    if has_masks:
+        resource_tracker.ensure_running()  # the first worker would start it, and that lets Ctrl-C through again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if has_masks else set()  # a child keeps the mask
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:

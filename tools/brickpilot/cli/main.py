@@ -60,8 +60,8 @@ for command in COMMANDS:
     cli.add_command(whole_lines(command))
 
 
-LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "msgpack", "serial")
-"""What a link to a brick needs: the extra `hil` of the package installs them."""
+LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
+"""What a link to a brick, and `flash`, need: the extra `hil` of the package installs them."""
 
 
 def main(arguments: list[str] | None = None) -> Any:

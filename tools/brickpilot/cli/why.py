@@ -17,6 +17,7 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 @click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Default: guessed from a table, else FRD.")
 @click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable.")
 @click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")
+@click.option("--as-wired", is_flag=True, help="Mend nothing that looks wired wrongly: notes say what does.")
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/why-NAME.")
 @click.option(
     "--budget", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help="As in discover: the best so far."
@@ -27,7 +28,7 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 @as_json
 def why(
     logs: tuple[str, ...], vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...],
-    out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
+    as_wired: bool, out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Says why a robot does not do what the simulation does, from logs that import reads, or data sets, of one robot.
 
@@ -45,11 +46,16 @@ def why(
     words = [*(["--vehicle", vehicle] if vehicle else []), *(["--frame", frame] if frame else [])]
     for flag, values in (("--map", mapping), ("--nominal", nominal)):
         words += [word for value in values for word in (flag, value)]
-    words += [*([] if budget is None else ["--budget", f"{budget:g}"]), "--seed", str(seed)]
+    words += [
+        *(["--as-wired"] if as_wired else []),
+        *([] if budget is None else ["--budget", f"{budget:g}"]),
+        "--seed",
+        str(seed),
+    ]
     with progress_shown(as_json) as progress:
         found = public.why(
-            logs, vehicle=vehicle, frame=frame, mapping=mapping, nominal=parse_nominal(nominal), out=folder,
-            budget_s=budget, seed=seed, jobs=jobs, progress=progress,
+            logs, vehicle=vehicle, frame=frame, mapping=mapping, nominal=parse_nominal(nominal),
+            as_wired=as_wired, out=folder, budget_s=budget, seed=seed, jobs=jobs, progress=progress,
             command=shlex.join(["brickpilot", "why", *logs, *words]),
         )  # fmt: skip
     if as_json:

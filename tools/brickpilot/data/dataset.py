@@ -16,7 +16,7 @@ from scipy.ndimage import median_filter
 
 from brickpilot import catalogue
 from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
-from brickpilot.data.audit.wiring import mended, miswired
+from brickpilot.data.audit.wiring import mended, miswired, with_counts
 from brickpilot.data.audit.wiring_motion import Channels, Miswired
 from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
@@ -144,6 +144,7 @@ class Dataset(Result):
         initial: Mapping[str, Mapping[str, float]] | None = None,
         input_timing: InputTiming | None = None,
         floats: bool = False,
+        as_wired: bool = False,
         name: str = "frames",
     ) -> Dataset:
         """Returns a data set of DataFrames, checked as `read` checks files.
@@ -163,6 +164,7 @@ class Dataset(Result):
             initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; what is
                 absent is taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
+            as_wired: nothing is mended that looks swapped, reversed or scaled wrongly.
             floats: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
@@ -180,7 +182,11 @@ class Dataset(Result):
         2   0.2      6.0  3.142
         """
         stated: dict[str, Any] = {"name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal}
-        stated |= {"input_timing": input_timing, "gap_s": None if isinstance(gap_s, Mapping) else gap_s}
+        stated |= {
+            "as_wired": as_wired,
+            "input_timing": input_timing,
+            "gap_s": None if isinstance(gap_s, Mapping) else gap_s,
+        }
         pauses = gap_s if isinstance(gap_s, Mapping) else None
         of_runs = {"role": roles, "gap_s": pauses, "replicate_of": replicate_of, "initial": initial}
         toml = tables(frames, signals, {key: values for key, values in of_runs.items() if values is not None}, stated)
@@ -299,7 +305,9 @@ def _checked(
 ) -> Dataset:
     """Returns the data set whose runs' columns `columns` reads, audited."""
     measured = [_run(entry, description, columns) for entry in description.runs]
-    wiring, wired = _wired(measured, description)
+    wiring, guessed, wired = _wired(measured, description)
+    kept = [f"kept as it is stated: {one.sentence}" for one in wiring if description.as_wired]
+    wiring = () if description.as_wired else wiring
     runs, damaged, damage = _audited(wired, description)
     order = [run.name for run in runs]
     whole = [
@@ -321,10 +329,10 @@ def _checked(
         runs=runs,
         gap_s=description.gap_s,
         faults=faults,
-        notes=(*(f"wiring: {one.sentence}" for one in wiring), *description.notes, *damage, *fewer),
+        notes=(*(f"wiring: {one.sentence}" for one in wiring), *kept, *description.notes, *damage, *fewer),
         input_timing=description.input_timing,
         wiring=wiring,
-        guessed=description.guessed,
+        guessed=guessed,
     )
     if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
         raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")
@@ -401,21 +409,28 @@ def channels_of(run: Run) -> Channels:
     return Channels(run.time, run.inputs, run.raw_outputs)
 
 
-def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], list[Run]]:
-    """Returns what is wired wrongly in all runs, and the runs with what is sure of it mended."""
+def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
+    """Returns what is wired wrongly in all runs, the guesses after it, and the runs with what is sure of it mended."""
     channels = [channels_of(run) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = miswired(channels, nominal)
+    if description.as_wired:
+        return tuple(replace(one, is_open=True) for one in found), description.guessed, runs
+    found, guessed = with_counts(found, description.guessed)
     if not any(one.is_mended for one in found):
-        return found, runs
+        return found, guessed, runs
     right = [mended(one, found) for one in channels]
     for one in right:
         for values in (one.time, *one.inputs.values(), *one.outputs.values()):
             values.setflags(write=False)
-    return found, [
-        replace(run, time=one.time, inputs=one.inputs, outputs=one.outputs, raw_outputs=one.outputs)
-        for run, one in zip(runs, right, strict=True)
-    ]
+    return (
+        found,
+        guessed,
+        [
+            replace(run, time=one.time, inputs=one.inputs, outputs=one.outputs, raw_outputs=one.outputs)
+            for run, one in zip(runs, right, strict=True)
+        ],
+    )
 
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:

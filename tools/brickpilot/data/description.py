@@ -21,7 +21,7 @@ from brickpilot.errors import InputError
 Role = Literal["fit", "held_out"]
 Sampling = Literal["instant", "mean"]
 
-_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "runs"}
+_TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "as_wired", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
@@ -88,6 +88,7 @@ class Description:
     runs: tuple[RunEntry, ...]
     notes: tuple[str, ...]
     guessed: tuple[str, ...] = ()
+    as_wired: bool = False
 
 
 def describe(path: Path) -> Description:
@@ -134,6 +135,7 @@ def described(toml: TomlFile) -> Description:
         runs=runs,
         notes=tuple(_notes(data, signals)),
         guessed=tuple(_guessed(toml, data.get("guessed", []))),
+        as_wired=_switch(toml, ("as_wired",), data.get("as_wired", False)),
     )
 
 
@@ -170,9 +172,13 @@ def _layout(toml: TomlFile) -> CsvFormat:
     delimiter, header = table.get("delimiter", ","), table.get("header", True)
     if delimiter not in DELIMITERS:
         toml.refuse(("csv", "delimiter"), f"{delimiter!r} is not one of comma, semicolon, tab, blank and bar")
-    if not isinstance(header, bool):
-        toml.refuse(("csv", "header"), f"{header!r} is neither true nor false")
-    return CsvFormat(delimiter, header)
+    return CsvFormat(delimiter, _switch(toml, ("csv", "header"), header))
+
+
+def _switch(toml: TomlFile, key: Key, value: object) -> bool:
+    if not isinstance(value, bool):
+        toml.refuse(key, f"{value!r} is neither true nor false")
+    return value
 
 
 def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal]:

@@ -273,8 +273,8 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
         why = f"It predicts worse by {worse:.1f}, where {numbers.CHANCE_NATS:.0f} is sure."
     left = max(found.judge.top - one.total, 0.0) / len(found.judge.data.measured)
     values = {name: value_of(explanation.model, name) for name in names}
-    gap = math.exp(min(left, _LARGEST_LOG))
-    return finding.Rank(explanation.names, values, gap, found.removed(explanation), why)
+    error = math.exp(min(left, _LARGEST_LOG))
+    return finding.Rank(explanation.names, values, error, found.removed(explanation), why)
 
 
 def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, finding.Visible]:

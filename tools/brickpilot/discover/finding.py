@@ -218,14 +218,15 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        gap: how many times noise its error is on stretches left out, by their density.
+        prediction_error: how many times noise its error is on stretches left out, by their density; no gap, which is
+            an rms over whole runs.
         removed: the share of the way from the nominal model to noise that it goes, 0..1.
         why: a sentence on why it was taken or lost.
     """
 
     names: tuple[str, ...]
     parameters: Mapping[str, float]
-    gap: float
+    prediction_error: float
     removed: float
     why: str
 
@@ -400,8 +401,8 @@ class Finding(Result):
         import pandas
 
         if table == "ranking":
-            ranks = [(" + ".join(one.names), one.gap, one.removed, one.why) for one in self.ranking]
-            return pandas.DataFrame(ranks, columns=["effects", "gap", "removed", "why"])
+            ranks = [(" + ".join(one.names), one.prediction_error, one.removed, one.why) for one in self.ranking]
+            return pandas.DataFrame(ranks, columns=["effects", "prediction_error", "removed", "why"])
         nothing = (float("nan"), float("nan"))
         rows = [
             (effect.name, effect.claimed, effect.confidence, name, one.value, one.unit, *(one.ci95 or nothing))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 
 
 def plain_name(name: str) -> str:
@@ -21,15 +21,17 @@ def write(contents: Mapping[Path, bytes]) -> None:
 
     Raises:
         InputError: one cannot be written.
+        WorkFailedError: the disk is full.
     """
     beside = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in contents}
     path = Path()
     try:
         for path, content in contents.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
             if path.is_dir():
                 raise InputError("is a folder, so no file can be written there", file=path)
-            beside[path].write_bytes(content)
+            with disk_named(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                beside[path].write_bytes(content)
         for path in contents:
             beside[path].replace(path)
     except OSError as error:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
+from brickpilot.errors import disk_named
 from brickpilot.export import files, fmu_description, fmu_sources
 from brickpilot.export.fmu_variables import variables
 from brickpilot.vehicle.model import Model
@@ -78,7 +79,7 @@ def _token(sources: Mapping[str, bytes], table: str) -> str:
 
 
 def _compiled(content: Mapping[str, bytes]) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, disk_named(folder):
         for name, text in content.items():
             path = Path(folder, name)
             path.parent.mkdir(parents=True, exist_ok=True)

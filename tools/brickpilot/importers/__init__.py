@@ -50,11 +50,15 @@ INPUT_TIMING = Option(
     choices=("held", "linear", "unknown"),
     default="held",
 )
+AS_WIRED = Option(
+    "as_wired", "--as-wired", "Mends nothing that looks swapped, reversed or scaled wrongly: notes say what does.",
+    default=False,
+)  # fmt: skip
 RATE = Option(
     "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
 )
 CUT = Option("cut", "--cut", "Read a file that ends inside a record, up to there.", default=False)
-CHANNELS = (MAP, VEHICLE, FRAME, RATE, SPLIT, CUT)
+CHANNELS = (MAP, VEHICLE, FRAME, AS_WIRED, RATE, SPLIT, CUT)
 
 IMPORTERS = (
     Importer(
@@ -72,7 +76,7 @@ IMPORTERS = (
         suffixes=(".mat",),
         help="MATLAB .mat files, v4 to v7.3.",
         example="matlab DATA.mat --vehicle motor --map time=t --map voltage=vir --map position=qm --out axis",
-        options=(MAP, VEHICLE, FRAME),
+        options=(MAP, VEHICLE, FRAME, AS_WIRED),
     ),
     Importer(
         kind="table",
@@ -81,7 +85,7 @@ IMPORTERS = (
         suffixes=(".csv", ".tsv", ".txt", ".log", ".dat"),
         help="Tables of numbers in text files: CSV, blanks, tabs, serial logs.",
         example="table log.csv --guess --split rests --out bench",
-        options=(MAP, VEHICLE, FRAME, DELIMITER, HEADER, GUESS, SPLIT, INPUTS, INPUT_TIMING),
+        options=(MAP, VEHICLE, FRAME, AS_WIRED, DELIMITER, HEADER, GUESS, SPLIT, INPUTS, INPUT_TIMING),
     ),
     Importer(
         kind="wpilog",
@@ -136,7 +140,7 @@ IMPORTERS = (
         suffixes=(".parquet", ".pq"),
         help="Tables in Parquet files.",
         example="parquet drive.parquet --vehicle motor --map time=t --map voltage=u --map speed=w:rpm --out bench",
-        options=(MAP, VEHICLE, FRAME, SPLIT),
+        options=(MAP, VEHICLE, FRAME, AS_WIRED, SPLIT),
     ),
     Importer(
         kind="rcx",

@@ -38,6 +38,7 @@ class ChannelImporter(Protocol):
             or else the SI unit.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
+        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
         rate: rows per second; None: the rows are the samples of the fastest output.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
         cut: whether a file that ends inside a record is read up to there.
@@ -54,6 +55,7 @@ class ChannelImporter(Protocol):
         *,
         vehicle: Vehicle,
         frame: Frame | None = None,
+        as_wired: bool = False,
         rate: str | None = None,
         split: Sequence[str] = (),
         cut: bool = False,
@@ -81,6 +83,7 @@ def channel_importer(read: Reader) -> ChannelImporter:
         *,
         vehicle: Vehicle,
         frame: Frame | None = None,
+        as_wired: bool = False,
         rate: str | None = None,
         split: Sequence[str] = (),
         cut: bool = False,
@@ -110,6 +113,7 @@ def channel_importer(read: Reader) -> ChannelImporter:
             notes,
             common_scalings([log.signals for log in logs], files),
             sources=sources,
+            as_wired=as_wired,
         )
         return write(new, out, files[0])
 

@@ -32,6 +32,8 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
+_ODD_FULL = (300.0, 400.0)  # the largest values of drives that may be of 400 as well as of 1000
+_SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
 _TURN_RATE = 12.0  # what turns faster than so many rad/s is logged in deg/s
 _RAW_GYRO = 131.0  # counts per deg/s of the commonest sensor at its finest range
 _GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
@@ -145,15 +147,33 @@ def _time(column: Column) -> Taken | str:
     return Taken("time", column.name, unit, f"its name; a step is {usual:g}, so the unit is {unit}")
 
 
-def _duty(column: Column, both: Sequence[Column]) -> Taken:
+def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
     """One driver drives `both` sides, so one number is their full drive."""
     signal = f"duty_{column.side}" if column.side else "duty"
     largest = max(one.largest for one in both)
+    if all(_is_servo(one) for one in both):
+        return _asked(both, "look like servo pulses of 1000 to 2000 us with 1500 at rest", "({}-1500)/500")
+    if _ODD_FULL[0] < largest <= _ODD_FULL[1]:
+        return _asked(both, f"go up to {largest:g}, which is 400 of some drivers or 1000 of others", "{}/400")
     full = next((scale for scale in _FULL_SCALES if scale >= largest), largest)
     if "pwm" in column.words and all(one.whole for one in both) and full <= 255.0:
         full = 255.0
     reason = f"its name; values up to {largest:g}, so full drive is taken as {full:g}"
     return Taken(signal, column.name if full == 1.0 else f"{column.name}/{full:g}", "1", reason)
+
+
+def _is_servo(column: Column) -> bool:
+    """Whether all values are pulses of a servo, but for a 0 where no pulse is sent."""
+    known = column.values[np.isfinite(column.values)]
+    sent = known[known != 0.0]
+    is_pulse = sent.size > 0 and _SERVO[0] <= sent.min() and sent.max() <= _SERVO[1]
+    return bool(is_pulse and (sent.size == known.size or _SERVO_REST in sent))
+
+
+def _asked(both: Sequence[Column], look: str, formula: str) -> str:
+    """Returns what has to be stated of drives that are not guessed."""
+    maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
+    return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
 
 
 def _battery(column: Column) -> Taken | str:

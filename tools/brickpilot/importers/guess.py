@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
@@ -62,6 +63,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
         vehicle = "diff_drive" if any(one.side for one in columns) else "motor"
     sources, reasons = dict(stated), {signal: "stated by --map" for signal in stated}
     left_out: list[str] = []
+    asked: list[str] = []
     driven = any(one.words & {"pwm", "duty"} for one in columns)
     for column in columns:
         found = taken_for(column, columns, driven)
@@ -69,11 +71,12 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
         if isinstance(found, str) or problem:
             if not any(column.name in one.text for one in stated.values()):
                 left_out.append(f"{column.name} is left out: {problem}")
+                asked += [found] if isinstance(found, str) and "--map 'duty" in found else []
             continue
         sources[found.signal] = Source(found.formula, found.unit)
         reasons[found.signal] = found.reason
     left_out += _one_input_set(sources, reasons, vehicle)
-    _check_found(table, sources)
+    _check_found(table, sources, asked)
     notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
     bases, loud = _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
     return Guess(sources, vehicle, reasons, (*notes, *loud, *left_out), tuple(bases))
@@ -83,13 +86,13 @@ def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]
     """Returns each number that nobody stated and on which every speed or voltage rests, and a loud note on it."""
     bases, notes = [], []
     for stems, base, what, spoiled, form in (
-        (("wheel_angle", "angle"), "counts a turn", "how many counts a turn has", "speed", "COUNTS:rotation"),
-        (("duty",), "as full drive", "which number is full drive", "voltage", "FULL"),
+        (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
+        (("duty",), " as full drive", "which number is full drive", "voltage", "FULL"),
     ):
         scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
         if scaled:
             columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
-            bases.append(f"{number} {base}")
+            bases.append(f"{number}{base}")
             notes.append(
                 f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
                 f"is; state it with --map SIGNAL=COLUMN/{form}"
@@ -129,10 +132,12 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
     return [f"{sources.pop(signal).text} is left out: {beside}" for signal in others]
 
 
-def _check_found(table: TextTable, sources: Mapping[str, Source]) -> None:
+def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
+    """Refuses a log without time, input or output; `asked`: what has to be stated of drives that are not guessed."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
         if kind not in kinds:
             message = f"finds no {'time' if kind == 'time' else f'complete {kind}'} among {known}; add --map {example}"
+            message = asked[0] if asked and kind == "input" else message
             raise InputError(message, file=table.file, line=table.first_line, field="--guess")

@@ -25,6 +25,7 @@ def import_matlab(
     *,
     vehicle: Vehicle,
     frame: Frame | None = None,
+    as_wired: bool = False,
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
@@ -37,6 +38,7 @@ def import_matlab(
             formula of them; ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
+        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
 
     Raises:
         InputError: naming file and variable, or the option. Nothing is written then.
@@ -56,6 +58,7 @@ def import_matlab(
         nominal or {},
         scalings=scalings,
         sources=sources,
+        as_wired=as_wired,
     )
     return write(new, out, files[0])
 

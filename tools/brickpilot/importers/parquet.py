@@ -27,6 +27,7 @@ def import_parquet(
     *,
     vehicle: Vehicle,
     frame: Frame | None = None,
+    as_wired: bool = False,
     split: Sequence[str] = (),
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
@@ -40,6 +41,7 @@ def import_parquet(
             time stamps or durations is in s, from its first value or as it stands.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
+        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
 
     Raises:
@@ -62,7 +64,7 @@ def import_parquet(
         notes += [f"{file.name}: {note}" for note in told]
     scalings = common_scalings(logs, files)
     new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings,
-                     sources=sources)  # fmt: skip
+                     sources=sources, as_wired=as_wired)  # fmt: skip
     return write(new, out, files[0])
 
 

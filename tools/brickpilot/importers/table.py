@@ -33,6 +33,7 @@ def import_table(
     *,
     vehicle: Vehicle | None = None,
     frame: Frame | None = None,
+    as_wired: bool = False,
     delimiter: str | None = None,
     header: bool = False,
     guessed: bool = False,
@@ -50,6 +51,7 @@ def import_table(
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; a column is its name, or its number from 0.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
+        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
         delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
@@ -83,7 +85,7 @@ def import_table(
         notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
     new = NewDataset(
         name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {}, notes, scalings,
-        found.reasons, input_timing, sources, found.guessed,
+        found.reasons, input_timing, sources, found.guessed, as_wired,
     )  # fmt: skip
     return write(new, out, files[0])
 

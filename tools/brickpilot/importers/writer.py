@@ -22,7 +22,7 @@ from brickpilot.data.audit.wiring_motion import Channels, Miswired
 from brickpilot.data.dataset import Dataset, channels_of
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.signals import Frame, Vehicle
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
 
@@ -76,6 +76,7 @@ class NewDataset:
         input_timing: what an input does between two rows.
         sources: signal -> where it stands in the log, for the options that mend a wrong wiring.
         guessed: what the importer guessed and everything rests on, such as "960 counts a turn".
+        as_wired: whether the data set says that no wiring is mended.
         frame: None: nobody states it, and it is the one that wheels, drives and yaw show, else FRD.
     """
 
@@ -91,6 +92,7 @@ class NewDataset:
     input_timing: InputTiming = "held"
     sources: Mapping[str, Source] = field(default_factory=dict)
     guessed: Sequence[str] = ()
+    as_wired: bool = False
 
 
 def check_out(out: Path) -> None:
@@ -130,18 +132,21 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
     Raises:
         InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
+        WorkFailedError: the disk is full; nor is anything then.
     """
     check_out(out)
     place = out.resolve()
     parent = next(folder for folder in place.parents if folder.is_dir())
     partial = parent / f".{place.name}.partial-{os.getpid()}"
     try:
-        partial.mkdir()
-        _fill(new, partial)
+        with disk_named(out):
+            partial.mkdir()
+            _fill(new, partial)
         read_back = dataset.read(partial)
         if new.frame is None:
             new = replace(new, **_framed(new, read_back))
-            _describe(new, partial)
+            with disk_named(out):
+                _describe(new, partial)
             read_back = dataset.read(partial)
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.is_dir():
@@ -169,13 +174,14 @@ def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
     if yaw is None or new.vehicle == "motor":
         return {"frame": "FRD"}
     nominal = {name: one.value for name, one in as_frd.nominal.items()}
-    turned = [_turned(channels_of(run)) for run in as_frd.runs]
+    channels = [channels_of(run) for run in as_frd.runs]
+    found = miswired(channels, nominal) if new.as_wired else as_frd.wiring
 
     def is_against(found: Sequence[Miswired]) -> bool:
         return any(one.kind == "sign" and yaw in one.mend for one in found)
 
     shown: Frame | None = (
-        "FLU" if is_against(as_frd.wiring) else "FRD" if is_against(miswired(turned, nominal)) else None
+        "FLU" if is_against(found) else "FRD" if is_against(miswired(list(map(_turned, channels)), nominal)) else None
     )
     if shown is None:
         note = f"the sign of {yaw} is not shown by the wheels: the frame is taken as FRD; see --frame"
@@ -222,6 +228,8 @@ def _description(new: NewDataset) -> str:
         document["input_timing"] = new.input_timing
     if new.guessed:
         document["guessed"] = list(new.guessed)
+    if new.as_wired:
+        document["as_wired"] = True
     document["csv"] = _inline({"delimiter": ",", "header": True})
     signals = tomlkit.table()
     for signal, unit in new.units.items():

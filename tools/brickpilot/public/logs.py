@@ -71,8 +71,9 @@ def import_log(
 
 def why(
     logs: Logs, *, vehicle: str | None = None, frame: str | None = None, mapping: Sequence[str] = (),
-    nominal: Mapping[str, float] | None = None, out: str | Path | None = None, budget_s: float | None = None,
-    seed: int = 0, jobs: int = 2, progress: Progress | None = None, command: str = "bp.why",
+    nominal: Mapping[str, float] | None = None, as_wired: bool = False, out: str | Path | None = None,
+    budget_s: float | None = None, seed: int = 0, jobs: int = 2, progress: Progress | None = None,
+    command: str = "bp.why",
 ) -> Why:  # fmt: skip
     """Says why a robot does not do what the simulation does, from logs that `import_log` reads, or data sets.
 
@@ -82,6 +83,7 @@ def why(
         frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
         mapping: what of a table stands where, as in `import_log`; the rest is guessed.
         nominal: parameter -> value in SI.
+        as_wired: nothing is mended that looks swapped, reversed or scaled wrongly.
         out: the folder to write with the page why.html; None: nothing is written.
         budget_s, seed, jobs, progress: as in `discover`.
         command: stands on the page as what repeats it.
@@ -106,7 +108,7 @@ def why(
     'nothing'
     """
     with _folder(out) as folder:
-        data, notes, mend = _read(logs, folder / _DATA, vehicle, frame, mapping, nominal)
+        data, notes, mend = _read(logs, folder / _DATA, vehicle, frame, mapping, nominal, as_wired)
         found = discover(data, seed=seed, jobs=jobs, budget_s=budget_s, progress=progress)
 
         def advised() -> list[Manoeuvre]:
@@ -152,7 +154,7 @@ def _terms(folder: Path) -> set[str]:
 
 def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
-    nominal: Mapping[str, float] | None,
+    nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
     """Returns the data set of logs, imported `into` a folder if they are none, its notes and what mends it."""
     if isinstance(logs, Dataset):
@@ -162,19 +164,19 @@ def _read(
         raise InputError("no log is given", field="LOG")
     are_sets = [(one / "dataset.toml").is_file() or one.name == "dataset.toml" for one in paths]
     if not any(are_sets):
-        made = _import(paths, into, vehicle, frame, mapping, nominal)
+        made = _import(paths, into, vehicle, frame, mapping, nominal, as_wired)
         return dataset_module.read(into), made.notes, made.mend
     if not all(are_sets):
         raise InputError("is a log, beside a data set: import it first", file=paths[are_sets.index(False)])
-    if mapping or nominal or vehicle or frame:
-        message = "a data set describes itself: --map, --nominal, --vehicle and --frame are for logs"
+    if mapping or nominal or vehicle or frame or as_wired:
+        message = "a data set describes itself: --map, --nominal, --vehicle, --frame and --as-wired are for logs"
         raise InputError(message, file=paths[0])
     return joined([dataset_module.read(one) for one in paths]), (), ""
 
 
 def _import(
     paths: Sequence[Path], into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
-    nominal: Mapping[str, float] | None,
+    nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> Imported:  # fmt: skip
     """Makes a data set of logs, with guesses where their kind allows them.
 
@@ -186,6 +188,7 @@ def _import(
             raise InputError("no such file", file=path)
     importer, _ = importer_and_files([str(one) for one in paths], None, IMPORTERS)
     asked: dict[str, Any] = {"vehicle": vehicle, "mapping": tuple(mapping)} | ({"frame": frame} if frame else {})
+    asked |= {"as_wired": True} if as_wired else {}
     has = {option.keyword for option in importer.options}
     asked |= ({"guessed": True} if "guessed" in has else {}) | ({"split": ("rests",)} if "split" in has else {})
     return import_log(paths, into, nominal=nominal, name=paths[0].stem, **asked)

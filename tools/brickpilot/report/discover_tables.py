@@ -132,7 +132,7 @@ def rank(one: Rank, model: Model) -> dict[str, Any]:
     return {
         "names": " + ".join(one.names) or "no effect",
         "values": _labelled(list(own), sizes) + _of_runs(one),
-        "gap": gap_text(one.gap),
+        "error": gap_text(one.prediction_error),
         "removed": percent(one.removed),
         "width": f"{100 * min(max(one.removed, 0.0), 1.0):.1f}",
         "why": one.why,

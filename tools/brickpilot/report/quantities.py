@@ -65,8 +65,7 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
     width = (ends[1] - ends[0]) / 2 if ends and all(math.isfinite(one) for one in ends) else 0.0
     value /= factor
     if width > 0:
-        size = math.floor(math.log10(width) + 1e-9)
-        decimals = (1 if width / 10**size < 2 - 1e-9 else 0) - size
+        decimals = _decimals(width)
     else:
         decimals = 2 - math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
 
@@ -80,17 +79,24 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
     return Shown(text(value), low, high, shown)
 
 
+def _decimals(half: float) -> int:
+    """Returns the decimals that half the width of an interval supports: two of its digits below 2, else one."""
+    size = math.floor(math.log10(half) + 1e-9)
+    return (1 if half / 10**size < 2 - 1e-9 else 0) - size
+
+
 def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -> tuple[str, str]:
     """Returns a size, and its interval behind it, for a sentence: "12 %" and " (12 to 13 %)", or nothing.
 
-    It has no more digits than tell the ends of its interval apart; a plain number is a share, in percent.
+    It has as many digits as in `quantity`; a plain number is a share, in percent.
     """
     per, shown = (0.01, "%") if unit == "1" else scaled(value, unit)
     ends = [one / per for one in ci95 or ()]
     suffix = f"{_SPACE}{shown}" if shown else ""
     if not ends or not all(math.isfinite(one) for one in ends):
         return f"{plain(float(f'{value / per:.2g}'))}{suffix}", ""
-    decimals = next((k for k in range(-3, 6) if round(ends[0], k) != round(ends[1], k)), 6)
+    half = (ends[1] - ends[0]) / 2
+    decimals = min(_decimals(half), 6) if half > 0 else 6
     text, low, high = (
         f"{round(one, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
         for one in (value / per, *ends)

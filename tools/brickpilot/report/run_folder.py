@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 from brickpilot.vehicle.flight import Flight
 
 try:
@@ -35,6 +35,7 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
 
     Raises:
         InputError: `out` is no folder, holds other files, or cannot be written.
+        WorkFailedError: the disk is full.
     """
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError("is not a folder, so no results can be written there", file=out)
@@ -43,18 +44,20 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         if others:
             raise InputError(f"holds other files, such as {others[0]}; name a new or an empty folder", file=out)
         made = not out.parent.exists()
-        out.parent.mkdir(parents=True, exist_ok=True)
-        _remove_left_over(out)
-        beside = Path(tempfile.mkdtemp(prefix=_prefix(out), dir=out.parent))
-        lock = _locked(beside)
+        with disk_named(out):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            _remove_left_over(out)
+            beside = Path(tempfile.mkdtemp(prefix=_prefix(out), dir=out.parent))
+            lock = _locked(beside)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=out) from error
     try:
-        yield beside
-        beside.chmod(0o755)
-        if out.exists():
-            shutil.rmtree(out)
-        beside.rename(out)
+        with disk_named(out):
+            yield beside
+            beside.chmod(0o755)
+            if out.exists():
+                shutil.rmtree(out)
+            beside.rename(out)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         if made and not any(out.parent.iterdir()):
@@ -97,15 +100,18 @@ def write_file(text: str, path: Path) -> None:
 
     Raises:
         InputError: it cannot be written.
+        WorkFailedError: the disk is full.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        with disk_named(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            beside.write_text(text, encoding="utf-8")
+            beside.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def write_log(columns: Mapping[str, Array], path: Path) -> None:

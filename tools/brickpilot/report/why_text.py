@@ -93,11 +93,11 @@ def answer(
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if wiring := finding.dataset.wiring:
         mended = all(one.is_mended for one in wiring)
-        said = " ".join(one.sentence for one in wiring)
-        what = f"{said} With that mended: {what}" if mended else f"These data contradict themselves: {said}"
+        said = " ".join([*(one.sentence for one in wiring), *([f"To state it right: {mend}."] if mend else [])])
+        without = "Without it" if all(one.kind == "frozen" for one in wiring) else "With that mended"
+        what = f"{said} {without}: {what}" if mended else f"These data contradict themselves: {said}"
         ending = "cause" if mended else "contradiction"
-        first = "Mend the wiring, or state the log otherwise"
-        todo = [f"{first}: {mend}." if mend else f"{first}.", *todo]
+        todo = ["Mend the wiring, or state the log otherwise. If all is wired as stated, say --as-wired.", *todo]
     sure, symptoms = _sure(finding), _symptoms(finding)
     if weaker is not None:
         sure = "The wheels themselves show it, without a model."

@@ -7,6 +7,7 @@ swaps and signs are right.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import erf, exp, log, pi, sqrt
 
 import numpy as np
@@ -28,6 +29,9 @@ from brickpilot.data.audit.wiring_motion import (
 _SIDES_FREE = 2.5  # ratio of the gains of two motors, of which one is weak
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
 _STEPS_S = (1e-4, 0.5)  # between samples, of a log that shows how a robot moves
+COUNTS_A_TURN = " counts a turn"
+"""The end of a guess of an encoder's counts."""
+
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
 
@@ -49,6 +53,22 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
             break  # what comes after rests on it
         runs = [mended(run, here) for run in runs]
     return tuple(found)
+
+
+def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tuple[Miswired, ...], tuple[str, ...]]:
+    """Returns the faults, and the guesses, where the counts a turn are one: they give way to lengths that are stated.
+
+    Args:
+        guessed: as in `Dataset.guessed`, such as "960 counts a turn".
+    """
+    base = next((one for one in guessed if one.endswith(COUNTS_A_TURN)), None)
+    odd = next((one for one in found if one.is_open and one.sure >= SURE), None)
+    if base is None or odd is None or odd.factor is None:
+        return tuple(found), tuple(guessed)
+    fits = f"{float(base.split()[0]) * odd.factor:.0f}{COUNTS_A_TURN}"
+    text = f"{fits} fit, {base.split()[0]} do not: {odd.text.partition(':')[0]}"
+    right = replace(odd, text=text, is_open=False)
+    return tuple(right if one is odd else one for one in found), tuple(fits if one is base else one for one in guessed)
 
 
 def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:

@@ -83,8 +83,9 @@ class Miswired:
     @property
     def sentence(self) -> str:
         sure = f"{100 * min(self.sure, 0.999):.3g} % sure"
+        done = "left out here" if self.kind == "frozen" else "mended here"
         text = self.text if "_" in self.text.split()[0] else f"{self.text[0].upper()}{self.text[1:]}"
-        return f"{text} ({sure}{', mended here' if self.is_mended else ''})."
+        return f"{text} ({sure}{f', {done}' if self.is_mended else ''})."
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,8 @@ class Motion:
     def dead(self) -> list[Miswired]:
         """Returns the encoders that count nothing."""
         if len(self.still) == 2:
-            text = f"both encoders stand still while {self.yaw} turns"
+            turns = "the gyro" if self.yaw == "yaw_rate" else self.yaw
+            text = f"both encoders stand still while {turns} turns"
             return [Miswired("frozen", self.still, text, 1.0, {name: Taken(name, np.nan) for name in self.still})]
         found = []
         for name in self.still:
