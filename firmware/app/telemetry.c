@@ -16,7 +16,7 @@ static uint8_t *put16(uint8_t *at, uint16_t value)
 /* The same of the numbers of a part: bytes 0 to 5. */
 static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t third)
 {
-    put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
+    (void)put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
 }
 
 /* By address: 32 bits as an argument make more code, and the RCX has hardly any left. */
@@ -104,7 +104,7 @@ void telemetry_heartbeat(const loop_state_t *state, message_t *message)
     const mode_state_t *const mode = &state->step.mode;
     uint8_t *const data = begin(message, WIRE_HEARTBEAT_FRAME_ID);
 
-    put16(put32(data, (const int32_t *)&state->tick), state->late_ticks);
+    (void)put16(put32(data, (const int32_t *)&state->tick), state->late_ticks);
     data[WIRE_HEARTBEAT_MODE_AT] = (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT) | mode->mode;
     data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(state->aborted);
 }

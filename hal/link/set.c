@@ -47,7 +47,7 @@ static bool crc_of_set_holds(const set_t *set, uint8_t wanted, uint16_t announce
     uint16_t crc;
 
     id[0] = (uint8_t)WIRE_SYNC_FRAME_ID;
-    id[1] = (uint8_t)(WIRE_SYNC_FRAME_ID >> 8);
+    id[1] = (uint8_t)((uint16_t)WIRE_SYNC_FRAME_ID >> 8);
     crc = crc_of_bytes(crc_of_bytes(CRC_START, id, 2), set->sync, UNCHECKED);
     for (uint8_t i = 0; i < SET_PARTS; i++, bit = (uint8_t)(bit << 1))
         if ((wanted & bit) != 0)

@@ -65,6 +65,6 @@ bool hal_link_read(message_t *message)
         return false;
     *message = bound->link_in[0];
     bound->link_in_size--;
-    memmove(bound->link_in, bound->link_in + 1, bound->link_in_size * sizeof *bound->link_in);
+    (void)memmove(bound->link_in, bound->link_in + 1, bound->link_in_size * sizeof *bound->link_in);
     return true;
 }

@@ -48,7 +48,7 @@ static mode_command_t command_now(void)
 
     if (!state.started) /* a session has begun: the host starts the mission */
         starting = false;
-    if (pressed & PANEL_PRGM) {
+    if ((pressed & PANEL_PRGM) != 0) {
         starting = false;
         command = running ? MODE_ABORT : MODE_RESET;
     } else if ((pressed & PANEL_VIEW) && !running) {

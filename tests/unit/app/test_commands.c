@@ -371,6 +371,14 @@ static void test_a_time_is_more_than_0(void)
     TEST_ASSERT_EQUAL_INT32(1, parameter(timeout, false, 0).value);
 }
 
+static void test_a_route_of_one_waypoint_in_force_is_confirmed_while_the_robot_drives(void)
+{
+    const uint16_t check = write_route(1);
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_OK, commit(true, 1, check).status);
+    loop.step.mode.mode = MODE_RUN;
+    TEST_ASSERT_EQUAL_UINT8(ROUTE_OK, commit(true, 1, check).status);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -389,5 +397,6 @@ int main(void)
     RUN_TEST(test_a_new_session_has_no_waypoint);
     RUN_TEST(test_a_reply_tells_mode_and_fault_and_its_spare_bytes_are_0);
     RUN_TEST(test_a_time_is_more_than_0);
+    RUN_TEST(test_a_route_of_one_waypoint_in_force_is_confirmed_while_the_robot_drives);
     return UNITY_END();
 }

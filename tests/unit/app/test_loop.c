@@ -369,6 +369,8 @@ static void test_loop_hands_every_reading_on(void)
     TEST_ASSERT_EQUAL_INT16(19, state.sensors.reference_speed_mm_s_q4);
     TEST_ASSERT_EQUAL_INT16(20, state.sensors.reference_yaw_rate_mrad_s);
     TEST_ASSERT_EQUAL_UINT16(8765, state.sensors.battery_mv);
+    TEST_ASSERT_EQUAL_HEX8(SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY,
+                           state.sensors.have);
 }
 
 static void test_loop_sends_a_whole_report_in_as_many_ticks_as_it_has(void)

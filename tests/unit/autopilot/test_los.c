@@ -169,14 +169,46 @@ static void test_los_begins_each_wait_from_nothing(void)
         TEST_ASSERT_EQUAL(LOS_BRAKE, state.phase);
     }
     robot.heading = TURN / 2.0;
+    robot.yaw_rate = 0.1; /* still at rest */
     step();
     for (int i = 0; i < 19; i++) {
         TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
         step();
     }
-    TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
+    robot.yaw_rate = 0.101;
+    step();
+    robot.yaw_rate = 0.1;
+    for (int i = 0; i < 19; i++) {
+        step();
+        TEST_ASSERT_EQUAL(LOS_TURN, state.phase);
+    }
     step();
     TEST_ASSERT_EQUAL(LOS_DRIVE, state.phase);
+}
+
+static void test_los_pivots_beyond_the_angle_and_not_at_it(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    set_route(AHEAD, 1);
+    for (int beyond = 0; beyond < 2; beyond++) {
+        signals_estimate_t estimate = estimated();
+        estimate.heading_bam16 = (uint16_t)(config.pivot_bam16 + beyond);
+        los_reset(&state);
+        los_step(&config, &route, &state, &estimate, &demand);
+        TEST_ASSERT_EQUAL(beyond ? LOS_BRAKE : LOS_DRIVE, state.phase);
+    }
+}
+
+static void test_los_leg_runs_from_one_waypoint_to_the_next(void)
+{
+    static const route_waypoint_t CORNER[] = {{500, 300}, {500, 1300}};
+    set_route(CORNER, 2);
+    step_at(450.0, 300.0, 90.0);
+    TEST_ASSERT_EQUAL_UINT8(1, state.waypoint);
+    step_at(480.0, 600.0, 90.0);
+    TEST_ASSERT_INT16_WITHIN(1, 20, (int16_t)fix_abs_u16(state.cross_track_mm));
+    step_at(500.0, 700.0, 90.0);
+    TEST_ASSERT_INT16_WITHIN(1, 0, state.cross_track_mm);
 }
 
 int main(void)
@@ -194,5 +226,7 @@ int main(void)
     RUN_TEST(test_los_turns_off_a_large_heading_error_at_rest);
     RUN_TEST(test_los_takes_the_ends_of_every_range);
     RUN_TEST(test_los_begins_each_wait_from_nothing);
+    RUN_TEST(test_los_pivots_beyond_the_angle_and_not_at_it);
+    RUN_TEST(test_los_leg_runs_from_one_waypoint_to_the_next);
     return UNITY_END();
 }

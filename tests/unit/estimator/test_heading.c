@@ -200,6 +200,8 @@ static void test_heading_learns_nothing_while_the_wheels_count(void)
     sensors.rotation_right--;
     run(20, 1);
     TEST_ASSERT_FALSE(estimate.at_rest);
+    run(20, HEADING_BLOCK_STEPS); /* the wheel stands where it stood */
+    TEST_ASSERT_TRUE(estimate.at_rest);
 }
 
 static void test_heading_learns_nothing_from_a_loud_gyro(void)
@@ -333,6 +335,24 @@ static void test_heading_compares_all_rates_of_a_block_and_begins_one_from_nothi
     TEST_ASSERT_TRUE(estimate.at_rest);
 }
 
+static void test_heading_turns_30_rad_to_3_parts_of_65536(void)
+{
+    run_driven(10000, 1);
+    const uint16_t before_bam16 = estimate.heading_bam16;
+    run_driven(10000, 1000);
+    TEST_ASSERT_INT16_WITHIN(3, 0, (int16_t)(uint16_t)(estimate.heading_bam16 - before_bam16 - 50767U));
+}
+
+static void test_heading_is_at_rest_up_to_the_rest_speed(void)
+{
+    predicted.motion.surge_mm_s_q17 = CONFIG->rest_speed_mm_s_q4 * 8192L;
+    run(20, HEADING_BLOCK_STEPS);
+    TEST_ASSERT_TRUE(estimate.at_rest);
+    predicted.motion.surge_mm_s_q17 += 8192;
+    run(20, 1);
+    TEST_ASSERT_FALSE(estimate.at_rest);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -363,5 +383,7 @@ int main(void)
     RUN_TEST(test_heading_leaves_the_models_yaw_rate_as_it_is);
     RUN_TEST(test_heading_counts_the_blind_time_from_the_last_reading);
     RUN_TEST(test_heading_compares_all_rates_of_a_block_and_begins_one_from_nothing);
+    RUN_TEST(test_heading_turns_30_rad_to_3_parts_of_65536);
+    RUN_TEST(test_heading_is_at_rest_up_to_the_rest_speed);
     return UNITY_END();
 }

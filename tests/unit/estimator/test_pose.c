@@ -92,6 +92,8 @@ static void test_pose_takes_the_reference_above_all(void)
     run(32 * 1234, 33, 1);
     TEST_ASSERT_EQUAL_INT32(-1234567, estimate.x_um);
     TEST_ASSERT_EQUAL_INT32(7654321, estimate.y_um);
+    TEST_ASSERT_EQUAL_INT16(0, state.x.rest_um_q5);
+    TEST_ASSERT_EQUAL_INT16(0, state.y.rest_um_q5);
 }
 
 static void test_pose_saturates(void)

@@ -367,6 +367,7 @@ static void test_speed_takes_turning_out_of_the_accelerometer_to_the_mm_s2(void)
     sensors.have = SENSOR_ACCELEROMETER;
     step(0);
     TEST_ASSERT_EQUAL_INT32(0, correction_mm_s_q17);
+    TEST_ASSERT_EQUAL_INT32(0, estimate.sway_travel_um_q5);
     sensors.accel_surge_mm_s2 = -30000;
     predicted.motion.sway_mm_s_q17 = 2000 * Q17;
     estimate.yaw_rate_mrad_s = 15000;
@@ -381,6 +382,16 @@ static void test_speed_takes_the_first_sample_at_rest_for_the_bias(void)
     estimate.at_rest = true;
     step(0);
     TEST_ASSERT_EQUAL_INT32(100L * 4096, state.bias.value);
+}
+
+static void test_speed_turns_felt_acceleration_into_speed_to_a_ten_thousandth(void)
+{
+    speed_config_t config = *CONFIG;
+    config.accel_gain_q15 = 32767;
+    sensors.have = SENSOR_ACCELEROMETER;
+    sensors.accel_surge_mm_s2 = 30000;
+    speed_step(&config, &state, &sensors, &predicted, &estimate);
+    TEST_ASSERT_INT32_WITHIN(350, 90 * (Q17 / 32768 * 32767), state.speed_mm_s_q17);
 }
 
 int main(void)
@@ -412,5 +423,6 @@ int main(void)
     RUN_TEST(test_speed_takes_a_jump_of_4096_mm_s_for_an_acceleration_and_no_more);
     RUN_TEST(test_speed_takes_turning_out_of_the_accelerometer_to_the_mm_s2);
     RUN_TEST(test_speed_takes_the_first_sample_at_rest_for_the_bias);
+    RUN_TEST(test_speed_turns_felt_acceleration_into_speed_to_a_ten_thousandth);
     return UNITY_END();
 }
