@@ -92,3 +92,9 @@ def test_the_wheel_runs_where_it_is_installed(wheel: Path, tmp_path: Path) -> No
     assert (figures["waypoints_reached"], figures["failure"]) == (8, None)
     assert (tmp_path / "flown" / "report.html").is_file()
     assert "coulomb_friction" in run(home / "bin" / "brickpilot", "effects", "friction")
+    (tmp_path / "own.toml").write_text(
+        'name = "own"\nvehicle = "diff_drive"\nprofile = "coupled"\n[parameters]\nmass = 1.0\n'
+    )
+    made = json.loads(run(home / "bin" / "brickpilot", "firmware", "--board", "avr", "--model", "own.toml", "--json"))
+    assert made["flight"]["waypoints_reached"] == 8
+    assert not list(packages.glob("brickpilot/sources/build"))

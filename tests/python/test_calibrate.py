@@ -357,3 +357,13 @@ def test_a_vehicle_that_diverges_from_every_start_is_refused(tmp_path, monkeypat
     diverges_where(monkeypatch, lambda model: True)
     with pytest.raises(InputError, match="diverges from every start"):
         fitted(tmp_path / "set", robot())
+
+
+def test_a_page_without_a_parameter_that_is_known_alone_has_no_column_of_noes(tmp_path):
+    found = fitted(tmp_path / "set", robot())
+    alone = {name: dataclasses.replace(one, ci95=None, identifiable=False) for name, one in found.parameters.items()}
+    assert not any(one.identifiable for one in alone.values())
+    page = calibrate_page(dataclasses.replace(found, parameters=alone))
+    assert "These data determine none of them alone" in page
+    assert ">identifiable</th>" not in page
+    assert ">identifiable</th>" in calibrate_page(found)

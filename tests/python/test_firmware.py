@@ -340,7 +340,9 @@ def test_a_robot_of_ones_own_flies_all_waypoints_with_its_rcx_image(name: str, s
     assert made["robot"]["length"]["value"] == pytest.approx(figures["acceptance_m"] * 2)
     assert "8 of 8 waypoints" in (folder / "README.md").read_text()
     if name == "small":  # 34.9 rad/s over 1024 counts are 34 + 21 / 256 mrad/s
-        assert "BOARD_GYRO = {512, 34, 21, false}" in (folder / "include/rcx/board.h").read_text()
+        wiring = (folder / "include/rcx/board.h").read_text()
+        assert "BOARD_GYRO = {512, 34, 21, false}" in wiring
+        assert "120 counts a turn of the wheel. Forward counts up." in wiring
         again = subprocess.run(["sh", folder / "build.sh", ROOT], capture_output=True, text=True, check=False)
         assert again.returncode == 0, again.stderr
         for file in ("brickpilot.lx", "brickpilot.srec"):

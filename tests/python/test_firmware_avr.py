@@ -60,7 +60,9 @@ def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) 
     assert done.returncode == 0, done.stderr
     fly = json.loads(done.stdout)["fly"]
     assert fly == f"brickpilot hil --image {tmp_path / 'made/brickpilot.elf'} --model {model}"
-    assert "PER_COUNT_Q8 8725" in (tmp_path / "made/include/avr/board.h").read_text()  # a gyro of 1000 degrees/s
+    wiring = (tmp_path / "made/include/avr/board.h").read_text()
+    assert "PER_COUNT_Q8 8725" in wiring  # a gyro of 1000 degrees/s
+    assert "every edge counts, 120 counts a turn of the wheel." in wiring
     flown = hil(*fly.split()[2:], cwd=tmp_path)
     figures = json.loads(flown.stdout)
     assert (flown.returncode, figures["waypoints_reached"], figures["link"]) == (0, 8, "avr:328p-rotation"), (

@@ -226,7 +226,7 @@ def test_a_notebook_shows_each_result_with_all_text_escaped(results: list[Any]) 
         assert all(str(name) in shown for name in result.to_frame().columns) or isinstance(result, bp.Flown)
     finding = results[1]
     assert str(escape(discover_text.verdict(finding))) in finding._repr_html_()
-    assert list(finding.to_frame("ranking").columns) == ["effects", "gap", "removed", "why"]
+    assert list(finding.to_frame("ranking").columns) == ["effects", "prediction_error", "removed", "why"]
     with pytest.raises(TypeError, match="str is no result of brickpilot"):
         bp.to_html(SCRIPT)
 

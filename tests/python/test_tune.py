@@ -16,7 +16,7 @@ from brickpilot.tune import flying, search, space
 from brickpilot.tune import judge as judging
 from brickpilot.tune import problem as problems
 from brickpilot.tune.judge import JUDGE, judge, rate
-from brickpilot.tune.page import page
+from brickpilot.tune.page import page, sentence
 from brickpilot.tune.problem import Outcome, Scale, score
 from brickpilot.tune.tune import SCALE, to_json, tune
 from brickpilot.vehicle import gains, model, scenario
@@ -42,6 +42,7 @@ def test_a_poor_start_is_made_good_for_robots_that_the_search_has_not_flown(poor
     assert judged.rate_after.successes > 0.9 * tuned.JUDGES
     assert judged.better
     assert not poor.kept_start
+    assert sentence(poor).endswith(" The share of robots that arrive and score got better.")
     assert dict(poor.gains) == dict(poor.found) != dict(poor.problem.start)
     for name, low, high in zip(poor.space.names, poor.space.low, poor.space.high, strict=True):
         assert low <= poor.found[name] <= high

@@ -61,7 +61,7 @@ def firmware(
     the effects of the model file. A value that a fixed-point format cannot hold is an error that names it and its
     range. DIR gets the image, robot.toml with every value and where it is from, the generated headers, build.sh to
     build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line and exit
-    status 1. It needs a checkout of the project in this folder or above it.
+    status 1. It builds a checkout of the project in this folder or above it, else what the package holds of it.
     """
     from brickpilot.public import making
 

@@ -17,7 +17,7 @@ from brickpilot import compiled
 from brickpilot.firmware import boards, headers, ranges
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import Robot
-from brickpilot.hil.checkout import checkout
+from brickpilot.hil.checkout import sources
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ClosedLoop:
         """Returns the library for `flight.Plan.firmware`. It is compiled once in each process, and removed at its end.
 
         Raises:
-            InputError: no checkout here.
+            InputError: the firmware's sources are not there.
             WorkFailedError: the compiler fails.
         """
         return _compiled(self)
@@ -46,16 +46,16 @@ def of(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
     """Returns the closed loop of a robot on a board, with its sensors.
 
     Raises:
-        InputError: no checkout here; a value that a format cannot hold.
+        InputError: the firmware's sources are not there; a value that a format cannot hold.
     """
-    flags = boards.flags_of(board, sensors, checkout())
-    constants = {"app/params_gen.h": ranges.header(robot, boards.step_of(flags)), **headers.of_model(robot, checkout())}
+    flags = boards.flags_of(board, sensors, sources())
+    constants = {"app/params_gen.h": ranges.header(robot, boards.step_of(flags)), **headers.of_model(robot, sources())}
     return ClosedLoop(tuple(constants.items()), tuple(flag for flag in flags if flag.startswith("-D")))
 
 
 @cache
 def _compiled(loop: ClosedLoop) -> Path:
-    root, folder = checkout(), Path(tempfile.mkdtemp(prefix="brickpilot-loop-"))
+    root, folder = sources(), Path(tempfile.mkdtemp(prefix="brickpilot-loop-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for name, text in loop.headers:
         (folder / name).parent.mkdir(exist_ok=True)

@@ -18,6 +18,7 @@ _AXIS = re.compile(
     r"(static const board_axis_t BOARD_(GYRO|SURGE|SWAY) = \{\d+, )\d+, \d+(, (?:true|false)\};)(?: /\* range: .*\*/)?"
 )
 _PER_COUNT_Q8 = re.compile(r"(#define BOARD_(GYRO|SURGE|SWAY)_PER_COUNT_Q8 )\d+(?: /\*.*\*/)?")
+_COUNTS = re.compile(r"\d+ edges a turn of the wheel|16 counts per turn, geared up 1:3 from the wheel")
 _BITS = re.compile(r"(#define MOTOR_VOLTAGE_BITS )\d+")
 _BATTERY = re.compile(r"(#define BOARD_BATTERY_FULL_MV )(\d+)")
 LIMITS = "model/limits.h"
@@ -69,7 +70,7 @@ static const route_waypoint_t MISSION[] = {{
 
 
 def _wiring(text: str, robot: Robot) -> str:
-    """Returns the header of a port with the scales of this robot's sensors.
+    """Returns the header of a port with the scales of this robot's sensors, and its counts a turn in words.
 
     A count is one of 1024, over twice the range. The RCX's header has it as a whole part and 256ths, that of the AVR
     chips in 256ths.
@@ -80,6 +81,10 @@ def _wiring(text: str, robot: Robot) -> str:
     if len(found) != len(_RANGES) or max(q8.values()) > 65535:
         raise InputError("has no scales that can be written for another robot", file="board.h")
     text = _with_battery(text, robot)
+    turn = f"{robot.value('sensors', 'encoder', 'counts_per_turn'):g} counts a turn of the wheel"
+    text, said = _COUNTS.subn(turn, text)
+    if not said:
+        raise InputError("does not say how many counts a turn of the wheel has", file="board.h")
     text = _AXIS.sub(lambda axis: f"{axis[1]}{q8[axis[2]] // 256}, {q8[axis[2]] % 256}{axis[3]}", text)
     return _PER_COUNT_Q8.sub(lambda axis: f"{axis[1]}{q8[axis[2]]}", text)
 

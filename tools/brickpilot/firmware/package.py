@@ -14,7 +14,7 @@ import tomlkit
 from brickpilot.firmware import arduino, boards, headers, simulate, sources
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import OWN, Robot, entry
-from brickpilot.hil.checkout import checkout
+from brickpilot.hil.checkout import sources as project_sources
 from brickpilot.hil.fly import HilFlight
 from brickpilot.vehicle.flight import Plan
 
@@ -78,11 +78,11 @@ def make(order: Order, folder: Path) -> Made:
     """Writes constants, sources and image into `folder`, and flies the robot with the same constants.
 
     Raises:
-        InputError: a value that a format cannot hold; no checkout here.
+        InputError: a value that a format cannot hold.
         WorkFailedError: a build fails, as where the image does not fit.
         SimulationError: the plant diverges.
     """
-    root = checkout("--board")
+    root = project_sources("--board")
     robot, board = order.robot, order.board
     flags = boards.flags_of(board, order.sensors, root)
     step = boards.step_of(flags)

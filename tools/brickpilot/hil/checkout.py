@@ -1,4 +1,4 @@
-"""Finds the checkout of the project, which has the firmware's sources, and runs its scripts."""
+"""Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import subprocess
 from pathlib import Path
 
 from brickpilot.errors import InputError
+
+_MARK = "firmware/targets/h8sim/build"
+_PACKED = Path(__file__).parents[1] / "sources"
 
 
 def checkout(field: str | None = None) -> Path:
@@ -16,9 +19,23 @@ def checkout(field: str | None = None) -> Path:
     """
     here = Path.cwd()
     for folder in (here, *here.parents):
-        if (folder / "firmware/targets/h8sim/build").exists():
+        if (folder / _MARK).exists():
             return folder
     raise InputError("needs a checkout of the project in this folder or above it", field=field)
+
+
+def sources(field: str | None = None) -> Path:
+    """Returns the checkout of the project, or what an installed package holds of it: to read, and not to build in.
+
+    Raises:
+        InputError: there is neither.
+    """
+    try:
+        return checkout(field)
+    except InputError:
+        if (_PACKED / _MARK).exists():
+            return _PACKED
+        raise
 
 
 def script_output(script: str, *arguments: str, field: str | None = None) -> str:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from brickpilot.campaign import robots
+from brickpilot.report.discover_text import listed
 from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
 from brickpilot.report.quantities import number
 from brickpilot.report.template import render
@@ -58,7 +59,11 @@ def sentence(tuned: Tuned) -> str:
     )
     if tuned.kept_start:
         return f"{said} The gains found are not better beyond chance, so the gains before are kept."
-    return said
+    better = [one.name for one in tuned.judged.changes if one.robots and one.high < 0.0]
+    worse = [one.name for one in tuned.judged.changes if one.robots and one.low > 0.0]
+    more = ["the share of robots that arrive"] if after.low > before.high else []
+    told = [(listed([*more, *better]), "got better"), (listed(worse), "got worse")]
+    return " ".join([said, *(f"{names[0].upper()}{names[1:]} {verb}." for names, verb in told if names)])
 
 
 def percent(one: Rate) -> str:

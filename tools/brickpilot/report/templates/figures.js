@@ -76,7 +76,8 @@ function rounded(all, digit) { // of the ticks of a logarithmic axis those of on
 
 function shortened(text, pixels) {
   const most = Math.floor((pixels - 12) / 6.4);
-  return text.length <= most ? text : `${text.slice(0, most - 1)}…`;
+  const head = Math.ceil(most / 3);
+  return text.length <= most ? text : `${text.slice(0, head)}…${text.slice(head + 1 - most)}`; // its end tells rows apart
 }
 
 function shade(u, spec, panel) {
