@@ -21,7 +21,7 @@ from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
 from synthetic import robot, write
-from test_criterion import found_in, made
+from test_criterion import CHANCE, found_in, made
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
 STATED = "\n".join(f"{name} = {value}" for name, value in robot().parameters.items() if value and "per" not in name)
@@ -234,6 +234,13 @@ def test_what_leaves_too_much_is_no_answer(
     if weak:
         said = "The nominal model leaves too much" if kind == "named" else "30 % of the error of speed"
         assert said in found.steps[-1].why
+
+
+def test_a_nominal_model_that_is_refuted_stays_beside_what_stated_values_alone_speak_for() -> None:
+    flat = np.full(15, -40.0)
+    table = [made("", flat, surprise=20 * CHANCE), made("cogging", flat + 0.1, cost=90.0)]
+    found = verdict.adequate(found_in(table, 2.0), lambda one: LITTLE if one.names else MUCH)
+    assert (found.kind, found.best.names, [one.names for one in found.rivals]) == ("ambiguous", ("cogging",), [()])
 
 
 def test_what_a_refuted_explanation_contains_is_refuted() -> None:

@@ -98,7 +98,9 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
     weighed again, as long as those that stand hold weight beside it. Where none does, the verdict is `unknown`.
     """
     first, refuted = (verdict := weigh(found)), set[frozenset[str]]()
-    while failed := [one for one in (verdict.best, *verdict.rivals) if not left_of(one).is_adequate]:
+    while failed := [
+        one for one in (verdict.best, *verdict.rivals) if one.key not in refuted and not left_of(one).is_adequate
+    ]:
         refuted |= {one.key for one in failed}
         again = _among(found, refuted)
         if again is None:
