@@ -151,7 +151,8 @@ static void test_sine_and_arc_tangent_are_these_to_the_bit(void)
     uint16_t sines = CRC_START, tangents = CRC_START;
     for (uint32_t i = 0; i < 65536; i++) {
         sines = crc_of_number(sines, (uint16_t)trig_sin_q15((uint16_t)i));
-        tangents = crc_of_number(tangents, trig_atan2_bam16((int32_t)(i * 16381U), (int32_t)(i * 65521U) - 1000000000));
+        tangents =
+            crc_of_number(tangents, trig_atan2_bam16((int32_t)(i * 16381U), (int32_t)(i * 65521U - 1000000000U)));
     }
     TEST_ASSERT_EQUAL_HEX16(0x1FB8, sines);
     TEST_ASSERT_EQUAL_HEX16(0x14B5, tangents);

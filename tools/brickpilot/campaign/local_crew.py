@@ -57,10 +57,8 @@ class LocalCrew:
     def __enter__(self) -> LocalCrew:
         is_main = threading.current_thread() is threading.main_thread()
         self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-        if not self._had_handler:
-            signal.signal(
-                signal.SIGTERM, _end
-            )  # else it ends this process alone, and each worker goes on with its part
+        if not self._had_handler:  # without one SIGTERM ends this process alone, and each worker goes on
+            signal.signal(signal.SIGTERM, _end)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
