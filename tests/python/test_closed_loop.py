@@ -11,6 +11,7 @@ import pytest
 from brickpilot import compiled
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
+from brickpilot.hil import checkout as project
 from brickpilot.vehicle import flight
 from test_firmware import OWN, ROOT, write
 from test_gains import TUNED
@@ -47,6 +48,8 @@ def test_a_library_of_another_plant_is_refused(tmp_path: Path) -> None:
 
 
 def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor what an installed package holds of it."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(project, "_PACKED", tmp_path / "sources")
     with pytest.raises(InputError, match="needs a checkout of the project"):
         closed_loop.of(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")

@@ -34,17 +34,20 @@ def layouts(draw: st.DrawFn) -> dict[str, object]:
     samples = draw(st.integers(2, 12))
     steps = draw(st.lists(st.floats(1e-3, 10.0), min_size=samples, max_size=samples))
     columns = {name: draw(st.lists(cell, min_size=samples, max_size=samples)) for name in signals}
-    columns["time"] = np.cumsum(steps).tolist()
     columns[outputs[0]][0] = draw(number)
+    units = {name: draw(st.sampled_from(sorted(FACTORS[SIGNALS[name].unit]))) for name in signals}
+    scales = {
+        name: draw(st.sampled_from([1.0, 0.25, 3.0] if name == "time" else [1.0, -2.0, 1e-3])) for name in signals
+    }
+    # Steps of 1 ms to 10 s: of faster rows some would become one, see test_decimation.py.
+    columns["time"] = (np.cumsum(steps) / (FACTORS["s"][units["time"]] * scales["time"])).tolist()
     return {
         "frame": draw(st.sampled_from(["FLU", "FRD"])),
         "header": draw(st.booleans()),
         "delimiter": draw(st.sampled_from([",", ";", "\t", "|"])),
         "columns": columns,
-        "units": {name: draw(st.sampled_from(sorted(FACTORS[SIGNALS[name].unit]))) for name in signals},
-        "scales": {
-            name: draw(st.sampled_from([1.0, 0.25, 3.0] if name == "time" else [1.0, -2.0, 1e-3])) for name in signals
-        },
+        "units": units,
+        "scales": scales,
         "offsets": {name: draw(st.sampled_from([0.0, 5.0, -0.125])) for name in signals},
     }
 

@@ -204,7 +204,6 @@ def test_the_command_writes_gains_that_run_flies(tmp_path: Path) -> None:
         (("--model", "none.toml"), "none.toml: No such file or directory"),
         (("--model", "bench.toml", "--budget", "many"), "--budget many: needs a number of gain sets, as 200, or of"),
         (("--model", "bench.toml", "--budget", "1.5"), "--budget 1.5: needs a number of gain sets"),
-        (("--model", "bench.toml"), "needs a checkout of the project in this folder or above it"),
         (("--model", "bench.toml", "--board", "packaged", "--scenario", "spin_one_motor"), "is a manoeuvre"),
         (("--model", "bench.toml", "--scheduler", "here"), "--scheduler here: needs the address of a Dask scheduler"),
     ],

@@ -119,7 +119,7 @@ def test_data_that_contradict_themselves_are_said_to_before_all_else(tmp_path: P
     assert found.what.startswith(
         "These data contradict themselves: yaw_rate is 57.3 times what the wheels say (95 % sure)"
     )
-    assert found.todo[0] == "Mend the wiring, or state the log otherwise."
+    assert found.todo[0] == "Mend the wiring, or state the log otherwise. If all is wired as stated, say --as-wired."
 
 
 LEFT, RIGHT = (f"--map wheel_angle_{side}=enc_{side}" for side in ("left", "right"))

@@ -102,7 +102,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
         content = parquet.ParquetFile(file)
         top = [name for name in content.schema_arrow.names if is_wanted(name, texts)]
         table = content.read(columns=top)
-    except (arrow.ArrowException, OSError) as error:
+    except (arrow.ArrowException, OSError, UnicodeError) as error:
         raise InputError(f"is a damaged Parquet file: {error}", file=file) from error
     while any(arrow.types.is_struct(field.type) for field in table.schema):
         table = table.flatten()

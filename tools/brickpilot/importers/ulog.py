@@ -32,9 +32,10 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
             log = ULog(str(file))
         except Exception as error:  # pyulog raises any kind of error on a damaged file
             raise InputError(f"is a damaged ULog file: {error}", file=file) from error
-    damaged = log.file_corruption
+    damaged = log.file_corruption or any("timestamp" not in data.data for data in log.data_list)
     notes = ("some of its bytes are damaged and were left out",) if damaged else ()
-    channels = [one for data in log.data_list if is_wanted(data.name, texts) for one in _channels(data)]
+    timed = [data for data in log.data_list if "timestamp" in data.data]  # one whose definition is damaged has no time
+    channels = [one for data in timed if is_wanted(data.name, texts) for one in _channels(data)]
     return Log(file, {one.name: one for one in channels}, notes=notes, cut=not damaged and _is_cut(file.read_bytes()))
 
 
