@@ -62,4 +62,21 @@ static uint32_t open_div_u32(uint32_t dividend, uint16_t divisor)
     return quotient;
 }
 
+/* Sines, cosines and arc tangents: trig.c. */
+static int16_t open_cosine(uint16_t angle)
+{
+    int16_t any;
+    (void)angle;
+    ASSUME(any >= -32767);
+    return any;
+}
+
+static uint16_t open_angle(int32_t y, int32_t x)
+{
+    uint16_t any;
+    (void)y;
+    (void)x;
+    return any;
+}
+
 #endif

@@ -1,8 +1,7 @@
 /* The model, for every robot whose coefficients the generator admits. A coefficient is known here only by `most`: what it makes of the largest value that
  * it can meet. That more cannot come out follows from scale.c: a product grows with its value. The generator's condition (coefficients.py: prove_motor and
  * _fits) is `admitted`, in the firmware's integers; tests/proof/test_generator.py checks it on what the generator makes for drawn robots. */
-#include "contracts.h"
-#include "core/fix.h"
+#include "abstract.h"
 #include "core/trig.h"
 #include "model/body.h"
 
@@ -63,22 +62,6 @@ static int32_t open_scale(const scale_t *scale, int32_t value)
 static int32_t open_scale16(const scale_t *scale, int16_t value)
 {
     return open_scale(scale, value);
-}
-
-static int16_t open_cosine(uint16_t angle) /* trig.c */
-{
-    int16_t any;
-    (void)angle;
-    ASSUME(any >= -32767);
-    return any;
-}
-
-static uint16_t open_angle(int32_t y, int32_t x)
-{
-    uint16_t any;
-    (void)y;
-    (void)x;
-    return any;
 }
 
 #define scale_apply open_scale

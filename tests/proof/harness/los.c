@@ -1,24 +1,7 @@
-#include "contracts.h"
-#include "core/fix.h"
+#include "abstract.h"
 #include "core/trig.h"
 
 /* What trig.c and exhaustive.c show of these. */
-static int16_t open_cosine(uint16_t angle)
-{
-    int16_t any;
-    (void)angle;
-    ASSUME(any >= -32767);
-    return any;
-}
-
-static uint16_t open_angle(int32_t y, int32_t x)
-{
-    uint16_t any;
-    (void)y;
-    (void)x;
-    return any;
-}
-
 static uint16_t open_root(uint32_t value)
 {
     uint16_t any;

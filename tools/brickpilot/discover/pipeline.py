@@ -8,7 +8,7 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     in_closed_loop   -> Prepared      innovations take the residual's place, where a loop is around the data
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequate         -> Verdict       among what leaves nothing predictable; nothing does: `unknown` (verdict.py)
+    adequate         -> Verdict       of those that leave nothing predictable; if none: `unknown`    (verdict.py)
     prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)

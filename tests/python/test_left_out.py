@@ -1,0 +1,113 @@
+"""What an explanation predicts of a stretch without it, and what its values cost, against mathematics written here."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from brickpilot.discover import evidence
+from brickpilot.discover.evidence import Evidence
+from brickpilot.discover.explanation import Explanation
+from brickpilot.fit.problem import Problem
+from numpy.typing import NDArray
+from test_criterion import ODDS, Array, given
+
+
+class Line(Problem):
+    """Least squares of a straight model: what it predicts is linear in its coordinates."""
+
+    slopes: Array = np.zeros((0, 0))
+
+    def columns(self, point: Array, which: Any) -> Array:
+        return self.slopes[:, list(which)]
+
+    def simulated(self, point: Array) -> Array:
+        return np.asarray(self.slopes @ point)
+
+
+def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a linear problem with square loss one step is exact: no stretch is simulated."""
+    judge, places = given(stretches=10, each=8)
+    random, size = np.random.default_rng(3), len(judge.stretch)
+    slopes, truth = random.normal(size=(size, 3)), np.array([0.3, -0.2, 0.5])
+    measured = slopes @ truth + random.normal(size=size) * 0.3
+    data = dataclasses.replace(judge.data, measured=measured, threads=1)
+    free: list[Any] = [
+        SimpleNamespace(
+            name=f"x{k}", run="", reach=1e6, known=None, effect=None, bounds=lambda: (-1e6, 1e6), away=lambda x: x / 0.7
+        )
+        for k in range(3)
+    ]
+    plan: Any = SimpleNamespace(free=tuple(free), start=lambda: np.zeros(3), at=lambda point: point)
+    monkeypatch.setattr(evidence, "Problem", Line)
+    monkeypatch.setattr(Line, "slopes", slopes)
+    loss = SimpleNamespace(pseudo_huber=lambda x: SimpleNamespace(value=x, slope=np.ones_like(x)))
+    monkeypatch.setattr("brickpilot.fit.robust.pseudo_huber", loss.pseudo_huber)
+
+    def fitted(rows: NDArray[np.bool_]) -> Array:
+        """Returns the coordinates of a ridge regression on some of the values."""
+        weight = 1 / np.concatenate([np.full(p.stop - p.start, data.scales[n].size) for n, p in places.items()])
+        a = np.vstack([(slopes * weight[:, np.newaxis])[rows], np.eye(3) / 0.7])
+        return np.asarray(np.linalg.lstsq(a, np.append((measured * weight)[rows], np.zeros(3)), rcond=None)[0])
+
+    everything = fitted(np.ones(size, dtype=bool))
+    found = dataclasses.replace(judge, data=data).of_explanation(Explanation((), plan, everything, 0.0))
+    for stretch in range(judge.count):
+        here = judge.stretch == stretch
+        assert found.left_out[here] == pytest.approx(measured[here] - slopes[here] @ fitted(~here), abs=1e-5)
+    assert found.by_stretch == pytest.approx(judge.density(found.left_out))
+    assert found.away == pytest.approx(everything / 0.7, rel=1e-6)
+    assert found.away_slopes == pytest.approx(np.eye(3) / 0.7, rel=1e-6)
+    away = np.abs(everything / 0.7)
+    expected = -sum(min(x**2 / 2, -math.log(ODDS["common"])) for x in away)
+    assert found.log_prior(1.0) == pytest.approx(expected, rel=1e-6)
+
+
+def of_one_value(away: float, information: float, cost: float) -> Evidence:
+    """Returns the evidence of one parameter, of unit sd, that 20 values tell."""
+    unknown: Any = None
+    found = Explanation((), unknown, np.zeros(0), cost)
+    return Evidence(found, np.zeros(15), np.zeros(20), np.array([away]), np.eye(1), np.array([[information]]))
+
+
+def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
+    """The fit of the value to data that count by the temperature less, written down for one parameter."""
+    known, poor = of_one_value(2.0, 1e4, 10.0), of_one_value(2.0, 5.0, 10.0)
+    for found, information in ((known, 1e4), (poor, 5.0)):
+        assert found.log_prior(1.0) == pytest.approx(-2.0)
+        for temperature in (4.0, 40.0):
+            # data: information / 2 (x - data)^2, with the fit at 2; prior x^2 / 2
+            data = 2.0 + 2.0 / information
+            x = np.linspace(0.0, 2.0, 200_001)
+            losses = (information / 2 * (x - data) ** 2 - information / 2 * (2.0 - data) ** 2) / temperature + x**2 / 2
+            assert -found.log_prior(temperature) == pytest.approx(losses.min(), abs=1e-4)
+    assert -known.log_prior(40.0) > 1.95
+    assert -poor.log_prior(40.0) < 0.4
+    assert of_one_value(2.0, 5.0, 100.0).log_prior(4.0) == pytest.approx(poor.log_prior(40.0))
+
+
+@pytest.mark.parametrize(("away", "nats"), [([0.0, 0.0], 0.0), ([1.0, -2.0], 2.5), ([50.0], 3.0), ([50.0, 9.0], 6.0)])
+def test_a_value_that_was_stated_wrongly_costs_as_much_as_a_common_effect(away: list[float], nats: float) -> None:
+    assert evidence.surprise(np.array(away)) == pytest.approx(nats, abs=0.01)
+
+
+def test_a_step_without_a_stretch_is_damped_to_where_the_model_holds() -> None:
+    matrix, reach = np.diag([1e-6, 4.0]), np.ones(2)
+    free = np.array([[-9.0, -9.0], [9.0, 9.0]])
+    step, is_long = evidence._step(matrix, np.array([1e-3, 2.0]), reach, free)
+    assert is_long
+    assert 0 < step[0] < 1
+    assert step[1] == pytest.approx(0.5, abs=0.2)
+    assert evidence._step(matrix, np.array([1e-7, 2.0]), reach, free) == (pytest.approx([0.1, 0.5]), False)
+
+
+def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
+    """Two parameters of which the data tell the sum: one stops, and the other takes the whole step."""
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]]) + 1e-9 * np.eye(2)
+    room = np.array([[-9.0, -9.0], [0.05, 9.0]])
+    step, _ = evidence._step(matrix, np.array([0.6, 0.6]), np.ones(2), room)
+    assert step == pytest.approx([0.05, 0.55], abs=1e-6)
