@@ -13,7 +13,7 @@ import tty
 from pathlib import Path
 
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.errors import InputError
 from brickpilot.importers import rcx
 from brickpilot.link import lnp
@@ -88,7 +88,7 @@ def test_a_recording_comes_back_as_a_data_set(tmp_path: Path, sensors: str) -> N
         tower.close()
     assert tower.asked > 86 + 4, "nothing got lost"
     assert made.runs == ("forward", "backward", "spin", "turn")
-    read = dataset.read(tmp_path / "bench")
+    read = reading.read(tmp_path / "bench")
     assert [len(run.time) for run in read.runs] == [500, 400, 400, 400]
     columns = {run.name: {**run.inputs, **run.raw_outputs} for run in read.runs}
     duty = columns["backward"]["duty_left"]

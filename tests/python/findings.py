@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from brickpilot import catalogue
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.gap import Place, gaps
@@ -95,7 +95,7 @@ RANKING = (
 def measured(folder: Path) -> Dataset:
     """Returns four runs of the robot with dry friction and noise, the third one held out."""
     written = write(folder, TRUTH, NOISE, "", roles=list(ROLES.values()))
-    return dataclasses.replace(dataset.read(written), name="bench-7")
+    return dataclasses.replace(reading.read(written), name="bench-7")
 
 
 def all_verdicts(folder: Path) -> dict[str, Finding]:

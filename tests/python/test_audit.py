@@ -11,7 +11,8 @@ import numpy as np
 import planted
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.wpilib import import_wpilib
 from test_measured import DATA

@@ -10,7 +10,8 @@ import planted
 import pytest
 import synthetic
 from brickpilot import catalogue
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from test_audit import measured as measured  # the fixture: copies of the measured sets
 from test_audit import needs_data
 

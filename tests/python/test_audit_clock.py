@@ -9,7 +9,7 @@ import numpy as np
 import planted
 import pytest
 import synthetic
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.importers.wpilib import import_wpilib
 from test_audit import DATA, needs_data
 from test_dataset import measured
@@ -69,7 +69,7 @@ def test_a_wrong_clock_planted_in_a_measured_set_is_found(
     name: str, column: str, change: Callable[[Column], Column], where: str, sets: Callable[[str], Path], tmp_path: Path
 ) -> None:
     runs = [] if where == EVERY else [where]
-    sound = dataset.read(sets(name))
+    sound = reading.read(sets(name))
     found = planted.plant(sets(name), tmp_path / "s", [column], change, *runs)
     expected = {(run.name, "time", "clock") for run in sound.runs if not runs or run.name in runs}
     assert planted.new_faults(found, sound) == expected
@@ -100,7 +100,7 @@ def test_angles_beside_rates_tell_a_clock_of_one_run(jitter: bool, tmp_path: Pat
             table["t"] = fast(0.1)(table["t"])
 
     folder = synthetic.write(tmp_path / "s", synthetic.robot(), NOISE, "mass = 0.6", jitter=jitter, spoil=spoil)
-    found = dataset.read(folder)
+    found = reading.read(folder)
     assert [(fault.run, fault.signal, fault.kind) for fault in found.faults] == [("curve", "time", "clock")]
     assert found.faults[0].factor == pytest.approx(1.1, rel=0.02)
     assert any(note.startswith("run curve: its clock is off") for note in found.notes)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 
 Table = dict[str, np.ndarray]
 

@@ -10,7 +10,8 @@ import synthetic
 from brickpilot.data.audit.channels import _turned
 from brickpilot.data.audit.relation_list import Geometry
 from brickpilot.data.audit.windows import cut
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from test_audit import found
 
 Table = dict[str, np.ndarray]

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, motor_inputs, read
+from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.motion import cut_into_windows
+from brickpilot.data.reading import read
 from test_audit import NOISE, TWO, found, needs_data, plant, to_ten_bits
 from test_measured import DATA
 

@@ -13,9 +13,9 @@ import pytest
 import synthetic
 from brickpilot import catalogue
 from brickpilot.data.audit import against_model
-from brickpilot.data.audit.fault import Fault
-from brickpilot.data.audit.wrong_units import usual_factors
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.audit.fault import Fault, usual_factors
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from brickpilot.fit import parameters
 from brickpilot.vehicle.replay import Replay
 from test_dataset import measured

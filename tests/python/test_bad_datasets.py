@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from bad_datasets import BAD, Bad, make_motor, write_good
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 
 

@@ -27,7 +27,7 @@ from brickpilot.benchmark.score import (
 )
 from brickpilot.campaign import workers
 from brickpilot.campaign.crew import Finished
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.errors import InputError, SimulationError
 from command import brickpilot
 
@@ -335,7 +335,7 @@ def test_the_next_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
     steps = [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [2.0, 3.0]]
     asked = {"name": "a turn, then on", "duration_s": 3.0, "voltage_left": steps, "voltage_right": [[0.0, 0.0]]}
     made = maker.follow(small / "ci-coulomb_friction-enc", asked, tmp_path)
-    before, after = dataset.read(small / "ci-coulomb_friction-enc"), dataset.read(made)
+    before, after = reading.read(small / "ci-coulomb_friction-enc"), reading.read(made)
     assert [run.name for run in after.runs] == [*(run.name for run in before.runs), "next_experiment"]
     for one, other in zip(before.runs, after.runs, strict=False):
         np.testing.assert_array_equal(one.outputs["yaw_rate"], other.outputs["yaw_rate"])
@@ -351,7 +351,7 @@ def test_wheel_speeds_are_measured_if_the_verdict_asks_for_them(small, tmp_path)
     maker = sets.Maker.find(CHECKOUT)
     asked = {"name": None, "signal": "wheel_speed_left"}
     made = maker.follow(small / "ci-gyro_bias-imu", asked, tmp_path)
-    before, after = dataset.read(small / "ci-gyro_bias-imu"), dataset.read(made)
+    before, after = reading.read(small / "ci-gyro_bias-imu"), reading.read(made)
     assert set(after.runs[0].outputs) - set(before.runs[0].outputs) == {"wheel_speed_left", "wheel_speed_right"}
     pairs = zip(before.runs, after.runs, strict=True)
     same = [np.mean(one.outputs["yaw_rate"] == other.outputs["yaw_rate"]) for one, other in pairs]

@@ -8,7 +8,7 @@ import pytest
 from benchmark_results import ENCODERS, effect, result
 from brickpilot import catalogue
 from brickpilot.benchmark import sindy, sindy_tune, table
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.errors import InputError
 from brickpilot.vehicle.replay import Replay
 from synthetic import robot, write
@@ -63,7 +63,7 @@ def hidden_robot(folder, effects):
     manoeuvres = {f"run_{i}": (float(left), float(right)) for i, (left, right) in enumerate(volts)}
     nominal = "\n".join(f"{name} = {value:.9g}" for name, value in truth.parameters.items() if name in NOMINAL)
     write(folder, truth, noise, nominal, manoeuvres=manoeuvres, roles=["fit", "held_out"] * 4)
-    return dataset.read(folder), dataclasses.replace(robot(), effects={}), noise
+    return reading.read(folder), dataclasses.replace(robot(), effects={}), noise
 
 
 NOMINAL = ("mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia", "resistance", "torque_constant",

@@ -12,7 +12,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.benchmark import real_fetched, real_logs, real_results, real_run, real_score, real_table
 from brickpilot.benchmark.peers import PEERS, Peer, choice, grid
-from brickpilot.data import dataset, holdout
+from brickpilot.data import holdout, reading
 from brickpilot.data.holdout import Roles
 from brickpilot.errors import InputError
 from brickpilot.fit.compare import compare
@@ -60,7 +60,7 @@ def motor_set(folder, *, scramble=0.0, runs=4):
         role = "held_out" if held else "fit"
         tables.append(f'[[runs]]\nname = "r{number}"\nfile = "r{number}.csv"\nrole = "{role}"')
     (folder / "dataset.toml").write_text("\n".join(tables) + "\n")
-    return dataset.read(folder)
+    return reading.read(folder)
 
 
 def roles_of(data):
@@ -186,7 +186,7 @@ def test_files_side_by_side_become_runs(tmp_path):
         comment="%", step_s=0.5, skip=1, every=2, parts=2, held_out=("in_2*",),
         mapping=("time=0", "voltage=1:mV", "speed=2"), nominal={"battery_voltage": 7.4},
     )  # fmt: skip
-    data = dataset.read(real_fetched.build(log, tmp_path / "fetched", tmp_path / "out"))
+    data = reading.read(real_fetched.build(log, tmp_path / "fetched", tmp_path / "out"))
     assert [run.name for run in data.runs] == ["in_1_1", "in_1_2", "in_2_1", "in_2_2"]
     assert [run.role for run in data.runs] == ["fit", "fit", "held_out", "held_out"]
     np.testing.assert_allclose(data.runs[1].time, [5.5, 6.5, 7.5, 8.5, 9.5])

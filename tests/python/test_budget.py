@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import deadline, pipeline
 from brickpilot.discover.deadline import Deadline
@@ -25,7 +25,7 @@ RECIPE = Recipe("set", {"coulomb_friction": {"torque": 0.005}}, engine="planar",
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return dataset.read(folder.write(RECIPE, tmp_path_factory.mktemp("data")))
+    return reading.read(folder.write(RECIPE, tmp_path_factory.mktemp("data")))
 
 
 def plain(found: Any) -> dict[str, Any]:

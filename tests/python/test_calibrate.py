@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import dataset, reading
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.robust import correlation_time, noise_sd
@@ -36,7 +36,7 @@ THREE = {"emf_constant": 0.245, "yaw_inertia": 0.006, "mass": 0.9}
 
 def fitted(folder, truth, nominal=KNOWN, signals=WHEELS, **options):
     effects = options.pop("effects", ())
-    return calibrate(dataset.read(write(folder, truth, signals, nominal, **options)), effects=effects)
+    return calibrate(reading.read(write(folder, truth, signals, nominal, **options)), effects=effects)
 
 
 def test_perturbed_parameters_are_recovered_from_noisy_data(tmp_path):
@@ -159,7 +159,7 @@ def test_an_effect_asked_for_is_fitted_from_far_off_its_preset(tmp_path):
 
 
 def test_the_same_seed_gives_the_same_result(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
+    data = reading.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
     assert calibrate(data, seed=3).to_json() == calibrate(data, seed=3, threads=1).to_json()
 
 
@@ -183,7 +183,7 @@ def test_held_out_runs_are_not_fitted(tmp_path):
 
 
 def test_unknown_effects_and_parameters_are_refused(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
+    data = reading.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
     with pytest.raises(InputError, match="no such effect"):
         calibrate(data, effects=["phlogiston"])
     with pytest.raises(InputError, match="gravity"):
@@ -191,7 +191,7 @@ def test_unknown_effects_and_parameters_are_refused(tmp_path):
 
 
 def test_a_fixed_value_is_fitted_when_asked(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(mass=1.2), WHEELS, KNOWN + "mass = 0.9\n"))
+    data = reading.read(write(tmp_path / "set", robot(mass=1.2), WHEELS, KNOWN + "mass = 0.9\n"))
     assert "mass" not in calibrate(data).parameters
     assert calibrate(data, free=["mass"]).parameters["mass"].value == pytest.approx(1.2, rel=0.05)
 
@@ -206,7 +206,7 @@ def test_nothing_free_is_said_and_no_error(tmp_path):
 def test_an_effect_alone_is_fitted_where_every_value_is_stated(tmp_path):
     truth = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.008}})
     everything = KNOWN + "".join(f"{name} = {value}\n" for name, value in THREE.items())
-    found = calibrate(dataset.read(write(tmp_path / "set", truth, WHEELS, everything)), effects=["coulomb_friction"])
+    found = calibrate(reading.read(write(tmp_path / "set", truth, WHEELS, everything)), effects=["coulomb_friction"])
     assert list(found.parameters) == ["coulomb_friction.torque"]
     assert found.parameters["coulomb_friction.torque"].value == pytest.approx(0.008, rel=0.05)
 
@@ -277,7 +277,7 @@ def test_a_torque_per_volt_stated_with_an_sd_is_fitted_with_that_prior(tmp_path)
 
 def test_a_force_per_volt_of_zero_is_a_motor_that_turns(tmp_path):
     truth = motor(wheel_inertia=1e-3)
-    data = dataset.read(write(tmp_path / "set", truth, {"speed": 0.05}, "resistance = 22.0"))
+    data = reading.read(write(tmp_path / "set", truth, {"speed": 0.05}, "resistance = 22.0"))
     nominal = {**data.nominal, "force_per_volt": dataset.Nominal(0.0)}
     found = calibrate(dataclasses.replace(data, nominal=nominal))
     assert found.parameters["emf_constant"].value == pytest.approx(truth.parameters["emf_constant"], rel=0.05)
@@ -286,7 +286,7 @@ def test_a_force_per_volt_of_zero_is_a_motor_that_turns(tmp_path):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("sd", [1e-300, 1e-9])
 def test_a_value_stated_beyond_doubt_is_taken_as_it_stands(tmp_path, sd):
-    data = dataset.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
+    data = reading.read(write(tmp_path / "set", robot(), WHEELS, KNOWN))
     found = calibrate(dataclasses.replace(data, nominal={**data.nominal, "mass": dataset.Nominal(0.9, sd)}))
     assert set(found.parameters) == {"emf_constant", "yaw_inertia"}
     assert found.model.parameters["mass"] == 0.9
@@ -333,7 +333,7 @@ def diverges_where(monkeypatch, condition):
 def test_candidates_under_which_the_plant_diverges_are_passed_over(tmp_path, monkeypatch, low, high):
     """Random candidates beyond 0.21..0.3; with 0.15..0.235 also the values the fit starts from."""
     asked = diverges_where(monkeypatch, lambda model: not low < model.parameters["emf_constant"] < high)
-    data = dataset.read(write(tmp_path / "set", robot(emf_constant=0.22), WHEELS, KNOWN))
+    data = reading.read(write(tmp_path / "set", robot(emf_constant=0.22), WHEELS, KNOWN))
     found = calibrate(data)
     assert asked
     assert found.parameters["emf_constant"].value == pytest.approx(0.22, rel=0.01)

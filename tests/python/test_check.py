@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.signals import Vehicle
 from brickpilot.discover.check import Check, check
 from brickpilot.report import check_text
@@ -24,7 +24,7 @@ BOTH = {**STRAIGHT, "right": (4.0, -4.0), "left": (-5.0, 5.0)}
 
 
 def checked(folder: Path, moves: dict[str, tuple[float, float]], **told: object) -> Check:
-    return check(dataset.read(write(folder, robot(), NOISE, NOMINAL, manoeuvres=moves, **told)), jobs=1)  # type: ignore[arg-type]
+    return check(reading.read(write(folder, robot(), NOISE, NOMINAL, manoeuvres=moves, **told)), jobs=1)  # type: ignore[arg-type]
 
 
 def test_timing_and_noise_are_those_of_the_log(tmp_path: Path) -> None:
@@ -65,9 +65,9 @@ def test_what_straight_runs_hide_the_advised_manoeuvre_shows(tmp_path: Path) -> 
 
 
 def test_more_noise_hides_smaller_effects(tmp_path: Path) -> None:
-    quiet = check(dataset.read(write(tmp_path / "quiet", robot(), NOISE, NOMINAL, manoeuvres=BOTH)), jobs=1)
+    quiet = check(reading.read(write(tmp_path / "quiet", robot(), NOISE, NOMINAL, manoeuvres=BOTH)), jobs=1)
     loud = {name: 10 * sd for name, sd in NOISE.items()}
-    noisy = check(dataset.read(write(tmp_path / "noisy", robot(), loud, NOMINAL, manoeuvres=BOTH)), jobs=1)
+    noisy = check(reading.read(write(tmp_path / "noisy", robot(), loud, NOMINAL, manoeuvres=BOTH)), jobs=1)
     assert noisy.visible["coulomb_friction"].size > 3 * quiet.visible["coulomb_friction"].size
 
 
@@ -100,7 +100,7 @@ def test_a_data_set_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 def test_measured_data_can_be_checked(name: str) -> None:
     if not (MEASURED / name).is_dir():
         pytest.skip(f"no measured data at {MEASURED}")
-    found = check(dataset.read(MEASURED / name), jobs=1)
+    found = check(reading.read(MEASURED / name), jobs=1)
     text = "\n".join(check_text.lines(found))
     assert found.visible
     assert all(run.name in text for run in found.runs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from brickpilot.vehicle import coefficients
+from brickpilot.vehicle import coefficients, combinations
 from brickpilot.vehicle.model import rcx
 
 
@@ -15,7 +15,7 @@ def test_a_motor_without_inductance_has_the_current_of_its_voltage(step: float) 
     inertia = coefficients.mean_inertia(values)
     found = coefficients.motor_step(values, inertia, step)
     stiff = values["torque_constant"] / values["resistance"]
-    damping = stiff * values["emf_constant"] + coefficients.loss(values)
+    damping = stiff * values["emf_constant"] + combinations.loss(values)
     pole = math.exp(-damping / inertia * step)
     assert found.transition[1, 1] == pytest.approx(pole, rel=1e-4)
     assert found.voltage[1] == pytest.approx(stiff / damping * (1 - pole), rel=1e-3)

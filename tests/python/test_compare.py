@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.motion import zero_phase_rate
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.compare import compare
@@ -52,11 +52,11 @@ def write_axis(folder):
     folder.mkdir()
     (folder / "dataset.toml").write_text(AXIS, encoding="utf-8")
     (folder / "sweep.csv").write_text("\n".join(["t,u,x", *rows]) + "\n", encoding="utf-8")
-    return dataset.read(folder)
+    return reading.read(folder)
 
 
 def test_the_true_model_leaves_nothing(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     found = compare(data, robot())
     assert all((error.share or 0.0) < 1e-6 for run in found.runs for error in run.signals.values())
 
@@ -64,7 +64,7 @@ def test_the_true_model_leaves_nothing(tmp_path):
 def test_a_run_starts_from_the_state_its_first_sample_measured(tmp_path):
     start = State(surge=0.3, yaw_rate=0.8, heading=0.4)
     signals = {"wheel_velocity_left": 0.0, "wheel_velocity_right": 0.0, "wheel_travel_left": 0.0, "yaw_angle": 0.0}
-    found = compare(dataset.read(write(tmp_path / "set", robot(), signals, "", start=start)), robot())
+    found = compare(reading.read(write(tmp_path / "set", robot(), signals, "", start=start)), robot())
     # A line through the first samples takes the noise out of the start; the speed's curve costs less than 1 % of it.
     assert all(0 < error.share < 0.005 for run in found.runs for error in run.signals.values())
 
@@ -79,14 +79,14 @@ def test_one_wrong_sample_at_the_start_is_no_state(tmp_path):
     start = State(surge=0.3, wheel_speed=(7.35, 7.35))
     signals = {"wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
     known = dict(manoeuvres={"straight": (4.0, 4.0)}, roles=["fit"], start=start, spoil=jump)
-    found = compare(dataset.read(write(tmp_path / "set", robot(), signals, "", **known)), robot())
+    found = compare(reading.read(write(tmp_path / "set", robot(), signals, "", **known)), robot())
     (run,) = found.runs
     assert abs(run.traces["wheel_speed_left"].simulated[1] - 7.35) < 2.5
     assert found.headline.of("wheel_speed_left", "fit").fit_percent > 90
 
 
 def test_a_stated_start_is_taken_before_the_measured_one(tmp_path):
-    data = dataset.read(
+    data = reading.read(
         write(tmp_path / "set", robot(), SIGNALS, "", initial="wheel_speed_left = 5.0, wheel_speed_right = 5.0")
     )
     found = compare(data, robot())
@@ -95,13 +95,13 @@ def test_a_stated_start_is_taken_before_the_measured_one(tmp_path):
 
 @pytest.mark.parametrize("frame", ["FRD", "FLU"])
 def test_a_wrong_model_is_as_far_off_in_either_frame(tmp_path, frame):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", frame=frame))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "", frame=frame))
     found = compare(data, robot(emf_constant=0.28))
     assert found.share("fit", "yaw_rate") == pytest.approx(0.0967, abs=0.001)
 
 
 def test_keys_of_the_json_object(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     entry = json.loads(json.dumps(compare(data, robot()).to_json(), allow_nan=False))["runs"][0]
     assert {"name", "role", "signals"} <= set(entry)
     assert set(entry["signals"]) == set(SIGNALS)
@@ -109,7 +109,7 @@ def test_keys_of_the_json_object(tmp_path):
 
 
 def test_without_a_model_what_is_absent_is_fitted_and_named(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
     found = compare(data)
     assert any("does not fix mass" in note for note in found.notes)
     assert found.share("fit", "wheel_speed_left") < 0.01
@@ -117,7 +117,7 @@ def test_without_a_model_what_is_absent_is_fitted_and_named(tmp_path):
 
 def test_roles_left_open_are_chosen_the_same_way_every_time(tmp_path):
     more = {"fast": (7.0, 7.0), "slow": (3.0, 3.0), "middle": (5.0, 5.0), "spin": (4.0, -4.0)}
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=more, roles=[""] * 4))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=more, roles=[""] * 4))
     found = [compare(data, robot()) for _ in range(2)]
     assert (
         [run.role for run in found[0].runs] == [run.role for run in found[1].runs] == ["fit", "fit", "held_out", "fit"]
@@ -127,7 +127,7 @@ def test_roles_left_open_are_chosen_the_same_way_every_time(tmp_path):
 
 def test_a_repeat_is_held_out_rather_than_what_it_repeats(tmp_path):
     more = {"one": (5.0, 5.0), "again": (5.0, 5.0)}
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=more, roles=["", ""]))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=more, roles=["", ""]))
     runs = (data.runs[0], dataclasses.replace(data.runs[1], replicate_of="one"))
     found = compare(dataclasses.replace(data, runs=runs), robot())
     assert [run.role for run in found.runs] == ["fit", "held_out"]
@@ -147,7 +147,7 @@ def test_windows_of_a_motor_start_from_its_measured_state(tmp_path):
 
 
 def test_windows_of_a_vehicle_that_has_none_are_refused(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     with pytest.raises(InputError, match="windows"):
         compare(data, robot(), window_s=1.0)
 
@@ -164,7 +164,7 @@ def test_the_zero_phase_rate_has_no_delay():
 
 
 def test_the_page_stands_alone_with_fit_and_held_out_apart(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", roles=["fit", "fit", "held_out", "fit"]))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "", roles=["fit", "fit", "held_out", "fit"]))
     page = compare_page(compare(data, robot()))
     assert len(figures(page)) == 4 * len(SIGNALS)
     assert "held-out runs" in page
@@ -172,7 +172,7 @@ def test_the_page_stands_alone_with_fit_and_held_out_apart(tmp_path):
 
 
 def test_a_figure_holds_measured_and_simulated_and_their_difference(tmp_path):
-    found = compare(dataset.read(write(tmp_path / "set", robot(), {"yaw_rate": 0.05}, "")), robot())
+    found = compare(reading.read(write(tmp_path / "set", robot(), {"yaw_rate": 0.05}, "")), robot())
     run = found.runs[0]
     trace = run.traces["yaw_rate"]
     ((name, figure), *others) = figures(compare_page(found)).items()
@@ -192,7 +192,7 @@ def test_a_figure_holds_measured_and_simulated_and_their_difference(tmp_path):
 def torque_drive(folder, signals, nominal="torque_per_volt = { value = 0.02, sd = 0.001 }", **options):
     """A motor that closes its own current loop, 0.02 N m/V on 1e-4 kg m^2."""
     truth = motor(torque_per_volt=0.02, wheel_inertia=1e-4, viscous_friction=1e-3)
-    return dataset.read(write(folder, truth, signals, nominal, **options))
+    return reading.read(write(folder, truth, signals, nominal, **options))
 
 
 @pytest.mark.parametrize("given", ["torque_per_volt = { value = 0.02, sd = 0.001 }", "torque_per_volt = 0.02"])
@@ -206,7 +206,7 @@ def test_the_current_of_a_torque_drive_is_left_out_and_said(tmp_path, given):
 @pytest.mark.parametrize("turning", ["speed", "angle"])
 def test_speed_and_angle_of_a_force_drive_are_left_out_and_said(tmp_path, turning):
     truth = motor(force_per_volt=30.0, mass=90.0, wheel_inertia=0.0, viscous_friction=200.0)
-    data = dataset.read(write(tmp_path / "set", truth, {"position": 1e-5, turning: 0.0}, "force_per_volt = 30.0"))
+    data = reading.read(write(tmp_path / "set", truth, {"position": 1e-5, turning: 0.0}, "force_per_volt = 30.0"))
     found = compare(data, window_s=0.5)
     assert all(set(run.signals) == {"position"} and set(run.windows) == {"velocity"} for run in found.runs)
     assert any(f"does not give it: {turning}" in note for note in found.notes)
@@ -216,7 +216,7 @@ def test_speed_and_angle_of_a_force_drive_are_left_out_and_said(tmp_path, turnin
 def test_a_motor_on_a_wheel_starts_at_its_measured_travel(tmp_path):
     truth = motor(wheel_radius=0.02, wheel_inertia=1e-3)
     start = State(wheel_speed=(8.0, 0.0), wheel_angle=(50.0, 0.0))
-    data = dataset.read(write(tmp_path / "set", truth, {"position": 0.0, "velocity": 0.0}, "", start=start))
+    data = reading.read(write(tmp_path / "set", truth, {"position": 0.0, "velocity": 0.0}, "", start=start))
     found = compare(data, truth)
     assert all(run.signals["position"].rms_error < 5e-4 for run in found.runs)
     assert all(abs(run.traces["position"].simulated[0] - 1.0) < 1e-12 for run in found.runs)
@@ -233,7 +233,7 @@ def with_values(data, signal, change):
 @pytest.mark.parametrize("signal", ["speed", "battery_voltage"])
 @pytest.mark.parametrize("given", [None, motor()])
 def test_data_without_anything_to_judge_are_refused(tmp_path, signal, given):
-    data = dataset.read(write(tmp_path / "set", motor(), {signal: 0.1}, ""))
+    data = reading.read(write(tmp_path / "set", motor(), {signal: 0.1}, ""))
     if signal == "speed":
         data = with_values(data, signal, lambda values: np.full_like(values, np.nan))
     with pytest.raises(InputError, match="nothing to compare"):
@@ -246,7 +246,7 @@ def test_blanks_of_one_run_leave_the_others(tmp_path):
         if run == "spin":
             table["wheel_speed_left"][:] = table["wheel_travel_right"][:] = table["yaw_rate"][:] = np.nan
 
-    found = compare(dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", spoil=blank)), robot())
+    found = compare(reading.read(write(tmp_path / "set", robot(), SIGNALS, "", spoil=blank)), robot())
     shares = {run.name: run.signals["yaw_rate"].share for run in found.runs}
     assert shares["spin"] is None
     assert shares["curve"] < 1e-6
@@ -255,7 +255,7 @@ def test_blanks_of_one_run_leave_the_others(tmp_path):
 
 @pytest.mark.parametrize("given", [None, robot()])
 def test_values_beyond_any_measurement_are_refused(tmp_path, given):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     data = with_values(data, "yaw_rate", lambda values: np.full_like(values, 1e200))
     with pytest.raises(InputError, match=r"yaw_rate: 1e[+]200 is too large to be a measurement"):
         compare(data, given)
@@ -303,7 +303,7 @@ rolling_friction = 0.015
 
 
 def test_runs_all_held_out_are_compared_where_nothing_is_to_be_fitted(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ALL, roles=["held_out"] * 4))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ALL, roles=["held_out"] * 4))
     found = compare(data)
     assert found.share("held_out", "yaw_rate") < 1e-6
     assert "The data set holds every run out." in found.notes
@@ -311,7 +311,7 @@ def test_runs_all_held_out_are_compared_where_nothing_is_to_be_fitted(tmp_path):
 
 def test_runs_all_held_out_are_refused_where_something_is_to_be_fitted(tmp_path):
     nominal = ALL.replace("mass = 0.9\n", "")
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, nominal, roles=["held_out"] * 4))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, nominal, roles=["held_out"] * 4))
     with pytest.raises(InputError, match="every run is held out"):
         compare(data)
 
@@ -326,12 +326,12 @@ def test_runs_all_held_out_are_refused_where_something_is_to_be_fitted(tmp_path)
 def test_the_note_on_roles_is_true(tmp_path, roles, said):
     runs = {"one": (5.0, 5.0), "two": (4.0, 4.0)}
     chosen = dict(list(runs.items())[: len(roles)])
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=chosen, roles=roles))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "", manoeuvres=chosen, roles=roles))
     assert said in compare(data, robot()).notes
 
 
 def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypatch):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     gaps = [0.0, 100.0, 7.0, 20.0]
     runs = tuple(dataclasses.replace(run, gap_s=gap) for run, gap in zip(data.runs, gaps, strict=True))
     ages, simulate = [], plant.simulate_into
@@ -347,7 +347,7 @@ def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypat
 
 
 def test_what_the_reader_found_is_in_the_report(tmp_path):
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, "half_track = 0.07\nwheel_radius = 0.0408"))
     data = dataclasses.replace(data, notes=("run spin: 3 rows are damaged",))
     for found in (compare(data, robot()), compare(data)):
         assert found.notes.count("run spin: 3 rows are damaged") == 1
@@ -358,7 +358,7 @@ def test_a_model_under_which_the_plant_diverges_is_one_failure(tmp_path, monkeyp
     def diverging(*_):
         raise SimulationError("the state diverged")
 
-    data = dataset.read(write(tmp_path / "set", robot(), SIGNALS, ""))
+    data = reading.read(write(tmp_path / "set", robot(), SIGNALS, ""))
     monkeypatch.setattr(plant, "simulate_into", diverging)
     with pytest.raises(SimulationError, match="the state diverged"):
         compare(data, robot())
@@ -373,7 +373,7 @@ def test_of_many_runs_the_worst_are_drawn(tmp_path: Path) -> None:
 
     moves = {f"run_{number}": (4.0, 4.0) for number in range(30)}
     written = write(tmp_path / "many", robot(), {"wheel_speed_left": 0.05}, "", manoeuvres=moves, spoil=spoil)
-    page = compare_page(compare(dataset.read(written), robot()))
+    page = compare_page(compare(reading.read(written), robot()))
     headings = re.findall(r"<h2>(run_\d+)", page)
     assert len(headings) == 24
     assert {"run_3", "run_7"} <= set(headings)

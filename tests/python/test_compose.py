@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import reference_ode
 from brickpilot.data.axes import Segment
-from brickpilot.data.dataset import Dataset, Nominal, Run, Signal
+from brickpilot.data.dataset import Dataset, Nominal, Run
+from brickpilot.data.description import Signal
 from brickpilot.data.signals import SIGNALS as MEASURABLE
 from brickpilot.discover.compose import Composed, TermSource, compose
 from brickpilot.discover.deadline import NO_LIMIT

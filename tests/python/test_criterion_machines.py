@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover import evidence, numbers
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, joined, refine
@@ -38,7 +38,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, Explanation]
     known = {name: value for name, value in truth.parameters.items() if value and name != "drag_area"}
     nominal = "\n".join(f"{name} = {{ value = {1.03 * value}, sd = {0.1 * value} }}" for name, value in known.items())
     folder = write(tmp_path_factory.mktemp("bench") / "set", truth, {"speed": 0.05}, nominal, manoeuvres=volts)
-    prepared, found = calibrate(prepare(dataset.read(folder), None, seed=0, jobs=1)[0])
+    prepared, found = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
     return Judge.of(prepared.coarse, 0), refine(prepared.coarse, [found], 1)[0]
 
 
@@ -72,7 +72,7 @@ def test_on_a_motor_it_is_near_that_of_a_fit_without_the_stretch(
 def test_a_robot_s_noise_alone_is_the_top(tmp_path: Path) -> None:
     noise = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
     stated = "\n".join(f"{name} = {value}" for name, value in robot().parameters.items() if value and "per" not in name)
-    data = dataset.read(write(tmp_path / "s", robot(), noise, stated))
+    data = reading.read(write(tmp_path / "s", robot(), noise, stated))
     prepared, nominal = calibrate(prepare(data, None, seed=0, jobs=1)[0])
     judge = Judge.of(prepared.coarse, 0)
     left = judge.top - judge.of_explanation(nominal).total

@@ -21,7 +21,7 @@ import other_logs
 import pytest
 from bad_datasets import write_good
 from brickpilot.campaign import file as campaign_file
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.errors import InputError
 from brickpilot.importers import dataflash, mcap, parquet, rosbag, ulog, wpilib, wpilog
 from brickpilot.importers.table import import_table
@@ -93,7 +93,7 @@ def saved_model(folder: Path) -> Path:
 
 
 READERS = {
-    "data set": Reader(lambda folder: write_good(folder) / "dataset.toml", lambda path: dataset.read(path.parent)),
+    "data set": Reader(lambda folder: write_good(folder) / "dataset.toml", lambda path: reading.read(path.parent)),
     "table": Reader(of_text("log.csv", table), as_motor("time=time_ms:ms", "duty=pwm/255", "speed=w")),
     "model": Reader(saved_model, model.load),
     "scenario": Reader(of_text("s.toml", lambda: scenario.packaged()["mission"].read_text()), scenario.load),

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from bad_datasets import write_good
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
 from hypothesis import given, settings

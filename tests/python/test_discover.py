@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset, holdout, periods
+from brickpilot.data import dataset, holdout, periods, reading
 from brickpilot.data.motion import cut_into_windows, with_averaged_starts, with_rates
 from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
@@ -66,7 +66,7 @@ def hidden(folder, effects, *, signals=None, seed=1, error=0.02, **options):
 
 def errors_of(folder):
     """Returns the residual of the fit runs at the measured samples and on the coarse grid, and the nominal plan."""
-    data = with_default_sds(dataset.read(folder))
+    data = with_default_sds(reading.read(folder))
     inputs = {run.name: dataset.motor_inputs(run, data) for run in data.runs}
     ready = with_averaged_starts(data, inputs)
     plan, fitted = parameters.plan(ready), holdout.assign(ready, inputs).fit()
@@ -78,7 +78,7 @@ def errors_of(folder):
 @pytest.fixture(scope="module")
 def friction(tmp_path_factory):
     return pipeline.discover(
-        dataset.read(hidden(tmp_path_factory.mktemp("friction") / "set", {"coulomb_friction": {"torque": 0.005}}))
+        reading.read(hidden(tmp_path_factory.mktemp("friction") / "set", {"coulomb_friction": {"torque": 0.005}}))
     )
 
 
@@ -116,14 +116,14 @@ def test_a_fit_moves_the_moments_of_a_load(tmp_path):
 
 
 def test_every_nominal_value_may_be_wrong(tmp_path):
-    data = dataset.read(hidden(tmp_path / "set", {}))
+    data = reading.read(hidden(tmp_path / "set", {}))
     known = with_default_sds(data).nominal
     assert all(known[name].sd > 0.02 * abs(known[name].value) for name in NOMINAL)
     assert data.nominal["mass"].sd is None
 
 
 def test_a_run_starts_from_an_average_of_its_first_samples(tmp_path):
-    data = dataset.read(hidden(tmp_path / "set", {}))
+    data = reading.read(hidden(tmp_path / "set", {}))
     ready = with_averaged_starts(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs})
     single = [run.outputs["wheel_speed_left"][0] for run in data.runs]
     together = [run.outputs["wheel_speed_left"][0] for run in ready.runs]
@@ -140,13 +140,13 @@ def test_a_motor_is_compared_by_its_velocity(tmp_path):
         manoeuvres=manoeuvres,
         roles=["fit", "held_out"],
     )
-    run = with_rates(dataset.read(folder)).runs[0]
+    run = with_rates(reading.read(folder)).runs[0]
     assert np.isfinite(run.outputs["angle"]).sum() == 1
     assert np.isfinite(run.outputs["speed"]).all()
 
 
 def test_a_window_starts_from_the_measured_state(tmp_path):
-    data = dataset.read(hidden(tmp_path / "set", {}))
+    data = reading.read(hidden(tmp_path / "set", {}))
     cut = cut_into_windows(data, {run.name: dataset.motor_inputs(run, data) for run in data.runs}, 0.5)
     ahead = [run for run in cut.runs if run.name.startswith("ahead, window")]
     assert len(ahead) == 4
@@ -157,9 +157,9 @@ def test_a_window_starts_from_the_measured_state(tmp_path):
 def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
     ripple = {"cogging": {"torque": 0.01, "order": 7.0, "phase": 0.3, "phase_difference": 0.5}}
     long = {name: (left / 2, right / 2) for name, (left, right) in MANOEUVRES.items()}
-    data = dataset.read(hidden(tmp_path / "set", ripple, manoeuvres=long))
+    data = reading.read(hidden(tmp_path / "set", ripple, manoeuvres=long))
     assert any(abs(order - 7.0) < 0.1 for order in periods.orders(data))
-    assert periods.orders(dataset.read(hidden(tmp_path / "clean", {}))) == ()
+    assert periods.orders(reading.read(hidden(tmp_path / "clean", {}))) == ()
 
 
 def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
@@ -178,7 +178,7 @@ def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path)
 @pytest.mark.parametrize("effect", [{"cogging": {"torque": 0.02}}, {"torque_ripple": {"amplitude": 0.4}}])
 def test_a_periodic_effect_with_a_phase_for_each_wheel_is_named(tmp_path, effect):
     (name, size), shape = *effect.items(), {"order": 6.3, "phase": 1.0, "phase_difference": 2.0}
-    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {name: size | shape})))
+    found = pipeline.discover(reading.read(hidden(tmp_path / "set", {name: size | shape})))
     assert found.verdict in ("named", "ambiguous")
     periodic = next(one for one in found.effects if one.name == name)
     assert periodic.confidence > 0.9
@@ -191,7 +191,7 @@ def test_a_periodic_effect_with_a_phase_for_each_wheel_is_named(tmp_path, effect
 def test_chosen_runs_are_simulated_as_they_are_among_all_runs(tmp_path):
     """Heat that earlier runs leave in the motors is included."""
     folder = hidden(tmp_path / "set", {})
-    replay, plan = Replay(dataset.read(folder)), errors_of(folder)[2]
+    replay, plan = Replay(reading.read(folder)), errors_of(folder)[2]
     hot = dataclasses.replace(plan.model, effects={"motor_heating": {}})
     wanted = [replay.dataset.runs[1].name, replay.dataset.runs[4].name]
     whole, some = replay.simulate([plan.model, hot]), replay.simulate([plan.model, hot], only=wanted)
@@ -260,7 +260,7 @@ def test_a_parameter_that_may_not_be_zero_is_no_size():
 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     for seed in (1, 2, 3):
-        found = pipeline.discover(dataset.read(hidden(tmp_path / f"set{seed}", {}, seed=seed)))
+        found = pipeline.discover(reading.read(hidden(tmp_path / f"set{seed}", {}, seed=seed)))
         assert found.verdict == "none"
         assert found.effects == ()
         assert found.gap["held_out"].after == pytest.approx(1.0, abs=0.1)
@@ -308,20 +308,20 @@ def test_the_verdict_is_plain_json_with_the_promised_keys(friction):
 
 def test_the_same_data_give_the_same_verdict(tmp_path):
     folder = hidden(tmp_path / "set", {"gyro_bias": {"bias": 0.08}})
-    first, second = (verdict_json(pipeline.discover(dataset.read(folder), jobs=jobs)) for jobs in (1, 2))
+    first, second = (verdict_json(pipeline.discover(reading.read(folder), jobs=jobs)) for jobs in (1, 2))
     assert first | {"elapsed_s": 0} == second | {"elapsed_s": 0}
 
 
 def test_the_imu_alone_shows_a_gyro_bias(tmp_path):
     inertial = {name: SIGNALS[name] for name in ("accel_surge", "accel_sway", "yaw_rate")}
-    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"gyro_bias": {"bias": -0.1}}, signals=inertial)))
+    found = pipeline.discover(reading.read(hidden(tmp_path / "set", {"gyro_bias": {"bias": -0.1}}, signals=inertial)))
     assert found.verdict == "named"
     assert [effect.name for effect in found.effects] == ["gyro_bias"]
     assert found.effects[0].parameters["bias"].value == pytest.approx(-0.1, abs=0.005)
 
 
 def test_the_place_of_a_gap_is_where_the_effect_acts(tmp_path):
-    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"gyro_saturation": {"limit": 3.5}})))
+    found = pipeline.discover(reading.read(hidden(tmp_path / "set", {"gyro_saturation": {"limit": 3.5}})))
     assert [effect.name for effect in found.effects] == ["gyro_saturation"]
     first = found.where[0]
     assert first.signal == "yaw_rate"
@@ -329,7 +329,7 @@ def test_the_place_of_a_gap_is_where_the_effect_acts(tmp_path):
 
 
 def test_equivalent_models_make_the_verdict_ambiguous(tmp_path):
-    found = pipeline.discover(dataset.read(hidden(tmp_path / "set", {"input_delay": {"delay": 0.05}})))
+    found = pipeline.discover(reading.read(hidden(tmp_path / "set", {"input_delay": {"delay": 0.05}})))
     assert found.verdict == "ambiguous"
     names = {effect.name for effect in found.effects} | {e.name for effect in found.effects for e in effect.equivalents}
     assert {"input_delay", "sensor_delay"} <= names
@@ -345,13 +345,13 @@ def test_equivalent_models_make_the_verdict_ambiguous(tmp_path):
 
 def test_a_model_that_holds_the_effect_lacks_nothing(tmp_path, friction):
     folder = hidden(tmp_path / "set", {"coulomb_friction": {"torque": 0.005}}, seed=5)
-    assert pipeline.discover(dataset.read(folder), friction.augmented).verdict == "none"
+    assert pipeline.discover(reading.read(folder), friction.augmented).verdict == "none"
 
 
 def test_data_of_low_noise_show_smaller_effects(tmp_path):
     quiet = {name: sd / 4 for name, sd in SIGNALS.items()}
-    loud = pipeline.discover(dataset.read(hidden(tmp_path / "loud", {}))).power
-    still = pipeline.discover(dataset.read(hidden(tmp_path / "quiet", {}, signals=quiet))).power
+    loud = pipeline.discover(reading.read(hidden(tmp_path / "loud", {}))).power
+    still = pipeline.discover(reading.read(hidden(tmp_path / "quiet", {}, signals=quiet))).power
     assert 0 < still["coulomb_friction"].size < loud["coulomb_friction"].size < 0.005
     assert 0 < still["gyro_bias"].size < loud["gyro_bias"].size
 
@@ -392,4 +392,4 @@ def test_manoeuvres_end_at_rest_and_stay_within_the_supply():
 def test_a_set_of_which_all_runs_are_held_out_is_refused(tmp_path):
     folder = hidden(tmp_path / "set", {}, roles=["held_out"] * len(MANOEUVRES))
     with pytest.raises(Exception, match="every run is held out"):
-        pipeline.discover(dataset.read(folder))
+        pipeline.discover(reading.read(folder))

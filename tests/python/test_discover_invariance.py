@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import tomlkit
 from brickpilot import catalogue
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.signals import TURNS_WITH_FRAME
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding, verdict_json
@@ -92,7 +92,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
 
 
 def found_in(log: Log, folder: Path, *, seed: int = 0, jobs: int = 2) -> Finding:
-    return pipeline.discover(dataset.read(log.write(folder)), seed=seed, jobs=jobs)
+    return pipeline.discover(reading.read(log.write(folder)), seed=seed, jobs=jobs)
 
 
 @pytest.fixture(scope="module")

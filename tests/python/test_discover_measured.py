@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import planted
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
@@ -28,7 +28,7 @@ Found = tuple[Dataset, Finding, Model]
 @cache
 def discovered(folder: Path, scratch: Path) -> Found:
     """Returns the data set, the finding, and the model as its file says."""
-    data = dataset.read(folder)
+    data = reading.read(folder)
     found = pipeline.discover(data)
     path = scratch / f"{data.name}.toml"
     model_file.save(found.augmented, path)

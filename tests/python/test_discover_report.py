@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.gap import Gap
 from brickpilot.discover.finding import Effect, Experiment, Parameter
 from brickpilot.report import composed_law
@@ -232,7 +232,7 @@ def test_every_run_and_signal_is_drawn_once(found):
 
 def test_a_position_is_compared_and_drawn_by_its_velocity(found, tmp_path):
     truth = motor(force_per_volt=30.0, mass=90.0, wheel_inertia=0.0, viscous_friction=200.0)
-    axis = dataset.read(write(tmp_path / "set", truth, {"position": 0.0}, "force_per_volt = 30.0"))
+    axis = reading.read(write(tmp_path / "set", truth, {"position": 0.0}, "force_per_volt = 30.0"))
     simulated = dict(zip(("nominal", "augmented"), Replay(axis).simulate([truth, truth]), strict=True))
     made = dataclasses.replace(
         found["named"],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover import seal
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.finding import NOMINAL_VALUES, Evidence, Step
@@ -49,7 +49,7 @@ def written(folder: Path, held_out: Model, fitted: Model) -> Path:
 
 
 def ready(folder: Path) -> tuple[Prepared, Model, Sealed]:
-    prepared, sealed = prepare(dataset.read(folder), None, seed=0, jobs=1)
+    prepared, sealed = prepare(reading.read(folder), None, seed=0, jobs=1)
     prepared, nominal = calibrate(prepared)
     return prepared, nominal.model, sealed
 
@@ -103,7 +103,7 @@ def test_a_name_that_held_out_runs_do_not_surely_confirm_is_one_of_two(
     """The effect, or the nominal model: what was named stays, and the other is said."""
     weak = Evidence("fitted_only", 0.9, 0.5, 0.8, False, "The held-out runs speak for it, but not surely.")
     monkeypatch.setattr(seal, "_evidence", lambda *_, **__: weak)
-    found = discover(dataset.read(written(tmp_path / "set", biased := truth(gyro_bias={"bias": 0.2}), biased)), jobs=1)
+    found = discover(reading.read(written(tmp_path / "set", biased := truth(gyro_bias={"bias": 0.2}), biased)), jobs=1)
     assert found.steps[0].verdict == "named"
     assert found.verdict == "ambiguous"
     (effect,) = found.effects
@@ -159,13 +159,13 @@ def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
     told = {"manoeuvres": moves, "roles": ["fit", "fit", "fit", "held_out"]}
     honest = write(tmp_path / "honest", truth(coulomb_friction={"torque": 0.012}), NOISE, NOMINAL, **told)
     without = write(tmp_path / "without", robot(), NOISE, NOMINAL, **told)
-    found = discover(dataset.read(honest), jobs=1)
+    found = discover(reading.read(honest), jobs=1)
     assert found.evidence is not None
     assert found.evidence.kind == "held_out"
     assert all(one.claimed for one in found.effects)
 
     (honest / "again.csv").write_bytes((without / "again.csv").read_bytes())
-    swapped = discover(dataset.read(honest), jobs=1)
+    swapped = discover(reading.read(honest), jobs=1)
     assert swapped.explanations == found.explanations  # the seal chooses nothing
     assert swapped.evidence is not None
     assert found.evidence.removed_held_out is not None

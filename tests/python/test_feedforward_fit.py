@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brickpilot.benchmark.feedforward_fit import fit_feedforward, fit_percent
-from brickpilot.data import dataset
+from brickpilot.data import reading
 
 
 def test_fit_percent_is_100_for_the_measurement_and_0_for_its_mean() -> None:
@@ -41,7 +41,7 @@ def test_a_motor_gives_back_its_friction_its_constants_and_the_delay_of_its_spee
         'speed = { column = "w", unit = "rad/s" }\nangle = { column = "a", unit = "rad" }\n[nominal]\n'
         + "".join(f'[[runs]]\nname = "{k}"\nfile = "{k}.csv"\n' for k in range(3))
     )
-    data = dataset.read(tmp_path)
+    data = reading.read(tmp_path)
     found = fit_feedforward(data, {"0": "fit", "1": "fit", "2": "held_out"})
     assert found.parameters["kS"] == pytest.approx(static, rel=0.05)
     assert found.parameters["kV"] == pytest.approx(per_speed, rel=0.02)

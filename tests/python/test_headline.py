@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.discover.pipeline import discover
 from brickpilot.fit.calibrate import calibrate
@@ -94,13 +94,13 @@ def data(request, tmp_path_factory):
         )
         volts = {f"up_{k:g}": (k, 0.0) for k in (3.0, 4.0, 5.0, 6.0)} | {f"down_{k:g}": (-k, 0.0) for k in (3.0, 5.0)}
         stated = "wheel_radius = 0.02\nwheel_inertia = 1e-3\nresistance = { value = 22.0, sd = 0.5 }\n"
-        return dataset.read(
+        return reading.read(
             write(folder, truth, {"position": 2e-4}, stated, manoeuvres=volts, roles=["fit", "fit", "held_out"] * 2)
         )
     truth = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.008}})
     start = State(surge=0.2, wheel_speed=(4.9, 4.9))
     runs = {"roles": ROLES, "manoeuvres": MANOEUVRES} if request.param == "robot" else {"roles": [""] * 4}
-    return dataset.read(write(folder, truth, NOISE, STATED, frame="FLU", start=start, **runs))
+    return reading.read(write(folder, truth, NOISE, STATED, frame="FLU", start=start, **runs))
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
 
@@ -47,7 +47,7 @@ class Blind:
 
     def find(self, name: str) -> Finding:
         if name not in self._found:
-            self._found[name] = pipeline.discover(dataset.read(self.folder / name))
+            self._found[name] = pipeline.discover(reading.read(self.folder / name))
         return self._found[name]
 
     def hidden(self, name: str) -> dict[str, dict[str, float]]:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, Run, motor_inputs, read
+from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import Roles, assign, manoeuvre
+from brickpilot.data.reading import read
 from brickpilot.discover import seal
 from brickpilot.discover.prepare import prepare
 from brickpilot.fit.blocks import Bins, blocks

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.fit import uncertainty
 from brickpilot.fit.calibrate import calibrate
 from synthetic import robot, write
@@ -25,7 +25,7 @@ def test_a_torque_without_a_scale_is_given_as_a_voltage(
 ) -> None:
     base = robot(wheel_radius=0.0408, half_track=0.0565)
     truth = dataclasses.replace(base, effects={effect: {parameter: size}})
-    data = dataset.read(write(tmp_path / "data", truth, NOISE, GEOMETRY))
+    data = reading.read(write(tmp_path / "data", truth, NOISE, GEOMETRY))
     found = calibrate(data, effects=[effect]).parameters[f"{effect}.{parameter}"]
     assert found.ci95 is None
     assert found.identified is not None

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import motor_inputs, read
+from brickpilot.data.dataset import motor_inputs
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import FormulaError, Place, Scaling, parse_formula
 from brickpilot.importers.mapping import parse_mapping

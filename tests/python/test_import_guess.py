@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomlkit
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.table import import_table

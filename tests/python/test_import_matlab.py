@@ -9,7 +9,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from brickpilot.data.dataset import motor_inputs, read
+from brickpilot.data.dataset import motor_inputs
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers import mat_file, matlab
 from brickpilot.importers.matlab import import_matlab

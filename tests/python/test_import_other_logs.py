@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import other_logs as logs
 import pytest
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
 from brickpilot.importers.listing import contents

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import other_logs as logs
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.importers import CHANNELS, IMPORTERS
 from command import brickpilot
 from other_logs import STAMP

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import read
 from brickpilot.data.plain_rows import read_plain
+from brickpilot.data.reading import read
 from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.importers.counters import resets, unwrap
 from brickpilot.importers.table import import_table

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import read
 from brickpilot.data.input_timing import InputTiming
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.events import with_events
 from brickpilot.importers.table import import_table

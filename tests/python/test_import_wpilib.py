@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import motor_inputs, read
+from brickpilot.data.dataset import motor_inputs
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.wpilib import import_wpilib
 from other_logs import TURN, new_log, old_log, write_json

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Place
 from brickpilot.importers.mapping import parse_mapping, parse_nominal

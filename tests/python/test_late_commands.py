@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.discover import pipeline
 from brickpilot.importers.table import import_table
 from brickpilot.vehicle import plant

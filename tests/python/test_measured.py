@@ -8,7 +8,7 @@ from pathlib import Path
 
 import planted
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
 from brickpilot.importers.wpilib import import_wpilib
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def fitted(folder, *effects):
-    data = dataset.read(folder)
+    data = reading.read(folder)
     found = calibrate(data, effects=effects)
     return found, compare(data, found.model)
 
@@ -55,7 +55,7 @@ def test_lego_motor_needs_a_dead_band_at_low_duty():
 
 def test_micromouse_straight_runs_are_fitted_up_to_their_collisions():
     """Its spins are held out: they slip, and no model without slip can follow both them and the straight runs."""
-    data = dataset.read(DATA / "micromouse")
+    data = reading.read(DATA / "micromouse")
     roles = {run.name: "fit" if run.name in ("t0_2", "t0_3", "t0_4") else "held_out" for run in data.runs}
     data = dataclasses.replace(data, runs=tuple(dataclasses.replace(run, role=roles[run.name]) for run in data.runs))
     found = calibrate(data)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from brickpilot import catalogue
+from brickpilot.data import toml_file
 from brickpilot.errors import InputError
-from brickpilot.vehicle import whole_file
 from brickpilot.vehicle.model import Model, load, output_names, rcx, save
 
 HEAD = 'name = "m"\nvehicle = "diff_drive"\nprofile = "coupled"\n'
@@ -76,7 +76,7 @@ def test_a_model_the_plant_refuses_is_not_written(tmp_path: Path) -> None:
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "m.toml"
     target.write_text("before")
-    monkeypatch.setattr(whole_file.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(toml_file.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         save(rcx(), target)
     assert [path.name for path in tmp_path.iterdir()] == ["m.toml"]

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.vehicle.plant import OpenLoopRun, State, simulate
 from brickpilot.vehicle.replay import Replay
 from synthetic import robot, steps, write
@@ -21,7 +21,7 @@ def replayed(folder, gap_s: float) -> dict[str, dict[str, np.ndarray]]:
     toml = folder / "dataset.toml"
     toml.write_text(f"gap_s = {gap_s}\n" + toml.read_text(encoding="utf-8"), encoding="utf-8")
     hot = dataclasses.replace(robot(), effects=HEATING)
-    return Replay(dataset.read(folder)).simulate([hot])[0]
+    return Replay(reading.read(folder)).simulate([hot])[0]
 
 
 def test_heat_goes_from_run_to_run(tmp_path) -> None:

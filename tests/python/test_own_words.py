@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.audit.audit import Fault
 from brickpilot.data.gap import Gap
 from brickpilot.data.own_units import own_unit
@@ -46,7 +46,7 @@ def sets(tmp_path_factory):
     folder = tmp_path_factory.mktemp("frames")
     ours = write(folder / "frd", robot(), NOISE, "")
     theirs = write(folder / "flu", robot(), NOISE, "", frame="FLU", units=DEGREES)
-    return dataset.read(ours), dataset.read(theirs)
+    return reading.read(ours), reading.read(theirs)
 
 
 def words_of(page):
@@ -174,7 +174,7 @@ def of_a_motor(tmp_path_factory):
     }
     folder = tmp_path_factory.mktemp("motor") / "set"
     return discover(
-        dataset.read(write(folder, truth, {"speed": 0.03}, "", manoeuvres=volts, roles=["fit", "held_out"] * 4))
+        reading.read(write(folder, truth, {"speed": 0.03}, "", manoeuvres=volts, roles=["fit", "held_out"] * 4))
     )
 
 

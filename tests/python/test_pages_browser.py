@@ -16,7 +16,7 @@ import pytest
 from benchmark_results import quick_results, scaling_results
 from brickpilot.benchmark import page_content, real_logs, real_results, scaling, table
 from brickpilot.campaign import conduct, file, workers
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
@@ -109,7 +109,7 @@ def pages(tmp_path_factory):
     found = {kind: page(one, COMMAND) for kind, one in verdicts.items()}
     found["why"] = why(verdicts["named"])
     manoeuvres = {HOSTILE: (6.0, 6.0), "spin": (5.0, -5.0), "curve": (6.0, 2.0)}
-    data = dataset.read(write(folder / "hostile", robot(), {"yaw_rate": 0.02}, STATED, manoeuvres=manoeuvres))
+    data = reading.read(write(folder / "hostile", robot(), {"yaw_rate": 0.02}, STATED, manoeuvres=manoeuvres))
     data = dataclasses.replace(data, name=f"</script>{HOSTILE}")
     found["compare"] = compare_page(compare(data, robot()))
     found["calibrate"] = calibrate_page(calibrate(data))

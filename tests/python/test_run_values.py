@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.input_timing import held_back, later
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
@@ -33,7 +33,7 @@ def logged(tmp_path_factory):
     """Eight runs of a robot that is known to 2 %, and what was commanded."""
     known = {name: value for name, value in robot().parameters.items() if value}
     nominal = "\n".join(f"{name} = {{ value = {value}, sd = {0.02 * value} }}" for name, value in known.items())
-    return dataset.read(write(tmp_path_factory.mktemp("runs") / "set", robot(), SIGNALS, nominal,
+    return reading.read(write(tmp_path_factory.mktemp("runs") / "set", robot(), SIGNALS, nominal,
                               manoeuvres=VOLTAGES, roles=ROLES))  # fmt: skip
 
 

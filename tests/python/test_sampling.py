@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from brickpilot.discover.prepare import calibrate, prepare
 from brickpilot.discover.row_meaning import with_known_sampling
 from brickpilot.errors import InputError

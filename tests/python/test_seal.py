@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.motion import run_of
 from brickpilot.discover import pipeline
@@ -34,19 +34,19 @@ TRUTH = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": 0.0
 
 
 def runs_held_out(folder: Path) -> Dataset:
-    return dataset.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=ROLES))
+    return reading.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=ROLES))
 
 
 def stretches_held_out(folder: Path) -> Dataset:
     """Each manoeuvre occurs once, so that the last of its drive is held out."""
-    return dataset.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=[""] * 5))
+    return reading.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=[""] * 5))
 
 
 def motor_held_out(folder: Path) -> Dataset:
     truth = dataclasses.replace(motor(battery_voltage=9.0), effects={"coulomb_friction": {"torque": 0.004}})
     volts = {"low": (3.0, 0.0), "high": (6.0, 0.0), "back": (-5.0, 0.0), "other": (4.0, 0.0)}
     options = {"manoeuvres": volts, "roles": ["fit", "fit", "fit", "held_out"]}
-    return dataset.read(write(folder, truth, {"angle": 0.002}, "resistance = 20.0", **options))
+    return reading.read(write(folder, truth, {"angle": 0.002}, "resistance = 20.0", **options))
 
 
 KINDS = [runs_held_out, stretches_held_out, motor_held_out]

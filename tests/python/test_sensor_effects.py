@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import rcx
@@ -53,7 +53,7 @@ def with_effects(**effects):
 @pytest.mark.parametrize("frame", ["FRD", "FLU"])
 def test_effects_the_data_set_states_are_simulated_and_refitted_within_their_sd(tmp_path, frame):
     truth = with_effects(gyro_bias={"bias": 0.03}, imu_lever_arm={"x": 0.02, "y": 0.0})
-    found = calibrate(dataset.read(write(tmp_path / "set", truth, IMU, STATED + EXAMPLE, frame=frame)))
+    found = calibrate(reading.read(write(tmp_path / "set", truth, IMU, STATED + EXAMPLE, frame=frame)))
     bias = found.parameters["gyro_bias.bias"]
     assert set(found.parameters) == {"yaw_inertia", "gyro_bias.bias"}
     assert bias.value == pytest.approx(0.03, abs=0.002)
@@ -65,13 +65,13 @@ def test_effects_the_data_set_states_are_simulated_and_refitted_within_their_sd(
 
 def test_a_bias_far_from_what_was_stated_is_a_finding(tmp_path):
     truth = with_effects(gyro_bias={"bias": 0.2}, imu_lever_arm={"x": 0.02, "y": 0.0})
-    found = calibrate(dataset.read(write(tmp_path / "set", truth, IMU, STATED + EXAMPLE)))
+    found = calibrate(reading.read(write(tmp_path / "set", truth, IMU, STATED + EXAMPLE)))
     assert any(note.startswith("gyro_bias.bias is ") and "sd away from its prior" in note for note in found.notes)
 
 
 def test_sideways_values_of_effects_turn_with_the_frame_of_the_file(tmp_path):
     right, left = (
-        dataset.read(write(tmp_path / frame, robot(), IMU, STATED + SIDEWAYS, frame=frame)).nominal_effects
+        reading.read(write(tmp_path / frame, robot(), IMU, STATED + SIDEWAYS, frame=frame)).nominal_effects
         for frame in ("FRD", "FLU")
     )
     for effect, parameter, sign in [
@@ -103,7 +103,7 @@ def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
     truth = with_effects(**effects)
     start = State(yaw_rate=1.0, surge=0.2 if len(signals) == 3 else 0.0)
     folder = write(tmp_path / "set", truth, dict.fromkeys(signals, 0.0), STATED, start=start)
-    measured = dataset.read(folder)
+    measured = reading.read(folder)
     simulated = Replay(measured).simulate([truth])[0]
     for run in measured.runs:
         for signal, values in run.raw_outputs.items():
@@ -112,7 +112,7 @@ def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
 
 def test_a_stated_start_is_true_whatever_the_sensors_say(tmp_path):
     truth = with_effects(gyro_bias={"bias": 0.3})
-    measured = dataset.read(write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, initial="yaw_rate = 0.0"))
+    measured = reading.read(write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, initial="yaw_rate = 0.0"))
     simulated = Replay(measured).simulate([truth])[0]
     assert simulated["straight"]["yaw_rate"][0] == 0.3
 
@@ -131,7 +131,7 @@ def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
         rcx(), vehicle="motor", parameters=catalogue.presets("motor"), effects={"encoder_scale": {"error": 0.2}}
     )
     marks = {"r": [Mark(k, {"speed": 6.0}) for k in starts]}
-    (simulated,) = Replay(dataset.read(tmp_path)).simulate([model], marks=marks)
+    (simulated,) = Replay(reading.read(tmp_path)).simulate([model], marks=marks)
     for k in starts:
         assert simulated["r"]["speed"][k] != pytest.approx(6.0, rel=1e-2)
         assert simulated["r"]["speed"][k + 1] == pytest.approx(6.0, rel=1e-3)

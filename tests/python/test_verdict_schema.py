@@ -7,7 +7,7 @@ import dataclasses
 
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.gap import Gap
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Parameter, Rank, Visible, verdict_json
@@ -32,7 +32,7 @@ def of_a_motor(tmp_path_factory):
     write(
         folder, truth, {"speed": 0.02}, "battery_voltage = 9.0", manoeuvres=volts, roles=["fit", "fit", "held_out"] * 2
     )
-    return pipeline.discover(dataset.read(folder))
+    return pipeline.discover(reading.read(folder))
 
 
 def test_the_schema_is_a_schema_of_draft_2020_12():

@@ -10,7 +10,7 @@ import miswired_logs as logs
 import numpy as np
 import pytest
 from brickpilot.data.audit.wiring import miswired
-from brickpilot.data.dataset import channels_of, read
+from brickpilot.data.reading import channels_of, read
 from brickpilot.importers.table import import_table
 from command import brickpilot
 from serial_logs import HEADER, driven, lines_of, write_log

@@ -7,8 +7,8 @@ import json
 
 import numpy as np
 import pytest
-from brickpilot.data import dataset
-from brickpilot.data.facts import repeats
+from brickpilot.data import reading
+from brickpilot.data.holdout import repeats
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.yardstick import HORIZONS, Yardstick, measure
@@ -45,7 +45,7 @@ class Ready:
 
 def ready_of(folder, truth, noise=NOISE, *, nominal=STATED, **options) -> Ready:
     options = {"manoeuvres": MANOEUVRES, "roles": ROLES} | options
-    data = dataset.read(write(folder, truth, noise, nominal, **options))
+    data = reading.read(write(folder, truth, noise, nominal, **options))
     prepared, sealed = prepare(data, None, seed=0, jobs=2)
     return Ready(prepared, Proof(sealed.open(), None, {}, {}, {}))
 

@@ -65,7 +65,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from brickpilot.catalogue import effects
-    from brickpilot.data.dataset import Dataset, read
+    from brickpilot.data.reading import Dataset, read
     from brickpilot.discover.check import Check
     from brickpilot.discover.finding import Finding
     from brickpilot.errors import InputError, SimulationError
@@ -90,7 +90,7 @@ _NAMES = {
     "Calibration": "brickpilot.fit.calibrate:Calibration",
     "Check": "brickpilot.discover.check:Check",
     "Comparison": "brickpilot.fit.compare:Comparison",
-    "Dataset": "brickpilot.data.dataset:Dataset",
+    "Dataset": "brickpilot.data.reading:Dataset",
     "Finding": "brickpilot.discover.finding:Finding",
     "Flown": "brickpilot.vehicle.fly:Flown",
     "InputError": "brickpilot.errors:InputError",
@@ -107,7 +107,7 @@ _NAMES = {
     "import_log": "brickpilot.public.logs:import_log",
     "load_model": "brickpilot.vehicle.model:load",
     "rcx": "brickpilot.vehicle.model:rcx",
-    "read": "brickpilot.data.dataset:read",
+    "read": "brickpilot.data.reading:read",
     "save_model": "brickpilot.vehicle.model:save",
     "simulate": "brickpilot.vehicle.plant:simulate",
     "to_html": "brickpilot.report.notebook:to_html",

@@ -20,7 +20,7 @@ from brickpilot.benchmark.sets import Maker, Task, truth_of
 from brickpilot.campaign import engine
 from brickpilot.campaign.engine import Part
 from brickpilot.campaign.workers import Workers, shared
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
 from brickpilot.errors import InputError, SimulationError
@@ -140,7 +140,7 @@ def run_one(
         truth = truth_of(folder)
         result |= truth_fields(task.name, truth)
         began, worked = time.perf_counter(), time.process_time()
-        data = dataset.read(folder)
+        data = reading.read(folder)
         found = pipeline.discover(data, seed=0, jobs=jobs)
         result["elapsed_s"] = round(time.perf_counter() - began, 2)
         result["cpu_s"] = round(time.process_time() - worked, 2)
@@ -151,7 +151,7 @@ def run_one(
         if asked is not None and maker is not None:
             made = maker.follow(folder, asked, further)
             if made is not None:
-                result["follow"] = verdict_fields(pipeline.discover(dataset.read(made), seed=0, jobs=jobs))
+                result["follow"] = verdict_fields(pipeline.discover(reading.read(made), seed=0, jobs=jobs))
         if peer is not None:
             windows = sindy.WINDOWS_S if peer == "sindy-grid" else sindy.tuned_windows()
             result["peer"] = sindy.paths(

@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from brickpilot.benchmark.real_logs import RealLog
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.description import describe
 from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.errors import InputError
@@ -44,7 +44,7 @@ def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
         _imported(log, groups, raw)
         _reshaped(log, raw, out, groups[0][0])
     _completed(log, out)
-    dataset.read(out)
+    reading.read(out)
     return out
 
 

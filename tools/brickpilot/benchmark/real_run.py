@@ -21,8 +21,7 @@ from brickpilot.benchmark.real_score import FIGURE, Predictions, fits
 from brickpilot.campaign import engine
 from brickpilot.campaign import workers as workers_module
 from brickpilot.campaign.workers import Here, Workers
-from brickpilot.data import dataset as dataset_module
-from brickpilot.data import holdout
+from brickpilot.data import holdout, reading
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
 from brickpilot.discover import pipeline
@@ -135,7 +134,7 @@ def run_log(
         known: what is known of the logs, by name.
         kept: the last results by name; of the same data set, those parts are kept that `work` leaves out.
     """
-    data = dataset_module.read(folder)
+    data = reading.read(folder)
     before = kept.get(data.name, {})
     before = before if before.get("figure") == FIGURE else {}  # figures of two kinds are not put side by side
     log = known.get(data.name)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.holdout import Roles
+from brickpilot.data.toml_file import write_whole
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError
-from brickpilot.vehicle import whole_file
 
 RESULTS = "results.jsonl"
 
@@ -70,7 +70,7 @@ def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[
     places = {key: place for place, key in enumerate(keys)}
     ordered = sorted(found, key=lambda key: places.get(key, -1))  # stable: the others stay in theirs
     if ordered != list(found):
-        whole_file.write(path, "".join(_line(found[key]) for key in ordered))
+        write_whole(path, "".join(_line(found[key]) for key in ordered))
     return [found[key] for key in ordered]
 
 

@@ -13,8 +13,8 @@ from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.file import runs as count_of
 from brickpilot.campaign.store import Parts
 from brickpilot.campaign.summary import Table, summary
+from brickpilot.data.toml_file import write_whole
 from brickpilot.report import campaign_page
-from brickpilot.vehicle import whole_file
 
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 
@@ -48,7 +48,7 @@ def conduct(
         parts.merge(keys, folder / TABLE)
         table = Table(folder / TABLE)
         found = summary(campaign, table)
-        whole_file.write(folder / SUMMARY, json.dumps(found, indent=2, allow_nan=False) + "\n")
+        write_whole(folder / SUMMARY, json.dumps(found, indent=2, allow_nan=False) + "\n")
         drawn = pictures.histograms(table, found["figures"]), pictures.scatters(campaign, table, found["sensitivity"])
-        whole_file.write(folder / PAGE, campaign_page.page(found, *drawn, command))
+        write_whole(folder / PAGE, campaign_page.page(found, *drawn, command))
     return found

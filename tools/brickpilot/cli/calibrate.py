@@ -35,12 +35,12 @@ def calibrate(
     Gives each parameter's confidence interval and lists the parameters that the data do not identify. Writes
     model.toml, calibrate.json and report.html.
     """
-    from brickpilot.data import dataset as dataset_module
+    from brickpilot.data import reading
     from brickpilot.fit import calibrate as calibrate_module
     from brickpilot.report import calibrate_page, headline_text, run_folder
     from brickpilot.vehicle import model
 
-    data = dataset_module.read(Path(dataset))
+    data = reading.read(Path(dataset))
     folder = Path(out) if out else Path("runs") / f"calibrate-{data.name}"
     with run_folder.fresh_folder(folder, {"calibrate.json", "report.html", "model.toml"}) as beside:
         with progress_shown(as_json) as progress:

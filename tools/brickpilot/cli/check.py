@@ -21,11 +21,11 @@ def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     It shows timing, noise and damage; what the runs tell of each nominal value, and which effects they would show, from
     which size on; which manoeuvres would tell more; and how long discover will take. It writes nothing.
     """
-    from brickpilot.data import dataset as dataset_module
+    from brickpilot.data import reading
     from brickpilot.discover import check as check_module
     from brickpilot.report import check_text
 
-    measured = dataset_module.read(Path(dataset))
+    measured = reading.read(Path(dataset))
     wiring = [one.sentence for one in measured.wiring]
     found = check_module.check(measured, seed=seed, jobs=jobs)
     if as_json:

@@ -32,13 +32,13 @@ def compare(
 
     Parameters that neither the data set nor MODEL.toml gives are fitted to the fit runs first, and are listed.
     """
-    from brickpilot.data import dataset as dataset_module
+    from brickpilot.data import reading
     from brickpilot.fit import compare as compare_module
     from brickpilot.report import compare_page, headline_text, run_folder
     from brickpilot.report.quantities import fit_number
     from brickpilot.vehicle import model
 
-    data = dataset_module.read(Path(dataset))
+    data = reading.read(Path(dataset))
     given = model.load(Path(model_file)) if model_file else None
     folder = Path(out) if out else Path("runs") / f"compare-{data.name}"
     with run_folder.fresh_folder(folder, {"compare.json", "report.html"}) as beside:

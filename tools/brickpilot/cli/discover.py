@@ -49,7 +49,7 @@ def discover(
     verdict.json and model.toml; also the C source of a composed term, and compensation.toml, with which the packaged
     firmware flies this robot, and next_experiment.toml, .csv and .h where one separates the effects.
     """
-    from brickpilot.data import dataset as dataset_module
+    from brickpilot.data import reading
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.finding import verdict_json
     from brickpilot.report import (
@@ -63,7 +63,7 @@ def discover(
     )
     from brickpilot.vehicle import compensation, model
 
-    data = dataset_module.read(Path(dataset))
+    data = reading.read(Path(dataset))
     given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
     command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]

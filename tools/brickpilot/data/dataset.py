@@ -1,6 +1,6 @@
-"""Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run.
+"""A data set as the program works on it: runs in SI and in the paper's frame (x forward, y right, clockwise positive).
 
-Values are converted to SI and to the paper's frame (x forward, y right, clockwise positive).
+`reading` makes one of a folder of files, or of DataFrames.
 """
 
 from __future__ import annotations
@@ -8,38 +8,34 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from brickpilot import catalogue
-from brickpilot.data.audit.audit import Fault, MeasuredRun, audit
-from brickpilot.data.audit.wiring import mended, miswired, with_counts
-from brickpilot.data.audit.wiring_motion import Channels, Miswired
-from brickpilot.data.decimation import decimated, decimation_note
-from brickpilot.data.description import Description, Role, RunEntry, Signal, describe, described
-from brickpilot.data.frames import Column, read_frame, tables
-from brickpilot.data.input_timing import InputTiming, with_linear_inputs
 from brickpilot.data.nominal import Nominal
-from brickpilot.data.plain_rows import LONG_TEXT
-from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.shown import Result
-from brickpilot.data.signals import INPUT_SETS, SIGNALS, Frame, Vehicle, to_frd
+from brickpilot.data.signals import INPUT_SETS, Frame, Vehicle, to_frd
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Fault", "Nominal", "Run", "Signal", "motor_inputs", "read"]
+    from brickpilot.data.audit.fault import Fault
+    from brickpilot.data.audit.wiring_motion import Miswired
+    from brickpilot.data.description import Role, Signal
+    from brickpilot.data.frames import Column
+    from brickpilot.data.input_timing import InputTiming
+
+__all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "motor_inputs"]
 
 Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 """V: multiplies a duty where a data set states no battery voltage."""
 
-_LONGEST_RUN_S = 1e6
 _SHOWN_RUNS = 8  # in a printed data set
 
 _DROPOUT_SHARE = 0.25  # of the running median: a battery sags by less within one sample
@@ -118,6 +114,8 @@ class Dataset(Result):
     wiring: tuple[Miswired, ...] = ()
     guessed: tuple[str, ...] = ()
 
+    _of_frames: ClassVar[Callable[..., Dataset]]  # `reading` puts it here: it knows this type, which does not know it
+
     @property
     def guesses(self) -> tuple[str, ...]:
         """What nobody stated and every speed or voltage rests on; what depends on it is confirmed by no run."""
@@ -189,18 +187,8 @@ class Dataset(Result):
         }
         pauses = gap_s if isinstance(gap_s, Mapping) else None
         of_runs = {"role": roles, "gap_s": pauses, "replicate_of": replicate_of, "initial": initial}
-        toml = tables(frames, signals, {key: values for key, values in of_runs.items() if values is not None}, stated)
-
-        def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-            read = read_frame(entry.file, frames[entry.name], wanted)
-            for signal in wanted:
-                blank = np.isnan(read.values[signal])
-                if signal.startswith("voltage") and not floats and blank.any():
-                    message = "is NaN; say floats=True if the motor floats there"
-                    raise read.fault(message, int(np.argmax(blank)), signal)
-            return read
-
-        return _checked(Path(name), described(toml), columns)
+        known = {key: values for key, values in of_runs.items() if values is not None}
+        return Dataset._of_frames(frames, signals, known, stated, floats)
 
     def to_frame(self, run: str | None = None) -> pandas.DataFrame:
         """Returns a row for each run: its role, samples, duration (s), median step (s) and faults.
@@ -268,79 +256,6 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
     )
 
 
-def read(folder: Path | str) -> Dataset:
-    """Reads a data set.
-
-    Args:
-        folder: its folder, or the dataset.toml in it.
-
-    Raises:
-        InputError: anything is wrong; the message names file, line and field.
-    """
-    path = Path(folder)
-    try:
-        if path.is_dir():
-            path = path / "dataset.toml"
-        if not path.is_file():
-            raise InputError("no such data set: a folder with a dataset.toml is needed", file=path)
-        if path.suffix.lower() != ".toml":
-            message = (
-                "is no data set; `brickpilot why` answers from a log, and `brickpilot import` makes a data set of it"
-            )
-            raise InputError(message, file=path)
-    except (OSError, ValueError) as error:
-        raise InputError("cannot be read", file=path) from error
-    description = describe(path)
-
-    much = sum(entry.file.stat().st_size for entry in description.runs) > LONG_TEXT
-
-    def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-        return read_columns(entry.file, wanted, description.layout, much=much)
-
-    return _checked(path, description, columns)
-
-
-def _checked(
-    path: Path, description: Description, columns: Callable[[RunEntry, Mapping[str, str | int]], Columns]
-) -> Dataset:
-    """Returns the data set whose runs' columns `columns` reads, audited."""
-    measured = [_run(entry, description, columns) for entry in description.runs]
-    wiring, guessed, wired = _wired(measured, description)
-    kept = [f"kept as it is stated: {one.sentence}" for one in wiring if description.as_wired]
-    wiring = () if description.as_wired else wiring
-    runs, damaged, damage = _audited(wired, description)
-    order = [run.name for run in runs]
-    whole = [
-        Fault(run.name, name, one.kind, float(run.time[0]), float(run.time[-1]), one.factor)
-        for run in measured for one in wiring if one.is_mended and one.kind != "frozen" for name in one.signals
-    ]  # fmt: skip
-    faults = tuple(sorted([*whole, *damaged], key=lambda one: (order.index(one.run), one.from_s, one.signal)))
-    runs, fewer = _decimated(runs)
-    if description.input_timing == "linear":
-        runs = tuple(with_linear_inputs(run) for run in runs)
-    dataset = Dataset(
-        name=description.name,
-        path=path,
-        vehicle=description.vehicle,
-        frame=description.frame,
-        signals=description.signals,
-        nominal=description.nominal,
-        nominal_effects=description.nominal_effects,
-        runs=runs,
-        gap_s=description.gap_s,
-        faults=faults,
-        notes=(*(f"wiring: {one.sentence}" for one in wiring), *kept, *description.notes, *damage, *fewer),
-        input_timing=description.input_timing,
-        wiring=wiring,
-        guessed=guessed,
-    )
-    if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
-        raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")
-    empty = not any(np.isfinite(values).any() for run in runs for values in run.outputs.values())
-    none = ["no sound sample is left: every output of every run is damaged"] if empty else []
-    return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *none))
-
-
 def motor_inputs(run: Run, dataset: Dataset) -> Vector:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
@@ -354,10 +269,10 @@ def motor_inputs(run: Run, dataset: Dataset) -> Vector:
         columns = np.column_stack([columns[:, 0] + columns[:, 1] / 2, columns[:, 0] - columns[:, 1] / 2])
     if names[0].startswith("voltage"):
         return columns
-    return columns * _battery(run, dataset)[0][:, np.newaxis]
+    return columns * battery(run, dataset)[0][:, np.newaxis]
 
 
-def _battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
+def battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
     """Returns the battery voltage of each sample, and how many readings were replaced as dropouts."""
     measured = run.outputs.get("battery_voltage")
     if measured is not None and np.isfinite(measured).any():
@@ -368,129 +283,3 @@ def _battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
         return np.where(dropout, level, filled), int(np.count_nonzero(dropout & known))
     nominal = dataset.nominal.get("battery_voltage")
     return np.full(run.time.size, PRESET_BATTERY_VOLTAGE if nominal is None else nominal.value), 0
-
-
-def _battery_notes(dataset: Dataset) -> list[str]:
-    if not any(name.startswith("duty") for name in dataset.signals):
-        return []
-    notes = []
-    for run in dataset.runs:
-        if repaired := _battery(run, dataset)[1]:
-            notes.append(f"run {run.name}: {repaired} battery readings were single-sample dropouts and were replaced")
-    if "battery_voltage" not in dataset.signals and "battery_voltage" not in dataset.nominal:
-        notes.append(f"no battery voltage is measured or stated: duty is multiplied by {PRESET_BATTERY_VOLTAGE:g} V")
-    return notes
-
-
-def _run(
-    entry: RunEntry, description: Description, read: Callable[[RunEntry, Mapping[str, str | int]], Columns]
-) -> Run:
-    columns = read(entry, {name: signal.column for name, signal in description.signals.items()})
-    values = {name: _to_si(columns, description, signal) for name, signal in description.signals.items()}
-    _check_time(columns, values["time"])
-    _check_duty(entry.file, values)
-    outputs = {name: value for name, value in values.items() if SIGNALS[name].kind == "output"}
-    return Run(
-        name=entry.name,
-        file=entry.file,
-        role=entry.role,
-        time=values["time"],
-        inputs={name: value for name, value in values.items() if SIGNALS[name].kind == "input"},
-        outputs=outputs,
-        raw_outputs=outputs,
-        gap_s=entry.gap_s,
-        replicate_of=entry.replicate_of,
-        initial=entry.initial,
-    )
-
-
-def channels_of(run: Run) -> Channels:
-    """Returns the channels of a run with the damaged samples as measured."""
-    return Channels(run.time, run.inputs, run.raw_outputs)
-
-
-def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns what is wired wrongly in all runs, the guesses after it, and the runs with what is sure of it mended."""
-    channels = [channels_of(run) for run in runs]
-    nominal = {name: known.value for name, known in description.nominal.items()}
-    found = miswired(channels, nominal)
-    if description.as_wired:
-        return tuple(replace(one, is_open=True) for one in found), description.guessed, runs
-    found, guessed = with_counts(found, description.guessed)
-    if not any(one.is_mended for one in found):
-        return found, guessed, runs
-    right = [mended(one, found) for one in channels]
-    for one in right:
-        for values in (one.time, *one.inputs.values(), *one.outputs.values()):
-            values.setflags(write=False)
-    return (
-        found,
-        guessed,
-        [
-            replace(run, time=one.time, inputs=one.inputs, outputs=one.outputs, raw_outputs=one.outputs)
-            for run, one in zip(runs, right, strict=True)
-        ],
-    )
-
-
-def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
-    """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
-    measured = [MeasuredRun(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
-    nominal = {name: known.value for name, known in description.nominal.items()}
-    found = audit(measured, description.signals, description.frame, nominal)
-    for outputs in found.outputs.values():
-        for values in outputs.values():
-            values.setflags(write=False)
-    return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
-
-
-def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
-    """Returns the runs with no more rows than the plant can use, and a note if rows were taken together."""
-    fewer = tuple(decimated(run) for run in runs)
-    rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
-    return fewer, (decimation_note(rows, kept),) if kept < rows else ()
-
-
-def _to_si(columns: Columns, description: Description, signal: Signal) -> Vector:
-    raw = columns.values[signal.name]
-    with np.errstate(over="ignore", invalid="ignore"):
-        values = signal.to_si * (signal.scale * raw + signal.offset)
-    beyond = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
-    if beyond.any():
-        place = f"{signal.name} (column {signal.column})"
-        raise columns.fault("is too large for a number", int(np.argmax(beyond)), place)
-    limit = SIGNALS[signal.name].largest
-    with np.errstate(invalid="ignore"):
-        beyond = np.abs(values) > limit
-    if beyond.any():
-        row = int(np.argmax(beyond))
-        message = f"{values[row]:.4g} {SIGNALS[signal.name].unit} is beyond what is physical, {limit:g}"
-        place = f"{signal.name} (column {signal.column})"
-        raise columns.fault(message, row, place)
-    values = np.asarray(to_frd(signal.name, values, description.frame), dtype=np.float64)
-    values.setflags(write=False)
-    return values
-
-
-def _check_time(columns: Columns, time: Vector) -> None:
-    blank = np.isnan(time)
-    if blank.any():
-        raise columns.fault("is blank", int(np.argmax(blank)), "time")
-    if time.size < 2:
-        raise columns.fault("a run needs at least two samples", 0)
-    stuck = np.diff(time) <= 0.0
-    if stuck.any():
-        row = int(np.argmax(stuck)) + 1
-        message = f"does not increase: {time[row]:.9g} s after {time[row - 1]:.9g} s"
-        raise columns.fault(message, row, "time")
-    if (span := float(time[-1] - time[0])) > _LONGEST_RUN_S:
-        message = f"a run of {span:.4g} s is longer than {_LONGEST_RUN_S:g} s; is the unit of time right?"
-        raise columns.fault(message, time.size - 1, "time")
-
-
-def _check_duty(file: Path, values: Mapping[str, Vector]) -> None:
-    for name, duty in values.items():
-        limit = 2.0 if name == "duty_diff" else 1.0
-        driven = np.abs(duty[np.isfinite(duty) & (duty != 0.0)])
-        if name.startswith("duty") and driven.size and np.median(driven) > limit * 1.01:
-            raise InputError(f"is mostly beyond -{limit:g}..{limit:g}; is its unit percent?", file=file, field=name)

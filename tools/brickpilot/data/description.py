@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from brickpilot.data.input_timing import INPUT_TIMINGS, InputTiming
+from brickpilot.data.input_timing import INPUT_TIMINGS, UNKNOWN_TIMING, InputTiming, Sampling
 from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
 from brickpilot.data.rows import DELIMITERS, CsvFormat
 from brickpilot.data.signals import INITIAL_UNITS, INPUT_SETS, SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, to_frd
@@ -19,7 +19,6 @@ from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 
 Role = Literal["fit", "held_out"]
-Sampling = Literal["instant", "mean"]
 
 _TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "as_wired", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
@@ -27,9 +26,6 @@ _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
-
-UNKNOWN_TIMING = "what the inputs do between two rows is not known: they are taken as held"
-"""The note on a data set that says so."""
 
 _LONGEST_GAP_S = 1e8
 _SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log

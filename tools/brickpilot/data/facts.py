@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +18,6 @@ from brickpilot.data.signals import SIGNALS
 Array = NDArray[np.float64]
 
 _LATE = 0.99  # quantile of the steps between samples that is reported beside their median
-_SAME_SHARE = 0.05  # rms of the inputs' difference over that of the inputs: up to this they are the same
-_LEAST_S, _LEAST_SHARE = 0.5, 0.5  # a repeat is at least so long, and as long as this share of the shorter run
-_GRID_S = 0.02
 _EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # over which the sides are compared, and how many of them are needed
 _FAST = 0.5  # of the fastest window: a slower one is a start or a stop
@@ -161,27 +157,3 @@ def _logged(run: Run) -> NDArray[np.bool_]:
     rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
     rows[[0, -1]] = True
     return rows
-
-
-def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
-    inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
-    found = []
-    for one, other in combinations(dataset.runs, 2):
-        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
-        seconds = _same_for(one, other, inputs, np.arange(0.0, shorter, _GRID_S))
-        if seconds >= max(_LEAST_S, _LEAST_SHARE * shorter):
-            found.append((one.name, other.name, seconds))
-    return tuple(found)
-
-
-def _same_for(one: Run, other: Run, inputs: Mapping[str, Array], grid: Array) -> float:
-    """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
-    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (one, other))
-    first, second = (inputs[run.name][held] for run, held in zip((one, other), rows, strict=True))
-    if not np.array_equal(np.isnan(first), np.isnan(second)):
-        return 0.0
-    apart = np.cumsum(np.nansum((first - second) ** 2, axis=1))
-    size = np.cumsum(np.nansum(first**2 + second**2, axis=1) / 2)
-    same = np.flatnonzero((apart <= _SAME_SHARE**2 * size) & (size > 0))
-    return float(grid[same[-1]]) if len(same) else 0.0

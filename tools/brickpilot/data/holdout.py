@@ -1,10 +1,14 @@
-"""Chooses fit runs and held-out runs where the data set does not state them, and some fit runs where there are many."""
+"""Chooses fit runs and held-out runs where the data set does not state them, and some fit runs where there are many.
+
+It also tells which runs repeat each other.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +30,10 @@ _ONE_WAY = 0.1
 _SHORTEST_S = 0.3
 # Shares of the input's energy: what the fit keeps of all, and of each direction; the least that is held out.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
+
+# Two runs repeat each other if their inputs differ by this share of their rms, for so many s and this share of the
+# shorter run at least; they are compared on a grid of so many s.
+_SAME_SHARE, _REPEAT_S, _REPEAT_SHARE, _GRID_S = 0.05, 0.5, 0.5, 0.02
 
 _GIVEN = {
     frozenset({"fit"}): "The data set holds no run out.",
@@ -254,3 +262,27 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
         else:
             left_out += run.gap_s + float(run.time[-1] - run.time[0])
     return tuple(kept)
+
+
+def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
+    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
+    inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
+    found = []
+    for one, other in combinations(dataset.runs, 2):
+        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
+        seconds = _same_for(one, other, inputs, np.arange(0.0, shorter, _GRID_S))
+        if seconds >= max(_REPEAT_S, _REPEAT_SHARE * shorter):
+            found.append((one.name, other.name, seconds))
+    return tuple(found)
+
+
+def _same_for(one: Run, other: Run, inputs: Mapping[str, Array], grid: Array) -> float:
+    """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
+    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (one, other))
+    first, second = (inputs[run.name][held] for run, held in zip((one, other), rows, strict=True))
+    if not np.array_equal(np.isnan(first), np.isnan(second)):
+        return 0.0
+    apart = np.cumsum(np.nansum((first - second) ** 2, axis=1))
+    size = np.cumsum(np.nansum(first**2 + second**2, axis=1) / 2)
+    same = np.flatnonzero((apart <= _SAME_SHARE**2 * size) & (size > 0))
+    return float(grid[same[-1]]) if len(same) else 0.0

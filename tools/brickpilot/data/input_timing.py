@@ -20,9 +20,13 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Timing = Literal["held", "linear"]
 InputTiming = Literal[Timing, "unknown"]
+Sampling = Literal["instant", "mean"]
 Kind = Literal["delay", "lag"]
 
 INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
+
+UNKNOWN_TIMING = "what the inputs do between two rows is not known: they are taken as held"
+"""The note of a data set that states "unknown"."""
 
 _STEP_S = 0.005  # a linear input is held for so long at most
 _MOST_STEPS = 200  # between two rows

@@ -1,14 +1,15 @@
-"""Reads TOML files and keeps the line of each value, so that an error can name it."""
+"""Reads TOML files and keeps the line of each value, so that an error can name it; and writes text files whole."""
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 
 Key = tuple[str | int, ...]
 
@@ -161,3 +162,21 @@ class TomlFile:
         if not isinstance(value, dict):
             self.refuse(key, f"{value!r} is not a table")
         return value
+
+
+def write_whole(path: Path | str, text: str) -> None:
+    """Writes a text file so that a reader finds the old content or the new one, never a part of it.
+
+    It is written beside `path` and renamed.
+
+    Raises:
+        WorkFailedError: the disk is full.
+    """
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        with disk_named(target):
+            beside.write_text(text, encoding="utf-8")
+            os.replace(beside, target)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from brickpilot import __version__
-from brickpilot.data.dataset import Dataset, Fault
+from brickpilot.data.audit.fault import Fault
+from brickpilot.data.dataset import Dataset
 from brickpilot.data.feedback import Loop
 from brickpilot.data.gap import Gap, Place
 from brickpilot.data.periods import Period

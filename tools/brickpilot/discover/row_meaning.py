@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import ttest_1samp
 
+from brickpilot.data import input_timing
 from brickpilot.data.dataset import Dataset
-from brickpilot.data.description import UNKNOWN_TIMING, Sampling
 from brickpilot.data.input_timing import Behind, Kind, Timing, inputs_acting, refined, with_linear_inputs
 from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
@@ -63,7 +63,7 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
         note = f"the rows are {1e3 * row_s:.2g} ms apart, so the inputs are taken as held"
     else:
         timing, note = _found(prepare(refined(dataset), model, seed=seed, jobs=jobs)[0], dataset, row_s)
-    notes = tuple(note if one == UNKNOWN_TIMING else one for one in dataset.notes)
+    notes = tuple(note if one == input_timing.UNKNOWN_TIMING else one for one in dataset.notes)
     runs = tuple(with_linear_inputs(run) for run in dataset.runs) if timing == "linear" else dataset.runs
     return dataclasses.replace(dataset, runs=runs, notes=notes, input_timing=timing)
 
@@ -167,7 +167,7 @@ def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanati
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
     if not names or len(names) < len(measured):
         return None
-    kinds: tuple[Sampling, Sampling] = ("instant", "mean")
+    kinds: tuple[input_timing.Sampling, input_timing.Sampling] = ("instant", "mean")
     instant, mean = (_sampled_losses(prepared, nominal, _sampled(prepared.compared, names, kind)) for kind in kinds)
     sure = _certainty(instant, mean)
     if sure < numbers.SURE:
@@ -179,7 +179,7 @@ def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanati
     return dataclasses.replace(_sampled(dataset, names, "instant"), notes=(*dataset.notes, note))
 
 
-def _sampled(dataset: Dataset, names: Sequence[str], kind: Sampling) -> Dataset:
+def _sampled(dataset: Dataset, names: Sequence[str], kind: input_timing.Sampling) -> Dataset:
     own = {name: dataclasses.replace(dataset.signals[name], sampling=kind) for name in names if name in dataset.signals}
     return dataclasses.replace(dataset, signals={**dataset.signals, **own})
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.agreement import Agreement, together
-from brickpilot.data.facts import repeats
+from brickpilot.data.holdout import repeats
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding
 from brickpilot.gen.svg_figure import BLUE, GREY, ORANGE, figure, to_svg
@@ -62,7 +62,7 @@ def main() -> None:
     """Writes the picture; run from the root of a checkout."""
     with tempfile.TemporaryDirectory() as folder:
         made, hidden = _made(Path(folder))
-        found = pipeline.discover(dataset.read(made), seed=0)
+        found = pipeline.discover(reading.read(made), seed=0)
     Path("tools/discovery.svg").write_text(draw(found, hidden), encoding="utf-8")
 
 

@@ -16,11 +16,12 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from brickpilot.data import dataset
+from brickpilot.data import reading
 from brickpilot.data.audit.wiring import miswired, taken_from
 from brickpilot.data.audit.wiring_motion import Channels, Miswired
-from brickpilot.data.dataset import Dataset, channels_of
+from brickpilot.data.dataset import Dataset
 from brickpilot.data.input_timing import InputTiming
+from brickpilot.data.reading import channels_of
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
@@ -142,12 +143,12 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
         with disk_named(out):
             partial.mkdir()
             _fill(new, partial)
-        read_back = dataset.read(partial)
+        read_back = reading.read(partial)
         if new.frame is None:
             new = replace(new, **_framed(new, read_back))
             with disk_named(out):
                 _describe(new, partial)
-            read_back = dataset.read(partial)
+            read_back = reading.read(partial)
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.is_dir():
             place.rmdir()  # it is empty; Windows renames to no folder that exists

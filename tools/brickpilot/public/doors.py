@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from brickpilot.data.dataset import Dataset, read
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, fly, gains
 from brickpilot.vehicle import model as model_file

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from brickpilot.data.toml_file import write_whole
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import own_image
 from brickpilot.firmware.own_image import OwnImage
@@ -24,7 +25,7 @@ from brickpilot.link.session import LOCKSTEP, REALTIME
 from brickpilot.public.doors import FlightRequest, whole
 from brickpilot.public.made import Made
 from brickpilot.report import junit, link_figures, run_folder, run_page
-from brickpilot.vehicle import flight_checks, flight_figures, whole_file
+from brickpilot.vehicle import flight_checks, flight_figures
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.settings import named
 
@@ -210,7 +211,7 @@ def _write_junit(session: Session, text: str) -> None:
         return
     try:
         session.junit.parent.mkdir(parents=True, exist_ok=True)
-        whole_file.write(session.junit, text)
+        write_whole(session.junit, text)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=session.junit) from error
 

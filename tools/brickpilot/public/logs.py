@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from brickpilot.data import dataset as dataset_module
+from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, joined
 from brickpilot.discover.check import check
 from brickpilot.discover.finding import Finding, verdict_json
@@ -165,13 +165,13 @@ def _read(
     are_sets = [(one / "dataset.toml").is_file() or one.name == "dataset.toml" for one in paths]
     if not any(are_sets):
         made = _import(paths, into, vehicle, frame, mapping, nominal, as_wired)
-        return dataset_module.read(into), made.notes, made.mend
+        return reading.read(into), made.notes, made.mend
     if not all(are_sets):
         raise InputError("is a log, beside a data set: import it first", file=paths[are_sets.index(False)])
     if mapping or nominal or vehicle or frame or as_wired:
         message = "a data set describes itself: --map, --nominal, --vehicle, --frame and --as-wired are for logs"
         raise InputError(message, file=paths[0])
-    return joined([dataset_module.read(one) for one in paths]), (), ""
+    return joined([reading.read(one) for one in paths]), (), ""
 
 
 def _import(

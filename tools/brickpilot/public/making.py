@@ -10,7 +10,7 @@ from typing import Any
 
 from brickpilot.campaign import conduct, workers
 from brickpilot.campaign import file as campaign_file
-from brickpilot.data.dataset import read
+from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
 from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read, run_topics, traffic_topics

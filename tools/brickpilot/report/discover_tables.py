@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from brickpilot import catalogue
-from brickpilot.data.dataset import Fault
+from brickpilot.data.audit.fault import Fault
 from brickpilot.data.gap import Place
 from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
 from brickpilot.report import discover_plots

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.quantise import QuantisationError, Scale, scale, scale16
 
 # Counts of firmware/model per SI unit.
@@ -46,12 +47,6 @@ class MotorStep:
     transition: NDArray[np.float64]
     voltage: NDArray[np.float64]
     torque: NDArray[np.float64]
-
-
-def loss(values: Values) -> float:
-    """Returns viscous and rolling friction of a wheel in N m s/rad (eq. 13 and 14), for the whole weight."""
-    rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
-    return values["viscous_friction"] + rolling
 
 
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:

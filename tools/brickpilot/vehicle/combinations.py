@@ -12,7 +12,6 @@ import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.vehicle.coefficients import loss
 
 Values = Mapping[str, float]
 _Rule = Callable[[Values], float]
@@ -31,6 +30,12 @@ class Formula:
     text: str
     unit: str
     value_at: _Rule
+
+
+def loss(values: Values) -> float:
+    """Returns viscous and rolling friction of a wheel in N m s/rad (eq. 13 and 14), for the whole weight."""
+    rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
+    return values["viscous_friction"] + rolling
 
 
 def _steady(p: Values) -> float:

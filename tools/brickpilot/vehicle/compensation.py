@@ -13,8 +13,8 @@ from pathlib import Path
 
 import tomlkit
 
-from brickpilot.data.toml_file import Key, TomlFile
-from brickpilot.vehicle import compensation_limits, compensation_values, plant, whole_file
+from brickpilot.data.toml_file import Key, TomlFile, write_whole
+from brickpilot.vehicle import compensation_limits, compensation_values, plant
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.settings import Setting, compensations
 
@@ -57,8 +57,8 @@ class Compensation:
         return FORMATS[parameter].value(self.raw[parameter])
 
     def save(self, path: Path | str) -> None:
-        """Writes the file as a whole (`whole_file`)."""
-        whole_file.write(path, render(self))
+        """Writes the file as a whole (`write_whole`)."""
+        write_whole(path, render(self))
 
 
 def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:

@@ -8,7 +8,8 @@ from functools import cache
 
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
-from brickpilot.vehicle.coefficients import difference_inertia, loss, mean_inertia
+from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia
+from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.compensation_values import hold, push, straight_inertia
 from brickpilot.vehicle.plant import Undoable
 from brickpilot.vehicle.settings import Setting

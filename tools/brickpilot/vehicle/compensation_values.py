@@ -24,7 +24,8 @@ from functools import cache
 
 from brickpilot import catalogue
 from brickpilot.vehicle import plant, scenario
-from brickpilot.vehicle.coefficients import loss, mean_inertia
+from brickpilot.vehicle.coefficients import mean_inertia
+from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import Undoable
 

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import tomlkit
 
-from brickpilot.data.toml_file import TomlFile
+from brickpilot.data.toml_file import TomlFile, write_whole
 from brickpilot.errors import InputError
-from brickpilot.vehicle import whole_file
 from brickpilot.vehicle.settings import Setting, settings
 
 AT_MOST = (("creep", "cruise"), ("align", "pivot"))
@@ -45,8 +44,8 @@ class Gains:
         return settings()[name].value(self.raw[name])
 
     def save(self, path: Path | str) -> None:
-        """Writes the file as a whole (`whole_file`)."""
-        whole_file.write(path, render(self))
+        """Writes the file as a whole (`write_whole`)."""
+        write_whole(path, render(self))
 
 
 def render(gains: Gains) -> str:

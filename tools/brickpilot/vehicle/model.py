@@ -15,9 +15,9 @@ from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.constants import RCX
 from brickpilot.data.dataset import Dataset, Nominal
-from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.data.toml_file import Key, TomlFile, write_whole
 from brickpilot.errors import SimulationError
-from brickpilot.vehicle import plant, whole_file
+from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
 _TOP_KEYS = (
@@ -246,10 +246,10 @@ def render(model: Model) -> str:
 
 
 def save(model: Model, path: Path | str) -> None:
-    """Writes the model file as a whole (`whole_file`).
+    """Writes the model file as a whole (`write_whole`).
 
     Raises:
         InputError: the plant does not know a parameter or an effect of the model, or refuses a value.
     """
     plant.build(model)
-    whole_file.write(path, render(model))
+    write_whole(path, render(model))

@@ -42,7 +42,7 @@ class Replay:
     """A data set whose runs can be simulated under any model.
 
     Attributes:
-        dataset: as `dataset.read` gives it.
+        dataset: as `reading.read` gives it.
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from brickpilot.constants import RCX
-from brickpilot.vehicle.coefficients import loss
+from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.quantise import QuantisationError, integer
 from brickpilot.vehicle.settings import Setting, settings
 

@@ -16,10 +16,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.channels import LEAST_SAMPLES
-from brickpilot.data.audit.fault import Fault, channel_note
-from brickpilot.data.audit.windows import Windows, cut
-from brickpilot.data.audit.wrong_units import FACTORS, usual_factors
+from brickpilot.data.audit.fault import FACTORS, Fault, channel_note, usual_factors
+from brickpilot.data.audit.windows import LEAST_SAMPLES, Windows, cut
 from brickpilot.data.dataset import Dataset, Run
 
 Vector = NDArray[np.float64]
@@ -50,7 +48,7 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
     preset, would adapt to any unit.
 
     Args:
-        dataset: as `dataset.read` gives it.
+        dataset: as `reading.read` gives it.
         simulated: run -> signal -> (n,) of the nominal model from the run's inputs, SI, the paper's frame, at the run's
             own time. Runs and signals that are not in it are not tested.
     """

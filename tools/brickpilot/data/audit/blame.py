@@ -13,6 +13,7 @@ from math import log
 
 import numpy as np
 
+from brickpilot.data.audit.fault import is_clock_factor, is_unit_factor, is_usual
 from brickpilot.data.audit.relations import Alike, Driven, Group, State
 from brickpilot.data.audit.run_set import (
     TYPICAL_INTERVAL_S,
@@ -23,7 +24,6 @@ from brickpilot.data.audit.run_set import (
     oddness,
     usual_gain,
 )
-from brickpilot.data.audit.wrong_units import is_clock_factor, is_unit_factor, is_usual
 
 # Costs of a trial, in logarithms of a ratio.
 _PER_CHANNEL = 0.01  # for each channel blamed; decides only where all else is equal

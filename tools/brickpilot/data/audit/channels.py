@@ -13,17 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit.blame import Contradiction, most_likely
+from brickpilot.data.audit.fault import FACTORS, clock_factors_of
 from brickpilot.data.audit.other_runs import against_other_runs
 from brickpilot.data.audit.relation_list import WHEEL_KINDS, Geometry
 from brickpilot.data.audit.run_set import TYPICAL_INTERVAL_S, RunSet, is_output
 from brickpilot.data.audit.view import RunView, drives
-from brickpilot.data.audit.windows import Windows, cut
-from brickpilot.data.audit.wrong_units import FACTORS, clock_factors_of
+from brickpilot.data.audit.windows import LEAST_SAMPLES, Windows, cut
 
 Vector = NDArray[np.float64]
-
-LEAST_SAMPLES = 20
-"""A run of fewer samples is not compared."""
 
 _MOST = 8  # contradictions that are searched for
 _LEAST_WINDOWS = 4  # of a run, for a ratio

@@ -8,10 +8,10 @@ from math import log
 import numpy as np
 
 from brickpilot.data.audit.blame import Contradiction
+from brickpilot.data.audit.fault import FACTORS
 from brickpilot.data.audit.relations import Alike, State
 from brickpilot.data.audit.run_set import RunSet, drive_gain, drive_level, oddness
 from brickpilot.data.audit.view import driven_by
-from brickpilot.data.audit.wrong_units import FACTORS
 
 _WITH_DRIVE = 0.8  # correlation of a motion with its drive, for it to have a gain
 _LARGE = 9.0  # smallest factor that counts

@@ -15,8 +15,8 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY
 from brickpilot.data.audit.windows import Windows
-from brickpilot.data.audit.wrong_units import CLOCK_FACTORS, FACTORS, GRAVITY
 
 Vector = NDArray[np.float64]
 Group = tuple[str, ...]

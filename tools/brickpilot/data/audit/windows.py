@@ -16,6 +16,9 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 
+LEAST_SAMPLES = 20
+"""A run of fewer samples is not compared."""
+
 _LEAST_WINDOWS, _MOST_WINDOWS = 8, 32
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
 _KNOWN = 0.7  # share of known samples, for a window to count
