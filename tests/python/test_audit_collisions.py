@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.dataset import Dataset, motor_inputs, read
+from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.motion import cut_into_windows
+from brickpilot.data.reading import read
 from test_audit import ALL, NOISE, found, needs_data
 from test_measured import DATA
 
@@ -43,13 +44,15 @@ def test_a_vehicle_that_runs_into_something_is_found_and_the_rest_of_its_run_lef
     assert any("as in a collision" in note for note in data.notes)
 
 
-@pytest.mark.parametrize("why", ["slowly", "a little", "one wheel", "at the end of the drive"])
+@pytest.mark.parametrize("why", ["slowly", "a little", "a rough patch", "one wheel", "at the end of the drive"])
 def test_a_loss_of_speed_that_has_another_reason_is_no_collision(why: str, tmp_path: Path) -> None:
     def slow(name: str, table: Table) -> None:
         if name == "ahead" and why == "slowly":
             stop(table, 0.5, over=0.8, left=0.2)
         elif name == "ahead" and why == "a little":
             stop(table, 0.8, left=0.75)
+        elif name == "ahead" and why == "a rough patch":
+            stop(table, 0.8, over=0.08, left=0.55)
         elif name == "ahead" and why == "one wheel":
             stop(table, 0.8, sides=("left",))
         elif name == "ahead":
