@@ -261,12 +261,15 @@ def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
 
 def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
     """Returns an explanation that was fitted to the end, with why it was taken or lost."""
-    explanation, best, temperature = one.explanation, found.verdict.ranked[0], found.verdict.temperature
+    explanation, verdict, temperature = one.explanation, found.verdict, found.verdict.temperature
+    best = next((other for other in verdict.ranked if other.explanation.key == verdict.best.key), verdict.ranked[0])
     names = [free.name for free in explanation.plan.free if any(part.owns(free) for part in explanation.parts)]
     worse, rarer = (best.total - one.total) / temperature, best.log_prior(temperature) - one.log_prior(temperature)
-    held = [other.weight for other in found.verdict.held if other.explanation.key == explanation.key]
+    held = [other.weight for other in verdict.held if other.explanation.key == explanation.key]
     if held:
         why = f"It holds {100 * held[0]:.0f} % of the weight."
+    elif any(explanation.key <= key for key in verdict.refuted):
+        why = "It leaves too much to be an answer."
     elif worse <= 0 or worse < min(rarer, numbers.CHANCE_NATS):
         why = "It predicts as well, but needs more that is rare, or values other than stated."
     else:

@@ -1,6 +1,6 @@
 """The seal: held-out runs are opened once, after the last choice, on the model as read back from its file.
 
-What they say may turn `named` or `ambiguous` into `unknown`. It chooses nothing: no value, no effect, no rival.
+What they say may take a name back, or leave it beside the nominal model. It chooses nothing: no value, effect or rival.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
 _WEAK = "The held-out runs speak for it, but not surely."
-_CONTRADICTED = "It explains the fit runs, but the held-out runs do not confirm it."
+_CONTRADICTED = "It explains the fit runs, but the held-out runs do not confirm it: {}."
+_GROWS, _RATHER = "the error of free runs grows", "drawn anew, they are predicted better only {:.0f} times in 100"
 
 
 class SealError(RuntimeError):
@@ -126,16 +127,11 @@ def prove(
 
 def unproved(proof: Proof, nominal: Model) -> Proof:
     """Returns the proof of the nominal model alone, where what was added to it did not hold."""
-    simulated = {one: proof.simulated["nominal"] for one in ("nominal", "augmented")}
-
-    def before(gap: Gap) -> Gap:
-        return Gap(gap.before, gap.before)
-
     return dataclasses.replace(
         proof,
-        simulated=simulated,
-        gap={role: before(one) for role, one in proof.gap.items()},
-        by_signal={name: before(one) for name, one in proof.by_signal.items()},
+        simulated={one: proof.simulated["nominal"] for one in ("nominal", "augmented")},
+        gap={role: Gap(one.before, one.before) for role, one in proof.gap.items()},
+        by_signal={name: Gap(one.before, one.before) for name, one in proof.by_signal.items()},
     )
 
 
@@ -155,7 +151,8 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     confirmed = shown and draws >= numbers.SURE and not grows
     contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # they rather speak for the nominal model
     kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
-    sentence = (_WEAK if shown else _NOT_EXCITED) if not contradicted else _CONTRADICTED
+    against = _CONTRADICTED.format(_GROWS if grows else _RATHER.format(100 * draws))
+    sentence = against if contradicted else _WEAK if shown else _NOT_EXCITED
     removed = _removed(held_out, nominal, written)
     return Evidence(kind, removed_fit, removed, draws, contradicted, _CONFIRMED if confirmed else sentence)
 

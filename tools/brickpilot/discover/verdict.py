@@ -24,8 +24,8 @@ from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Step, VerdictKind
 from brickpilot.discover.search import Found
 
-_ONE = "One explanation holds 95 % of the weight."
-_SEVERAL = "{} explanations hold 95 % of the weight together, and none of them contains another."
+_ONE = "{} holds 95 % of the weight."
+_SEVERAL = "{} explanations hold 95 % of the weight together, the heaviest {}; none of them contains another."
 _NOTHING = "The nominal model is among the explanations that hold 95 % of the weight."
 _RUNS = "No law is missing: runs differ in what reaches the motors, and when."
 _UNSURE = "The measured samples do not surely show it."
@@ -97,11 +97,11 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
     One that leaves an error which a black box predicts is not the whole answer. It is refuted, and the others are
     weighed again, as long as those that stand hold weight beside it. Where none does, the verdict is `unknown`.
     """
-    first, refuted = (verdict := weigh(found)), set[frozenset[str]]()
+    first, refuted, fails = (verdict := weigh(found)), set[frozenset[str]](), None
     while failed := [
         one for one in (verdict.best, *verdict.rivals) if one.key not in refuted and not left_of(one).is_adequate
     ]:
-        refuted |= {one.key for one in failed}
+        refuted, fails = refuted | {one.key for one in failed}, fails or failed[0]
         again = _among(found, refuted)
         if again is None:
             best = best_so_far(found) if first.kind == "none" else first.best
@@ -109,10 +109,10 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
             return first.turned(by, best=best, adequacy=left_of(first.best))
         verdict = again
     left = left_of(verdict.best)
-    if not refuted:
+    if fails is None:
         return dataclasses.replace(verdict, adequacy=left)
-    fails = "The nominal model" if first.kind == "none" else " + ".join(first.best.names)
-    step = Step("adequacy", verdict.kind, f"{fails} leaves too much: that is no answer. {verdict.steps[-1].why}")
+    why = f"Not {' + '.join(fails.names) or 'the nominal model'}: {left_of(fails).sentence} {verdict.steps[-1].why}"
+    step = Step("adequacy", verdict.kind, why)
     return dataclasses.replace(verdict, adequacy=left, steps=(*first.steps, step), refuted=frozenset(refuted))
 
 
@@ -136,15 +136,15 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
     nothing = found.nothing.explanation
     # Held-out runs can prove what the data tell, and not what stated values alone speak for.
-    data_tell = found.is_sure(best)
+    data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
         best, least = nothing, [nothing]
         said = Step("weigh", "none", _NOTHING)
     elif len(least) == 1 and best.key - nothing.key <= sure:
         least = least if data_tell else [best, nothing]
-        said = Step("weigh", "named", _ONE) if data_tell else Step("weigh", "ambiguous", _STATED)
+        said = Step("weigh", "named", _ONE.format(called)) if data_tell else Step("weigh", "ambiguous", _STATED)
     else:
-        said = Step("weigh", "ambiguous", _SEVERAL.format(len(least)))
+        said = Step("weigh", "ambiguous", _SEVERAL.format(len(least), called))
     rivals = tuple(one for one in least if one is not best)
     return Verdict(said.verdict, nothing, best, rivals, tuple(held), sure, temperature, None, tuple(ranked), (said,))
 
