@@ -1,4 +1,4 @@
-"""The blind test in small: the right verdict on eight data sets made by MuJoCo. `benchmark discover` runs the rest.
+"""The blind test in small: the right verdict on eight data sets made by MuJoCo. `tests/lab/run discover` runs the rest.
 
 Nominal values are 2 % off, noise is white, converters have 10 bits. Nothing is made by the plant that explains it.
 """
