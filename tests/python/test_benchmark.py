@@ -14,7 +14,9 @@ from brickpilot.campaign import workers
 from brickpilot.campaign.crew import Finished
 from brickpilot.data import dataset
 from brickpilot.errors import InputError, SimulationError
+from click.testing import CliRunner
 from command import lab
+from lab import __main__ as program
 from lab import blind_test, sets, table
 from lab.result import RESULTS, append, load
 from lab.score import (
@@ -374,12 +376,21 @@ def test_a_small_complete_run(small, tmp_path) -> None:
     assert shown.stdout == again.stdout
 
 
-def test_sets_are_made_and_deleted(tmp_path) -> None:
-    pytest.importorskip("mujoco")
-    folder = tmp_path / "out"
-    options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
-    done = lab("discover", *options, cwd=CHECKOUT)
-    assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in folder.iterdir()) == ["report.html", RESULTS, "table.json", "table.md"]
-    kept = load(folder / RESULTS)[0]
-    assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)
+def test_sets_are_made_and_deleted(tmp_path, monkeypatch) -> None:
+    """What discovery makes of a set is another test's."""
+    judged = []
+
+    def run_one(task, folder, *_):
+        judged.append((folder, dataset.read(folder).name))
+        return result([], "none", name=task.name, engine=task.engine, seed=task.seed, seed_offset=task.seed_offset)
+
+    monkeypatch.setattr(blind_test, "run_one", run_one)
+    monkeypatch.chdir(tmp_path)
+    options = ["--suite", "same", "--engine", "planar", "--limit", "1", "--seed-offset", "0", "--out", "out", "--json"]
+    done = CliRunner().invoke(program.lab, ["discover", *options])
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in Path("out").iterdir()) == ["report.html", RESULTS, "table.json", "table.md"]
+    ((folder, name),) = judged
+    assert not folder.exists()
+    kept = load(Path("out") / RESULTS)[0]
+    assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == (name, "none", 0, None)
