@@ -1,4 +1,7 @@
-"""Says where the installed package is older than the checkout, so that no test judges code that is no longer there."""
+"""Says where the installed package is older than the checkout, so that no test judges code that is no longer there.
+
+As a program it ends with status 1 there.
+"""
 
 from __future__ import annotations
 
@@ -37,3 +40,11 @@ def outdated(root: Path, package: Path) -> Iterator[str]:
         for path in sorted((root / folder).rglob("*.[ch]")):
             if "targets" not in path.parts and path.stat().st_mtime > built:
                 yield f"{path.relative_to(root)}: {REMEDY}"
+
+
+if __name__ == "__main__":
+    import sys
+
+    import brickpilot
+
+    sys.exit(next(outdated(ROOT, Path(brickpilot.__file__).parent), None) is not None)

@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
-# The peers of discovery spell out their own library of laws; the README's picture shows one example; the kept results
-# of the benchmark on real logs say what was found; the example logs hide effects, and the example campaigns draw
-# some; the exporter for rigid-body simulators says which laws these have themselves, and lists all others.
+# The README's picture shows one example; the example logs hide effects, and the example campaigns draw some; the
+# exporter for rigid-body simulators says which laws these have themselves, and lists all others.
 MAY_NAME = frozenset(
     {
-        Path("tools/brickpilot/benchmark/real_results.json"),
-        Path("tools/brickpilot/benchmark/sindy_library.py"),
         Path("tools/brickpilot/export/machine_effects.py"),
         Path("tools/brickpilot/gen/discovery_picture.py"),
         Path("tools/examples/gain_sweep.toml"),

@@ -27,7 +27,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
-    "benchmark": {"data", "importers", "vehicle", "fit", "discover", "link", "hil", "campaign"},
+    "bench": {"data", "vehicle", "fit", "discover", "link", "hil", "campaign"},
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "public": {
@@ -36,7 +36,7 @@ MAY: dict[str, set[str]] = {
     },
     "cli": {
         "data", "importers", "vehicle", "fit", "discover", "report", "link", "hil", "flash", "firmware", "campaign",
-        "benchmark", "export", "tune", "public",
+        "bench", "export", "tune", "public",
     },
     "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
 }  # fmt: skip
@@ -46,7 +46,7 @@ MAY: dict[str, set[str]] = {
 ALSO = {
     "importers/rcx.py": {"link"},
     "hil/rcx_flight.py": {"flash"},
-    "gen/h8_states_header.py": {"benchmark"},
+    "gen/h8_states_header.py": {"bench"},
 }
 
 

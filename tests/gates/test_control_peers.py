@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.benchmark import control_peers, flight_records
+from brickpilot.bench import control_peers
 from brickpilot.errors import SimulationError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,7 +40,7 @@ def test_peers_give_the_firmwares_answers_at_the_cost_that_is_told(brick: str, m
 
 @pytest.mark.parametrize("constant", ["", "HEADING_KP", "FEEDFORWARD", "TWICE_DECEL", "SPEED_KI_PERIOD"])
 def test_a_peer_that_computes_another_law_is_refused(constant: str, tmp_path: Path) -> None:
-    flight_records.write(flight_records.record(STEPS), tmp_path)
+    control_peers.write_records(control_peers.record(STEPS), tmp_path)
     path = tmp_path / "constants.inc"
     if constant:
         lines = path.read_text().splitlines()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.benchmark import h8_states
+from brickpilot.bench import h8_states
 from command import brickpilot
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,22 +17,22 @@ MUST_NOT = {
     "data": {"importers", "vehicle", "fit", "discover"},
     "importers": {"vehicle", "fit", "hil"},
     "vehicle": {"fit", "discover", "report", "link"},
-    "fit": {"discover", "benchmark", "report"},
-    "discover": {"benchmark", "report", "hil"},
-    "report": {"benchmark", "importers"},
+    "fit": {"discover", "bench", "report"},
+    "discover": {"bench", "report", "hil"},
+    "report": {"bench", "importers"},
     "link": {"fit", "hil", "data"},
     "hil": {"fit", "discover", "flash"},
     "flash": {"fit", "hil"},
     "firmware": {"fit", "report", "flash"},
-    "campaign": {"benchmark", "importers", "flash"},
+    "campaign": {"bench", "importers", "flash"},
     "export": {"fit", "discover", "report", "flash"},
-    "tune": {"discover", "benchmark", "flash"},
-    "benchmark": {"report", "flash"},
+    "tune": {"discover", "bench", "flash"},
+    "bench": {"report", "flash", "importers"},
     "gen": {"importers", "link", "hil"},
     "public": {"flash"},
     "cli": set[str](),
 }
-AT_RUN_TIME = {"cli", "benchmark", "gen"}
+AT_RUN_TIME = {"cli", "bench", "gen"}
 
 
 @pytest.fixture
@@ -63,13 +63,13 @@ def test_every_room_has_a_rule_and_every_rule_a_room() -> None:
 
 def test_only_the_command_line_and_the_generator_stand_on_top() -> None:
     for room, may in MAY.items():
-        assert not may & (AT_RUN_TIME - ({"benchmark"} if room == "cli" else set())), room
+        assert not may & (AT_RUN_TIME - ({"bench"} if room == "cli" else set())), room
 
 
 @pytest.mark.parametrize("room", MAY)
 def test_a_forbidden_import_is_named(package: Path, room: str) -> None:
     part = package / room / "part.py"
-    for other in sorted(MUST_NOT[room] | AT_RUN_TIME - {room, "benchmark" if room == "cli" else room}):
+    for other in sorted(MUST_NOT[room] | AT_RUN_TIME - {room, "bench" if room == "cli" else room}):
         part.write_text(f'"""A part."""\n\nfrom brickpilot.{other} import part\n')
         (fault,) = python_faults(package)
         assert str(fault).startswith(f"{room}/part.py:3: imports brickpilot.{other}.part; {room} may import ")

@@ -1,4 +1,4 @@
-"""What `brickpilot benchmark` calls beside the suites: lists of sets, and one more experiment for a set.
+"""What `tests/lab` calls beside the suites: lists of sets, and one more experiment for a set.
 
 ``python -m hidden.benchmark list SUITE`` prints name and seed of each set, in order. ``python -m hidden.benchmark
 add FOLDER OUT --manoeuvre TABLE.json`` writes OUT/NAME: the set with one more run, made by the same engine with the

@@ -31,7 +31,7 @@ def part(dataset: Dataset, index: int, count: int) -> Dataset:
 def _cut(run: Run, index: int, count: int) -> Run:
     edges = np.linspace(0, len(run.time), count + 1).astype(int)
     rows = slice(edges[index], edges[index + 1])
-    tables = {
+    tables: dict[str, Any] = {
         name: {signal: values[rows] for signal, values in getattr(run, name).items()}
         for name in ("inputs", "outputs", "raw_outputs")
     }
@@ -54,9 +54,9 @@ def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
 def agree(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Returns whether two answers name one mechanism, or both none, or are both `unknown`."""
     if "unknown" in (one["verdict"], other["verdict"]):
-        return one["verdict"] == other["verdict"]
+        return bool(one["verdict"] == other["verdict"])
     if "none" in (one["verdict"], other["verdict"]):
-        return one["verdict"] == other["verdict"]
+        return bool(one["verdict"] == other["verdict"])
     first, second = ({name for _, _, names in said["explanations"] for name in names} for said in (one, other))
     return bool(first & second)
 

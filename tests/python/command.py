@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 
 PROGRAM = Path(sys.executable).with_name("brickpilot")
+LAB = Path(__file__).parents[1] / "lab" / "__main__.py"
 _loaded: tuple[subprocess.Popen[bytes], Path] | None = None
 _starting = threading.Lock()
 
@@ -32,6 +33,15 @@ def brickpilot(
         return subprocess.run(
             command, cwd=cwd, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL
         )
+    return _copied(command, cwd, timeout)
+
+
+def lab(*arguments: str, cwd: Path, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
+    """Runs `sh tests/lab/run ARGUMENTS` in `cwd`, likewise."""
+    return _copied([str(LAB), *arguments], cwd, timeout)
+
+
+def _copied(command: list[str], cwd: Path, timeout: float) -> subprocess.CompletedProcess[str]:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         status = _run_copy(command, cwd, timeout, [out.fileno(), err.fileno()])
         printed = []
@@ -148,5 +158,5 @@ if __name__ == "__main__":
     import runpy
 
     sys.argv = _serve(sys.argv[1], int(sys.argv[2]))
-    sys.path[0] = str(PROGRAM.parent)
+    sys.path[0] = str(LAB.parents[1] if sys.argv[0] == str(LAB) else PROGRAM.parent)
     runpy.run_path(sys.argv[0], run_name="__main__")

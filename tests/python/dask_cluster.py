@@ -38,7 +38,7 @@ class Cluster:
 
     def add_worker(self, name: str, *, path: Path | None = None) -> Worker:
         """Starts a worker; `path` comes first where it looks for modules."""
-        places = [str(one) for one in (path, Path(__file__).parent) if one is not None]
+        places = [str(one) for one in (path, *Path(__file__).parents[:2]) if one is not None]
         options = ["--nthreads", "1", "--no-nanny", "--local-directory", str(self._scratch)]
         environment = {"PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1"}
         return self._program("worker", self.address, "--name", name, *options, **environment)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.benchmark import machine, scipy_robot, speed
+from brickpilot.bench import machine, scipy_robot, speed
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle.model import Model, rcx
 

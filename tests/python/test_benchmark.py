@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark_results import ENCODERS, IMU, effect, result
-from brickpilot.benchmark import blind_test, sets, sindy, table, table_text
-from brickpilot.benchmark.result import RESULTS, append, load
-from brickpilot.benchmark.score import (
+from brickpilot.campaign import workers
+from brickpilot.campaign.crew import Finished
+from brickpilot.data import reading
+from brickpilot.errors import InputError, SimulationError
+from click.testing import CliRunner
+from command import lab
+from lab import __main__ as program
+from lab import blind_test, sets, table
+from lab.result import RESULTS, append, load
+from lab.score import (
     Share,
     composed,
     credit,
@@ -25,11 +32,7 @@ from brickpilot.benchmark.score import (
     visible,
     wrong,
 )
-from brickpilot.campaign import workers
-from brickpilot.campaign.crew import Finished
-from brickpilot.data import reading
-from brickpilot.errors import InputError, SimulationError
-from command import brickpilot
+from lab_results import ENCODERS, IMU, effect, result
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -173,7 +176,7 @@ def test_the_table_says_what_holds() -> None:
     holds = {one["what"]: one["holds"] for one in made["claims"]["all"]}
     assert holds["single, clearly visible, wheel speeds measured: right name"] is True
     assert holds["time to answer, worst"] is False
-    text = "\n".join(table_text.lines(made))
+    text = "\n".join(table.lines(made))
     assert "[+] single, clearly visible, wheel speeds measured: right name" in text
     assert "[-] time to answer, worst" in text
     assert json.loads(json.dumps(made)) == json.loads(json.dumps(made, allow_nan=False))
@@ -197,7 +200,6 @@ class Recorded(sets.Maker):
     """Makes empty folders and keeps their names."""
 
     def __init__(self, broken=()) -> None:
-        super().__init__(CHECKOUT / "tests")
         self.made, self.broken = [], broken
 
     def make(self, tasks, out, jobs) -> None:
@@ -225,25 +227,25 @@ def test_a_rerun_continues_where_the_last_one_stopped_and_repeats_errors(tmp_pat
     shown = []
     options = {"workers": workers.Here(), "progress": lambda *one: shown.append(one)}
     with pytest.raises(KeyboardInterrupt):
-        blind_test.run(tasks, tmp_path, work=blind_test.Work(Recorded(), 1, None), **options)
+        blind_test.run(tasks, tmp_path, work=blind_test.Work(Recorded(), 1), **options)
     assert [task.name for task in done] == ["s0", "s1", "s2"]
     done.clear()
     done.extend([None] * 4)
     maker = Recorded()
-    results = blind_test.run(tasks, tmp_path, work=blind_test.Work(maker, 1, None), **options)
+    results = blind_test.run(tasks, tmp_path, work=blind_test.Work(maker, 1), **options)
     assert [(task.name, task.engine) for task in done[4:]] == [
         ("s1", "mujoco"), *((f"s{i}", "mujoco") for i in range(3, 10)), ("s0", "planar"),
     ]  # fmt: skip
     assert maker.made == [[task.name] for task in done[4:]]
     assert len(results) == 11
     assert shown[-1] == (11, 11, "11 of 11 sets")
-    again = blind_test.run(tasks[2:], tmp_path, work=blind_test.Work(Recorded(broken=["s5"]), 1, None), **options)
+    again = blind_test.run(tasks[2:], tmp_path, work=blind_test.Work(Recorded(broken=["s5"]), 1), **options)
     assert again == results == load(tmp_path / RESULTS)
 
 
 def test_a_maker_that_makes_no_set_ends_the_benchmark_and_a_single_missing_set_does_not(tmp_path) -> None:
     tasks = [sets.Task(name, "mujoco", 0, "single", 0) for name in ("whole", "broken")]
-    work = blind_test.Work(Recorded(broken=["broken"]), 1, None)
+    work = blind_test.Work(Recorded(broken=["broken"]), 1)
     options = {"work": work, "workers": workers.Here(), "progress": lambda *_: None}
     with pytest.raises(SimulationError, match="diverged"):
         blind_test.run(tasks[1:], tmp_path, **options)
@@ -276,7 +278,7 @@ class Backwards:
 
 def test_results_stand_in_order_whoever_was_first(tmp_path) -> None:
     tasks = [sets.Task(f"s{i}", "mujoco", i, folder=tmp_path) for i in range(6)]
-    asked = {"work": blind_test.Work(None, 1, None), "progress": lambda *_: None}
+    asked = {"work": blind_test.Work(None, 1), "progress": lambda *_: None}
     expected = [one["name"] for one in blind_test.run(tasks, tmp_path / "a", workers=workers.Here(), **asked)]
     assert expected == [task.name for task in tasks]
     assert [one["name"] for one in blind_test.run(tasks, tmp_path / "b", workers=Backwards(), **asked)] == expected
@@ -286,13 +288,13 @@ def test_results_stand_in_order_whoever_was_first(tmp_path) -> None:
 
 def test_a_worker_without_the_files_of_a_set_says_so(tmp_path) -> None:
     task = sets.Task("s", "mujoco", 0, folder=tmp_path / "s")
-    work = blind_test.Work(None, 1, None)
+    work = blind_test.Work(None, 1)
     with pytest.raises(InputError, match=r"/s: is not there on the worker \S+: each worker needs the same files$"):
         blind_test.run([task], tmp_path, work=work, workers=workers.local(1), progress=lambda *_: None)
 
 
 def refused(*arguments, cwd) -> str:
-    done = brickpilot("benchmark", *arguments, cwd=cwd)
+    done = lab(*arguments, cwd=cwd)
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     return done.stderr
@@ -300,23 +302,17 @@ def refused(*arguments, cwd) -> str:
 
 def test_bad_use_gives_one_line(tmp_path) -> None:
     assert "--scheduler here: needs the address" in refused("discover", "--scheduler", "here", cwd=tmp_path)
-    assert "run it inside a checkout" in refused("discover", "--suite", "ci", cwd=tmp_path)
     assert "no results here" in refused("discover", "--table", cwd=tmp_path)
     assert "holds no data set" in refused("discover", "--data", ".", cwd=tmp_path)
     (tmp_path / "one").mkdir()
     (tmp_path / "one.truth.json").write_text("{}")
     assert "one.truth.json: is not the truth" in refused("discover", "--data", ".", cwd=tmp_path)
-    assert "no results here" in refused("tune-peer", "none.jsonl", cwd=tmp_path)
 
 
-def test_a_missing_package_gives_one_line(tmp_path, monkeypatch) -> None:
+def test_a_missing_package_gives_one_line(monkeypatch) -> None:
     monkeypatch.setattr(sets, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="needs the package mujoco"):
         sets.planned(Recorded(), "ci", "mujoco", 0, (), None)
-    monkeypatch.setattr(sindy, "find_spec", lambda name: None)
-    work = blind_test.Work(None, 1, "sindy")
-    with pytest.raises(InputError, match="PySINDy is not installed"):
-        blind_test.run([], tmp_path, work=work, workers=workers.Here(), progress=lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -324,14 +320,14 @@ def small(tmp_path_factory) -> Path:
     """One set of suite ci, made by the maker of the checkout."""
     pytest.importorskip("mujoco")
     parent = tmp_path_factory.mktemp("small")
-    maker = sets.Maker.find(CHECKOUT)
+    maker = sets.Maker()
     tasks = sets.planned(maker, "ci", "mujoco", 0, ["ci-coulomb_friction-enc", "ci-gyro_bias-*"], None)
     maker.make(tasks, parent, 1)
     return parent
 
 
 def test_the_next_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
-    maker = sets.Maker.find(CHECKOUT)
+    maker = sets.Maker()
     steps = [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [2.0, 3.0]]
     asked = {"name": "a turn, then on", "duration_s": 3.0, "voltage_left": steps, "voltage_right": [[0.0, 0.0]]}
     made = maker.follow(small / "ci-coulomb_friction-enc", asked, tmp_path)
@@ -348,7 +344,7 @@ def test_the_next_experiment_is_added_to_the_same_set(small, tmp_path) -> None:
 
 
 def test_wheel_speeds_are_measured_if_the_verdict_asks_for_them(small, tmp_path) -> None:
-    maker = sets.Maker.find(CHECKOUT)
+    maker = sets.Maker()
     asked = {"name": None, "signal": "wheel_speed_left"}
     made = maker.follow(small / "ci-gyro_bias-imu", asked, tmp_path)
     before, after = reading.read(small / "ci-gyro_bias-imu"), reading.read(made)
@@ -361,8 +357,8 @@ def test_wheel_speeds_are_measured_if_the_verdict_asks_for_them(small, tmp_path)
 
 
 def test_a_small_complete_run(small, tmp_path) -> None:
-    arguments = ["benchmark", "discover", "--data", str(small), "--only", "*coulomb*", "--out", str(tmp_path / "out")]
-    done = brickpilot(*arguments, "--json", cwd=tmp_path, fresh=True)
+    arguments = ["discover", "--data", str(small), "--only", "*coulomb*", "--out", str(tmp_path / "out")]
+    done = lab(*arguments, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert (table["sets"], table["engines"], table["errors"]) == (1, ["mujoco"], {})
@@ -372,19 +368,29 @@ def test_a_small_complete_run(small, tmp_path) -> None:
     assert parameter_errors([kept], main=True)[0] < 0.1
     assert kept["held_out"]["after"] == pytest.approx(1.0, abs=0.1)
     assert kept["held_out"]["before"] > 3.0
-    again = brickpilot(*arguments, cwd=tmp_path)
+    again = lab(*arguments, cwd=tmp_path)
     assert "right name" in again.stdout
     assert len((tmp_path / "out" / RESULTS).read_text().splitlines()) == 1
-    shown = brickpilot("benchmark", "discover", "--out", str(tmp_path / "out"), "--table", cwd=tmp_path)
+    typed = ["sh", CHECKOUT / "tests/lab/run", "discover", "--out", "out", "--table"]
+    shown = subprocess.run(typed, cwd=tmp_path, stdout=subprocess.PIPE, text=True, check=True)
     assert shown.stdout == again.stdout
 
 
-def test_sets_are_made_and_deleted(tmp_path) -> None:
-    pytest.importorskip("mujoco")
-    folder = tmp_path / "out"
-    options = ["--suite", "ci", "--limit", "1", "--seed-offset", "0", "--out", str(folder), "--json"]
-    done = brickpilot("benchmark", "discover", *options, cwd=CHECKOUT)
-    assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in folder.iterdir()) == ["report.html", RESULTS, "table.json", "table.md"]
-    kept = load(folder / RESULTS)[0]
-    assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == ("ci-none-enc", "none", 0, None)
+def test_sets_are_made_and_deleted(tmp_path, monkeypatch) -> None:
+    """What discovery makes of a set is another test's."""
+    judged = []
+
+    def run_one(task, folder, *_):
+        judged.append((folder, reading.read(folder).name))
+        return result([], "none", name=task.name, engine=task.engine, seed=task.seed, seed_offset=task.seed_offset)
+
+    monkeypatch.setattr(blind_test, "run_one", run_one)
+    monkeypatch.chdir(tmp_path)
+    options = ["--suite", "same", "--engine", "planar", "--limit", "1", "--seed-offset", "0", "--out", "out", "--json"]
+    done = CliRunner().invoke(program.lab, ["discover", *options])
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in Path("out").iterdir()) == ["report.html", RESULTS, "table.json", "table.md"]
+    ((folder, name),) = judged
+    assert not folder.exists()
+    kept = load(Path("out") / RESULTS)[0]
+    assert (kept["name"], kept["verdict"], kept["seed_offset"], kept["error"]) == (name, "none", 0, None)

@@ -7,12 +7,12 @@ import re
 from html import unescape
 
 import pytest
-from benchmark_results import effect, quick_results, result
-from brickpilot.benchmark import page_content, real_logs, real_results, real_table, table, table_text
-from brickpilot.benchmark.result import RESULTS, append
-from brickpilot.report.benchmark_page import hidden_page, marked, real_page
 from brickpilot.report.quantities import DASH
-from command import brickpilot
+from command import lab
+from lab import page, real_logs, real_results, real_table, table
+from lab.page import hidden_page, marked, real_page
+from lab.result import RESULTS, append
+from lab_results import effect, quick_results, result
 from pages import HOSTILE, assert_self_contained, figures
 
 
@@ -34,11 +34,11 @@ def markdown_rows(lines):
 
 
 def hidden(results):
-    return hidden_page(page_content.hidden(results, table.table(results)))
+    return hidden_page(page.hidden(results, table.table(results)))
 
 
 def real(kept):
-    return real_page(page_content.real(kept, real_logs.by_name()))
+    return real_page(page.real(kept, real_logs.by_name()))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def marks(figure):
 
 def test_hidden_page_has_the_numbers_of_the_markdown_table() -> None:
     results = quick_results()
-    wanted = [row[2:] for row in markdown_rows(table_text.markdown(table.table(results)))]
+    wanted = [row[2:] for row in markdown_rows(table.markdown(table.table(results)))]
     page = hidden(results)
     assert len(wanted) > 15
     assert [row[2:-1] for body in bodies(page)[:-1] for row in body] == wanted
@@ -100,15 +100,15 @@ def test_wrong_sets_come_first_and_their_number_is_that_of_the_claims() -> None:
 
 
 def test_what_makes_a_set_right() -> None:
-    assert page_content.is_right(result(["a"], "named", effect("a")))
-    assert not page_content.is_right(result(["a"], "named", effect("a"), effect("b")))
+    assert page.is_right(result(["a"], "named", effect("a")))
+    assert not page.is_right(result(["a"], "named", effect("a"), effect("b")))
     null = quick_results()[-1]
-    assert page_content.is_right(null | {"verdict": "unknown"})
-    assert not page_content.is_right(null | {"verdict": "named", "effects": [effect("gyro_bias")]})
-    assert not page_content.is_right(null | {"error": "ValueError: no"})
+    assert page.is_right(null | {"verdict": "unknown"})
+    assert not page.is_right(null | {"verdict": "named", "effects": [effect("gyro_bias")]})
+    assert not page.is_right(null | {"error": "ValueError: no"})
     nominal = null | {"group": "nominal", "wrong": {"mass": 1.0}}
-    assert not page_content.is_right(nominal)
-    assert page_content.is_right(nominal | {"left_prior": ["mass"]})
+    assert not page.is_right(nominal)
+    assert page.is_right(nominal | {"left_prior": ["mass"]})
 
 
 def test_long_suites_and_errors_have_a_page_too() -> None:
@@ -169,17 +169,17 @@ def test_commands_write_the_page_beside_stored_results(tmp_path, kept) -> None:
     results = [one | {"name": one["name"].replace("/", "")} for one in quick_results()[:5]]
     for one in results:
         append(tmp_path / "out" / RESULTS, one)
-    done = brickpilot("benchmark", "discover", "--table", "--out", "out", cwd=tmp_path)
+    done = lab("discover", "--table", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.html").read_text(encoding="utf-8") == hidden(results)
     real_results.save({"omni_wheel": kept["omni_wheel"]}, tmp_path / "real" / "r.json")
-    done = brickpilot("benchmark", "real", "--part", "none", "--results", "real/r.json", cwd=tmp_path)
+    done = lab("real", "--part", "none", "--results", "real/r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "real" / "report.html").read_text(encoding="utf-8") == real({"omni_wheel": kept["omni_wheel"]})
     assert sorted(path.name for path in (tmp_path / "real").iterdir()) == ["r.json", "report.html"]
     (tmp_path / "real" / "report.html").unlink()
     (tmp_path / "real" / "report.html").mkdir()
-    done = brickpilot("benchmark", "real", "--part", "none", "--results", "real/r.json", cwd=tmp_path)
+    done = lab("real", "--part", "none", "--results", "real/r.json", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "report.html: cannot be written" in done.stderr
     assert sorted(path.name for path in (tmp_path / "real").iterdir()) == ["r.json", "report.html"]

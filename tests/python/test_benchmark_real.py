@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.benchmark import real_fetched, real_logs, real_results, real_run, real_score, real_table
-from brickpilot.benchmark.peers import PEERS, Peer, choice, grid
 from brickpilot.data import holdout, reading
 from brickpilot.data.holdout import Roles
 from brickpilot.errors import InputError
 from brickpilot.fit.compare import compare
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
-from command import brickpilot
+from command import lab
+from lab import real_logs, real_results, real_run, real_score, real_table
+from lab.peers import PEERS, Peer, grid
 
 README = Path(__file__).parents[2] / "tools" / "README.md"
 STEP = 0.01
@@ -126,7 +126,7 @@ def test_peer_fits_a_motor_and_never_sees_the_held_out_run(tmp_path, peer: Peer)
 
 
 def test_peer_that_is_not_installed_is_a_line():
-    peer = Peer("Nobody", "brickpilot.benchmark.peers.narx:fit", "no_such_package_here")
+    peer = Peer("Nobody", "lab.peers.narx:fit", "no_such_package_here")
     assert (
         peer.missing() == "Nobody is left out: no_such_package_here is not installed; pip install 'brickpilot[peers]'"
     )
@@ -145,7 +145,7 @@ def test_setting_is_chosen_on_fit_runs_and_a_failing_one_is_left_out(tmp_path):
         factor = {"good": 0.9, "bad": 0.1}[setting]
         return {name: factor * one.stretches[name].outputs for name in wanted}
 
-    found = choice.choose([grid.on_grid(data, STEP)], ["fails", "bad", "good"], simulated, roles_of(data))
+    found = grid.choose([grid.on_grid(data, STEP)], ["fails", "bad", "good"], simulated, roles_of(data))
     assert asked[-1] == ("good", ("r0", "r1", "r2"), ("r0", "r1", "r2", "r3"))
     assert all("r3" not in used + wanted for _, used, wanted in asked[:-1])
     np.testing.assert_allclose(found["r3"]["speed"], 0.9 * data.runs[3].outputs["speed"])
@@ -186,7 +186,7 @@ def test_files_side_by_side_become_runs(tmp_path):
         comment="%", step_s=0.5, skip=1, every=2, parts=2, held_out=("in_2*",),
         mapping=("time=0", "voltage=1:mV", "speed=2"), nominal={"battery_voltage": 7.4},
     )  # fmt: skip
-    data = reading.read(real_fetched.build(log, tmp_path / "fetched", tmp_path / "out"))
+    data = reading.read(real_logs.build(log, tmp_path / "fetched", tmp_path / "out"))
     assert [run.name for run in data.runs] == ["in_1_1", "in_1_2", "in_2_1", "in_2_2"]
     assert [run.role for run in data.runs] == ["fit", "fit", "held_out", "held_out"]
     np.testing.assert_allclose(data.runs[1].time, [5.5, 6.5, 7.5, 8.5, 9.5])
@@ -196,19 +196,19 @@ def test_files_side_by_side_become_runs(tmp_path):
 
 
 def test_log_that_is_not_fetched_is_told(tmp_path):
-    assert real_fetched.build(a_log(), tmp_path, tmp_path / "out") is None
-    (line,) = real_fetched.describe_missing([a_log()], tmp_path)
+    assert real_logs.build(a_log(), tmp_path, tmp_path / "out") is None
+    (line,) = real_logs.describe_missing([a_log()], tmp_path)
     assert "github.com/some/robot" in line
     (tmp_path / "some" / "robot").mkdir(parents=True)
     with pytest.raises(InputError, match="no such file"):
-        real_fetched.build(a_log(), tmp_path, tmp_path / "out")
+        real_logs.build(a_log(), tmp_path, tmp_path / "out")
 
 
 def test_no_folder_is_one_clear_line(tmp_path, monkeypatch):
     monkeypatch.delenv("BRICKPILOT_DATA", raising=False)
-    done = brickpilot("benchmark", "real", cwd=tmp_path)
+    done = lab("real", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == "brickpilot: FOLDER: no data: name a folder of data sets, or set BRICKPILOT_DATA to one\n"
+    assert done.stderr == "lab: FOLDER: no data: name a folder of data sets, or set BRICKPILOT_DATA to one\n"
 
 
 def test_peers_run_on_a_folder_and_keep_the_rest(tmp_path):
@@ -220,8 +220,8 @@ def test_peers_run_on_a_folder_and_keep_the_rest(tmp_path):
         "roles": {"fit": 3, "held_out": 1},
     }
     real_results.save({"bench": kept}, tmp_path / "r.json")
-    done = brickpilot(
-        "benchmark", "real", "sets", "--part", "peers", "--peer", "WPILib kS/kV/kA", "--results", "r.json", "--json",
+    done = lab(
+        "real", "sets", "--part", "peers", "--peer", "WPILib kS/kV/kA", "--results", "r.json", "--json",
         cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -293,7 +293,7 @@ def test_table_of_the_manual_is_that_of_the_kept_results():
     assert len(kept) >= 10
     wanted = list(real_table.lines(kept, real_logs.by_name()))
     assert real_table.between_marks(README) == wanted, (
-        "run: brickpilot benchmark real --part none --results ... --write"
+        "run: sh tests/lab/run real --part none --results tests/lab/real_results.json --write tools/README.md"
     )
     changed = {name: dict(one) for name, one in kept.items()}
     first = next(iter(changed))

@@ -16,12 +16,12 @@ import brickpilot
 import campaign_parts
 import campaign_program
 import pytest
-from brickpilot.benchmark import real_results, real_run
-from brickpilot.benchmark.peers import PEERS
 from brickpilot.campaign import dask_crew, engine, workers
 from brickpilot.campaign.engine import Part, Progress
 from brickpilot.errors import InputError, WorkFailedError
 from dask_cluster import Cluster, Worker
+from lab import real_results, real_run
+from lab.peers import PEERS
 from test_benchmark_real import motor_set
 
 

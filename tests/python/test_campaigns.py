@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command import brickpilot
+from command import lab
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.campaign
@@ -28,7 +28,7 @@ def test_discovery_is_right_as_often_as_is_asked(suite: str) -> None:
     build/campaigns keeps the results, so that the next run continues an interrupted one: delete it for a new start.
     """
     options = ("--suite", suite, "--jobs", "1", "--out", str(ROOT / "build/campaigns" / suite), "--json")
-    done = brickpilot("benchmark", "discover", *options, cwd=ROOT, timeout=72 * 3600)
+    done = lab("discover", *options, cwd=ROOT, timeout=72 * 3600)
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert table["errors"] == {}

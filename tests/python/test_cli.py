@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bad_datasets import BAD
 from brickpilot import catalogue
+from brickpilot.bench import control_peers
 from brickpilot.cli import main
 from brickpilot.errors import SimulationError
 from brickpilot.report import run_folder
@@ -156,7 +157,17 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
     assert list(json.loads(capsys.readouterr().out)) == ["actuator_deadband"]
 
 
-def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bench_reports_values_beside_a_peer(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the law costs on a brick is measured by tests/gates/test_control_peers.py."""
+
+    def costs(brick: str) -> dict[str, control_peers.LawCost]:
+        cycles = {"ours": 100, "q16": 300, "float": 200}
+        return {name: control_peers.LawCost(np.array([one]), one, np.zeros((1, 2))) for name, one in cycles.items()}
+
+    monkeypatch.setattr(control_peers, "missing", lambda brick: None)
+    monkeypatch.setattr(control_peers, "measure", costs)
     main.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
     host = {"full_loop", "plant", "plant_lanes", "plant_lanes_dry", "lockstep_pty", "full_loop_scipy", "plant_scipy"}
@@ -167,6 +178,7 @@ def test_bench_reports_values_beside_a_peer(capsys: pytest.CaptureFixture[str]) 
         assert {"value", "unit", "peer", "ratio", "machine"} <= figure.keys()
         assert figure["value"] > 0
         assert figure["ratio"] > 1, name
+    assert [figures[f"control_avr_{peer}"]["ratio"] for peer in ("q16", "float")] == [3.0, 2.0]
 
 
 def test_compare_calibrate_and_import_work_together(tmp_path: Path) -> None:

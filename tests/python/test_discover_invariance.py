@@ -160,6 +160,10 @@ def reordered(log: Log) -> Log:
     return Log({**log.said, "runs": list(reversed(log.said["runs"]))}, log.tables)
 
 
+def in_another_form(log: Log) -> Log:
+    return reordered(in_the_other_frame(in_other_units(log)))
+
+
 def without_noise_sd(log: Log) -> Log:
     said = copy.deepcopy(log.said)
     for entry in said["signals"].values():
@@ -197,6 +201,10 @@ def with_jittered_samples(log: Log) -> Log:
     return Log(log.said, tables)
 
 
+def with_uneven_samples(log: Log) -> Log:
+    return with_rows_lost(with_jittered_samples(log))
+
+
 def at_half_the_rate(log: Log) -> Log:
     return log.thinned(lambda table: np.arange(len(next(iter(table.values())))) % 2 == 0)
 
@@ -204,12 +212,9 @@ def at_half_the_rate(log: Log) -> Log:
 @pytest.mark.parametrize(
     ("change", "tolerance"),
     [
-        (in_other_units, SAME),
-        (in_the_other_frame, SAME),
-        (reordered, SAME),
+        (in_another_form, SAME),
         (without_noise_sd, SAME),
-        (with_rows_lost, NEAR),
-        (with_jittered_samples, NEAR),
+        (with_uneven_samples, NEAR),
         (at_half_the_rate, NEAR),
     ],
     ids=lambda one: one.__name__ if callable(one) else f"{one:.0%}",
@@ -243,9 +248,10 @@ def test_another_seed_gives_the_same_verdict(log: Log, tmp_path: Path) -> None:
     assert values_of(second) == pytest.approx(values_of(first), rel=SAME)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_the_same_data_and_seed_give_the_same_bytes(jobs: int, log: Log, found: Finding, tmp_path: Path) -> None:
+def test_the_same_data_and_seed_give_the_same_bytes_with_any_jobs(log: Log, found: Finding, tmp_path: Path) -> None:
+    """`found` had two jobs."""
+
     def text(finding: Finding) -> str:
         return re.sub(r'"elapsed_s": [0-9.]+', "", json.dumps(verdict_json(finding)))
 
-    assert text(found_in(log, tmp_path / "data", jobs=jobs)) == text(found)
+    assert text(found_in(log, tmp_path / "data", jobs=1)) == text(found)

@@ -188,9 +188,7 @@ def test_every_document_is_a_page_and_notebooks_show_their_outputs(site: Path) -
 def test_the_gallery_shows_every_page(site: Path) -> None:
     shown = (site / "gallery/index.html").read_text(encoding="utf-8")
     names = re.findall(r"<figcaption><b>(\w+)</b>", shown)
-    assert {"run", "hil", "why", "check", "discover", "calibrate", "compare", "benchmark", "tune", "campaign"} <= set(
-        names
-    )
+    assert {"run", "hil", "why", "check", "discover", "calibrate", "compare", "tune", "campaign"} <= set(names)
     for name in names:
         assert (site / f"gallery/{name}").is_dir() or (site / f"gallery/{name}.html").is_file()
         assert BROWSER is None or name == "check" or (site / f"gallery/{name}.png").stat().st_size > 5000

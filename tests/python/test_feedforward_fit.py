@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from brickpilot.benchmark.feedforward_fit import fit_feedforward, fit_percent
 from brickpilot.data import reading
+from lab.peers.feedforward import fit_feedforward, fit_percent
 
 
 def test_fit_percent_is_100_for_the_measurement_and_0_for_its_mean() -> None:

@@ -1,4 +1,4 @@
-"""The blind test in small: the right verdict on eight data sets made by MuJoCo. `benchmark discover` runs the rest.
+"""The blind test in small: the right verdict on eight data sets made by MuJoCo. `tests/lab/run discover` runs the rest.
 
 Nominal values are 2 % off, noise is white, converters have 10 bits. Nothing is made by the plant that explains it.
 """
@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from brickpilot.data import reading
 from brickpilot.discover import pipeline
-from brickpilot.discover.finding import Finding
+from brickpilot.discover.finding import NOMINAL_VALUES, Finding, verdict_json
 
 pytest.importorskip("mujoco")
 
@@ -118,6 +118,13 @@ def test_twins_are_called_ambiguous_with_the_true_one_among_them(name: str, blin
         assert {one: told[effect][one].value for one in parameters} == pytest.approx(parameters, rel=TOLERANCE)
     assert found.next_experiment is not None
     assert set(found.next_experiment.separates) == TWINS[name]
+    assert found.next_experiment.advice
+    written = verdict_json(found)
+    assert set(written["spread"]["parameters"]) >= {"mass", f"{best.name}.delay"} | set(found.nominal)
+    for rival in written["effects"][0]["equivalents"]:
+        if rival["name"] != NOMINAL_VALUES:
+            assert set(rival["effects"]) >= set(rival["name"].split(" + "))
+        assert rival["nominal"]["mass"] > 0
     assert found.nominal_findings == ()  # without a delay, the nominal model moves its motor's constants to look late
     assert left_on_held_out_runs(found) <= FLOOR
 

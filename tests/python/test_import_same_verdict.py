@@ -97,8 +97,9 @@ def test_the_tables_agree_to_the_digit(folder: Path) -> None:
 
 
 def test_the_verdict_is_the_same(folder: Path) -> None:
+    """The tables of the others have the digits of these two."""
     verdicts = {}
-    for ending in WRITERS:
+    for ending in ("csv", "mcap"):
         done = brickpilot("discover", f"from_{ending}", "--out", f"found_{ending}", "--jobs", "1", cwd=folder)
         assert done.returncode == 0, done.stderr
         verdict = json.loads((folder / f"found_{ending}/verdict.json").read_text())

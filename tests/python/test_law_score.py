@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark_results import effect, result
-from brickpilot.benchmark import law_claims, law_score, real_table, table, table_text
 from hidden import effects, folder, manoeuvre, measure, other_laws, quick_suites, regions, scales, suites
 from hidden.recipe import BENCH, Recipe
+from lab import law_claims, law_score, real_table, table
+from lab_results import effect, result
 
 TOOLS = Path(__file__).parents[2] / "tools"
 
@@ -154,17 +154,17 @@ def test_the_table_holds_the_suites_beside_the_long_ones_and_is_written(tmp_path
     made = table.table(results)
     single = {one["what"]: one["of"] for one in made["claims"]["all"]}
     assert single["single, clearly visible, wheel speeds measured: right name"] == 1  # not the quick one as well
-    text = "\n".join(table_text.lines(made))
+    text = "\n".join(table.lines(made))
     assert "== suite other: one effect, by another law ==" in text
     assert "[+] mechanism right" in text
-    table_text.write(made, tmp_path)
+    table.write(made, tmp_path)
     assert json.loads((tmp_path / "table.json").read_text())["sets"] == 2
     page = (tmp_path / "table.md").read_text()
-    begin, end = table_text.MARKS
+    begin, end = table.MARKS
     assert (TOOLS / "README.md").read_text().count(begin) == (TOOLS / "README.md").read_text().count(end) == 1
     readme = tmp_path / "README.md"
     readme.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    real_table.write_between_marks(readme, page.splitlines(), table_text.MARKS)
+    real_table.write_between_marks(readme, page.splitlines(), table.MARKS)
     assert readme.read_text() == f"before\n{begin}\n{page}{end}\nafter\n"
     assert "| `other` | one effect, by another law: mechanism right | 100.0 % | 20.7..100.0 | 1 | >= 95 % |" in page
 

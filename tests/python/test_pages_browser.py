@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_results import quick_results, scaling_results
-from brickpilot.benchmark import page_content, real_logs, real_results, scaling, table
+from brickpilot.bench import scaling
 from brickpilot.campaign import conduct, file, workers
 from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibrate import calibrate
 from brickpilot.fit.compare import compare
-from brickpilot.report import benchmark_page, run_page, scaling_page, why_page, why_text
+from brickpilot.report import run_page, scaling_page, why_page, why_text
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
@@ -29,6 +28,9 @@ from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
+from lab import page as lab_page
+from lab import real_logs, real_results, table
+from lab_results import quick_results, scaling_results
 from matplotlib.image import imread
 from pages import FAULTY, HOSTILE, assert_self_contained
 from synthetic import robot, write
@@ -120,9 +122,9 @@ def pages(tmp_path_factory):
     found["tune"] = tune_page.page(poor(folder), COMMAND)
     found["campaign"] = campaign(folder)
     results = quick_results()
-    found["benchmark discover"] = benchmark_page.hidden_page(page_content.hidden(results, table.table(results)))
+    found["lab discover"] = lab_page.hidden_page(lab_page.hidden(results, table.table(results)))
     kept = real_results.load(real_results.KEPT)
-    found["benchmark real"] = benchmark_page.real_page(page_content.real(kept, real_logs.by_name()))
+    found["lab real"] = lab_page.real_page(lab_page.real(kept, real_logs.by_name()))
     found["bench scaling"] = scaling_page.page(scaling.as_dict(scaling_results()), HOSTILE)
     return found
 
@@ -179,7 +181,7 @@ def probed(dom: str) -> Any:
 
 
 KINDS = (
-    *VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "campaign", "benchmark discover", "benchmark real",
+    *VERDICTS, "why", "compare", "calibrate", "run", "hil", "tune", "campaign", "lab discover", "lab real",
     "bench scaling",
 )  # fmt: skip
 
@@ -255,7 +257,7 @@ def test_the_page_prints(pages, tmp_path, kind, least, most):
     assert least <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= most
 
 
-@pytest.mark.parametrize("kind", ["named", "benchmark real"])
+@pytest.mark.parametrize("kind", ["named", "lab real"])
 def test_figures_side_by_side_fit_on_paper(pages, tmp_path, kind):
     html = pages[kind].replace("</body>", f"{WIDE_PAPER}</body>")
     dom, _ = browse(tmp_path, html, "--window-size=800,900", "--virtual-time-budget=10000", "--dump-dom")

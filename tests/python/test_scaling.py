@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark_results import scaling_results
-from brickpilot.benchmark import machine, power_law, scaling
+from brickpilot.bench import machine, scaling
 from brickpilot.cli import main
 from brickpilot.report import scaling_page
+from lab_results import scaling_results
 
 
 def quiet(*_: object) -> None:
@@ -31,19 +31,19 @@ def busy(seconds: float) -> None:
 def test_a_power_law_is_found_again(exponent: float, verdict: str) -> None:
     sizes = np.array([10, 20, 40, 80, 160])
     noise = np.random.default_rng(3).normal(1.0, 0.02, (5, 3))
-    found = power_law.fit(sizes.tolist(), (1e-3 * sizes[:, np.newaxis] ** exponent * noise).tolist())
+    found = scaling.fit(sizes.tolist(), (1e-3 * sizes[:, np.newaxis] ** exponent * noise).tolist())
     assert found.low <= exponent <= found.high
     assert found.high - found.low < 0.2
     assert found.verdict == verdict
 
 
 def test_scattered_times_determine_no_growth() -> None:
-    assert power_law.fit((1, 2, 4, 8), [[1.0], [5.0], [2.0], [9.0]]).verdict == "not determined"
+    assert scaling.fit((1, 2, 4, 8), [[1.0], [5.0], [2.0], [9.0]]).verdict == "not determined"
 
 
 def test_an_interval_holds_the_exponent_as_often_as_it_says() -> None:
     random, sizes = np.random.default_rng(5), np.array([1, 2, 4, 8, 16])
-    fits = [power_law.fit(sizes.tolist(), (sizes * random.lognormal(0, 0.1, 5))[:, np.newaxis]) for _ in range(400)]
+    fits = [scaling.fit(sizes.tolist(), (sizes * random.lognormal(0, 0.1, 5))[:, np.newaxis]) for _ in range(400)]
     assert np.mean([one.low <= 1.0 <= one.high for one in fits]) == pytest.approx(0.95, abs=0.035)
 
 

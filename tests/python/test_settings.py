@@ -29,7 +29,7 @@ ROW = (
 
 # Where a setting's name may stand beside the table: each file gives a setting its value.
 NAMED = {
-    "benchmark/flight_records.py",  # the constants that the peers of the control law get, read from the model file
+    "bench/control_peers.py",  # the constants that the peers of the control law get, read from the model file
     "firmware/tuning.py",  # the rules by which the gains of another robot follow
     "firmware/ranges.py",  # the floor that the range of a battery depends on
     "firmware/simulate.py",  # the cruise speed that scales the mission

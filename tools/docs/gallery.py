@@ -72,12 +72,11 @@ def stage(root: Path, pages: Path) -> None:
 
 
 def _prepared(folder: Path, root: Path, files: dict[str, str]) -> Path:
-    """Returns a folder with the example logs, the gallery's own files and the kept results of the benchmark."""
-    (folder / "benchmark").mkdir(parents=True)
+    """Returns a folder with the example logs and the gallery's own files."""
+    folder.mkdir(parents=True)
     for path in sorted((root / "tools/examples").iterdir()):
         if path.suffix in (".csv", ".toml"):
             shutil.copy(path, folder)
-    shutil.copy(root / "tools/brickpilot/benchmark/real_results.json", folder / "benchmark/results.json")
     for name, text in files.items():
         (folder / name).write_text(text.lstrip(), encoding="utf-8")
     return folder

@@ -74,7 +74,7 @@ def bench(
         return
     _refuse("h8", profile=profile, sensors=sensors)
     _refuse("h8 or avr", seconds=seconds)
-    from brickpilot.benchmark import speed as bench_module
+    from brickpilot.bench import speed as bench_module
 
     found = bench_module.host()
     laws, missing = bench_module.control_law()
@@ -89,7 +89,7 @@ def bench(
 
 def _scaling(folder: Path, as_json: bool) -> None:
     """Measures how time grows, and writes its page and its figures."""
-    from brickpilot.benchmark import scaling as scaling_module
+    from brickpilot.bench import scaling as scaling_module
     from brickpilot.report import run_folder, scaling_page
 
     with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
@@ -121,7 +121,7 @@ def _refuse(target: str, **given: str | float | None) -> None:
 
 def _avr(target: str, seconds: float | None, as_json: bool) -> None:
     """Measures one of `AVR_TARGETS`, or all of them where `target` is avr."""
-    from brickpilot.benchmark import avr_budget
+    from brickpilot.bench import avr_budget
 
     found: dict[str, dict[str, Any]] = {}
     for name in [target] if target in AVR_TARGETS else AVR_TARGETS:
@@ -151,7 +151,7 @@ def _print_avr(target: str, found: dict[str, Any]) -> None:
 
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
-    from brickpilot.benchmark import h8_states, kernel_share, step_budget
+    from brickpilot.bench import h8_states, kernel_share, step_budget
     from brickpilot.hil import h8_simulator
 
     built_for = h8_simulator.H8SIM_TARGETS[target]

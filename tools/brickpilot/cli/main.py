@@ -8,14 +8,12 @@ from __future__ import annotations
 import inspect
 import io
 import sys
-from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
 
 from brickpilot import __version__
 from brickpilot.cli.bench import bench
-from brickpilot.cli.benchmark import benchmark
 from brickpilot.cli.brick import brick
 from brickpilot.cli.calibrate import calibrate
 from brickpilot.cli.campaign import campaign
@@ -54,7 +52,7 @@ def whole_lines(command: click.Command) -> click.Command:
 
 COMMANDS = (
     run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, compare, calibrate, discover,
-    campaign, benchmark, effects, export, bench,
+    campaign, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))
@@ -64,25 +62,30 @@ LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
 """What a link to a brick, and `flash`, need: the extra `hil` of the package installs them."""
 
 
-def main(arguments: list[str] | None = None) -> Any:
-    """Runs the command line and ends with its exit status; an error of the user becomes one line on stderr."""
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line and ends with its exit status."""
+    run_to_exit(cli, arguments, "brickpilot")
+
+
+def run_to_exit(command: click.Command, arguments: list[str] | None, program: str) -> None:
+    """Runs a command and ends with its exit status; an error of the user becomes one line on stderr."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a console of Windows may lack a Greek letter
     try:
-        cli.main(arguments, prog_name="brickpilot", standalone_mode=False)
+        command.main(arguments, prog_name=program, standalone_mode=False)
     except InputError as error:
-        click.echo(f"brickpilot: {error}", err=True)
+        click.echo(f"{program}: {error}", err=True)
         sys.exit(2)
     except NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(2)
     except click.UsageError as error:
-        command = error.ctx.command_path if error.ctx else "brickpilot"
-        click.echo(f"{command}: {' '.join(error.format_message().split())} (see {command} --help)", err=True)
+        path = error.ctx.command_path if error.ctx else program
+        click.echo(f"{path}: {' '.join(error.format_message().split())} (see {path} --help)", err=True)
         sys.exit(2)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("brickpilot: interrupted", err=True)
+        click.echo(f"{program}: interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of stdout has closed it: there is no one to write to
@@ -91,8 +94,8 @@ def main(arguments: list[str] | None = None) -> Any:
         library = (error.name or "").partition(".")[0]
         if library not in LIBRARIES_OF_HIL:
             raise
-        click.echo(f"brickpilot: the library {library} is not installed: pip install 'brickpilot[hil]'", err=True)
+        click.echo(f"{program}: the library {library} is not installed: pip install 'brickpilot[hil]'", err=True)
         sys.exit(2)
     except (SimulationError, WorkFailedError, OSError) as error:
-        click.echo(f"brickpilot: {' '.join(str(error).split())}", err=True)
+        click.echo(f"{program}: {' '.join(str(error).split())}", err=True)
         sys.exit(1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from brickpilot.benchmark.h8_states import PLACES, load
+from brickpilot.bench.h8_states import PLACES, load
 
 _HEAD = """#ifndef BRICKPILOT_H8SIM_STATES_GEN_H
 #define BRICKPILOT_H8SIM_STATES_GEN_H

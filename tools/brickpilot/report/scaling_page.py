@@ -1,4 +1,4 @@
-"""The page of `brickpilot bench --scaling`. It shows what `benchmark.scaling.as_dict` has."""
+"""The page of `brickpilot bench --scaling`. It shows what `bench.scaling.as_dict` has."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from brickpilot import __version__
@@ -14,10 +14,13 @@ _HERE = Path(__file__).parent
 _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
 
 
-def render(name: str, **content: object) -> str:
-    """Returns the page `name` as one self-contained HTML text; text is escaped, `Markup` is not."""
+def render(name: str, folder: Path = _HERE / "templates", **content: object) -> str:
+    """Returns the page `name`, a template of `folder`, as one self-contained HTML text.
+
+    Text is escaped, `Markup` is not. A template elsewhere may extend those of this package.
+    """
     environment = Environment(
-        loader=PackageLoader("brickpilot.report"),
+        loader=ChoiceLoader([FileSystemLoader(folder), PackageLoader("brickpilot.report")]),
         autoescape=select_autoescape(["html", "j2"]),
         undefined=StrictUndefined,
     )

@@ -1,0 +1,25 @@
+"""How often discovery is right: measured from a checkout, and no part of the package.
+
+`sh tests/lab/run discover`, on data sets whose truth is known:
+
+    sets.py            the data sets: `tests/hidden` makes them, or they exist already
+    blind_test.py      runs discovery on each set and appends a result
+    result.py          one result, a line of results.jsonl: truth and verdict
+    score.py           what one result counts
+    law_score.py       what one of a quick suite counts: by mechanism, law and place
+    claims.py          what discovery is asked to show, as shares and figures over many results
+    law_claims.py      the same for the quick suites, each apart
+    table.py           the whole table, as an object and as text
+
+`sh tests/lab/run real`, on measured data sets:
+
+    real_logs.py       the public logs that are known, of real_logs.toml, and their data sets
+    peers              other libraries on the same runs; its own docstring lists them
+    real_score.py      the figure: fit percent of a free run
+    real_run.py        runs discovery and its peers on one data set
+    real_results.py    the kept results
+    real_table.py      the table in tools/README.md, from the kept results alone
+
+Both write a page, page.py. `parts.py` and `surer.py` are programs by themselves: whether parts of a log give one
+answer, and whether more runs give a surer one.
+"""

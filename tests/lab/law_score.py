@@ -1,0 +1,166 @@
+"""What one result of a quick suite counts: by mechanism, law, name, nominal value and place (see result.py).
+
+A quick suite says of every hidden effect whether its law is the library's ("same"), another one of a mechanism that the
+library knows ("other"), or outside every law of it ("odd"); and where the engine's own runs show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from brickpilot import catalogue
+from numpy.typing import NDArray
+
+from lab.score import Result, explanations, named
+
+GROUPS = ("same", "other", "outside", "nulls", "nominal", "scales")
+
+ADEQUATE = 1.1
+"""Times the noise floor on held-out runs: the data cannot tell a law that leaves no more from the true one."""
+
+_GRID_S = 0.01  # places are compared on a grid of this step
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Seconds of signals: said to hold the effect, known to hold it, and both."""
+
+    said: float
+    known: float
+    both: float
+
+    @property
+    def f1(self) -> float | None:
+        """The F1 score; None where nothing is known to show."""
+        return 2 * self.both / (self.said + self.known) if self.known else None
+
+
+def _laws(result: Result) -> Sequence[Mapping[str, Any]]:
+    return list(result["laws"].values())
+
+
+def true_mechanisms(result: Result) -> frozenset[str]:
+    """Returns the mechanisms that are right: of the library's own laws those of their rows."""
+    right: set[str] = set()
+    for law in _laws(result):
+        right |= set(law["mechanisms"] or (catalogue.effect(name).mechanism for name in law["names"]))
+    return frozenset(right)
+
+
+def true_names(result: Result) -> frozenset[str]:
+    """Returns the names that are right; none for an odd law."""
+    return frozenset(name for law in _laws(result) for name in law["names"])
+
+
+def _is_called(name: str, right: frozenset[str]) -> bool:
+    """Returns whether `name` is one of `right`, or a law of the same family."""
+    return name in right or catalogue.family(name) in {catalogue.family(one) for one in right}
+
+
+def first_names(result: Result) -> list[str]:
+    """Returns the effects of the best explanation, claimed or only suspected."""
+    return named(result) or [effect["name"] for effect in result["suspected"]]
+
+
+def said_mechanism(result: Result) -> str | None:
+    """Returns the mechanism of the verdict; where it gives none, that of the first name."""
+    if result.get("error") or result["verdict"] == "none":
+        return None
+    said = result["mechanism"]
+    names = first_names(result)
+    return said or (catalogue.effect(names[0]).mechanism if names else None)
+
+
+def mechanism_right(result: Result) -> bool:
+    """Returns whether the verdict says that something is missing, and its mechanism is a right one."""
+    return said_mechanism(result) in true_mechanisms(result)
+
+
+def name_right(result: Result) -> bool:
+    """Returns whether the first name is a right one or of its family, claimed or only suspected."""
+    names = [] if result.get("error") else first_names(result)[:1]
+    right = true_names(result)
+    return bool(right) and bool(names) and _is_called(names[0], right)
+
+
+def law_right(result: Result) -> bool:
+    """Returns whether the law is right, or said to differ.
+
+    The library's own law is right if its name, or the family's, is claimed alone or among rivals, and not said to
+    differ. Another law is said to differ if the verdict is `unknown` with the right mechanism, or says so of a claimed
+    name that is right. Where it does not, what the model leaves on held-out runs has to be noise: then the data cannot
+    tell both laws apart.
+    """
+    if result.get("error"):
+        return False
+    relation = {law["law"] for law in _laws(result)}
+    if result["verdict"] == "unknown":
+        return relation != {"same"} and mechanism_right(result)
+    if result["verdict"] not in ("named", "ambiguous"):
+        return False
+    right = true_names(result)
+    alone = [one for one in explanations(result) if all(_is_called(name, right) for name in one)]
+    if not right or not alone:
+        return False
+    differs = bool(result.get("law_differs"))
+    if relation == {"same"}:
+        return not differs
+    left = result["held_out"]["after"]
+    return differs or (left is not None and left <= ADEQUATE)
+
+
+def false_names(result: Result) -> list[str]:
+    """Returns the names that are given as certain and are neither right nor of a right one's family."""
+    if result.get("error") or result["verdict"] != "named":
+        return []
+    right = true_names(result) | set(result.get("called", ()))
+    return [name for name in named(result) if not _is_called(name, right)] if right else named(result)
+
+
+def nominal_found(result: Result) -> bool:
+    """Returns whether a wrong nominal value is reported: one of them leaves its sd, or its effect is named, at least
+    as a suspicion."""
+    wrong = set(result["wrong"])
+    told = {name for one in explanations(result) for name in one} | set(first_names(result))
+    return not result.get("error") and bool(wrong & set(result["left_prior"]) or told & set(result["called"]))
+
+
+def overlap(result: Result) -> Overlap:
+    """Returns how far the places of the verdict and the known regions overlap, in seconds summed over signals."""
+    said, known = (_by_signal(result[key]) for key in ("where", "regions"))
+    empty = np.zeros(0, dtype=bool)
+    both = 0
+    for key in said.keys() & known.keys():
+        shortest = min(len(said[key]), len(known[key]))
+        both += int((said[key][:shortest] & known[key][:shortest]).sum())
+    sizes = [sum(int(one.sum()) for one in (*side.values(), empty)) for side in (said, known)]
+    return Overlap(sizes[0] * _GRID_S, sizes[1] * _GRID_S, both * _GRID_S)
+
+
+def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDArray[np.bool_]]:
+    """Returns (run, signal) -> whether each step of the grid lies in a span."""
+    found: dict[tuple[str, str], NDArray[np.bool_]] = {}
+    for span in spans:
+        key = (str(span["run"]), str(span["signal"]))
+        first, last = max(round(span["from_s"] / _GRID_S), 0), max(round(span["to_s"] / _GRID_S), 0)
+        old = found.get(key, np.zeros(0, dtype=bool))
+        grown = np.zeros(max(last, len(old)), dtype=bool)
+        grown[: len(old)] = old
+        grown[first:last] = True
+        found[key] = grown
+    return found
+
+
+def condition_share(result: Result) -> tuple[float, int]:
+    """Returns how many places give the condition of the known region that they overlap most, and of how many."""
+    right = counted = 0
+    for place in result["where"]:
+        near = [one for one in result["regions"] if (one["run"], one["signal"]) == (place["run"], place["signal"])]
+        shared = [min(one["to_s"], place["to_s"]) - max(one["from_s"], place["from_s"]) for one in near]
+        if near and max(shared) > 0:
+            counted += 1
+            right += near[int(np.argmax(shared))]["when"] == place["when"]
+    return right, counted

@@ -1,0 +1,93 @@
+"""The free-run fit of a model to measured runs, in percent: the same figure for discovery and for every peer."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.holdout import Roles
+from brickpilot.data.signals import SUMMED
+from brickpilot.vehicle.headline import noise_sd
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Predictions = Mapping[str, Mapping[str, Array]]
+"""Run -> signal -> (n,) values at the run's own times."""
+
+WORST = -999.0
+"""Percent: a fit below it, or of a model that diverged, is written as this."""
+
+ROLES = ("fit", "held_out")
+
+FIGURE = "share of the signal"
+"""What the figures of a result are; results without it were scored about the signal's mean."""
+
+_DIVERGED = 1e200  # SI: beyond it, squares overflow
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fit percent, the headline number of `data.agreement`, over all samples of all runs of one role.
+
+    Attributes:
+        by_signal: signal -> fit percent over these runs.
+        pooled: the mean over the signals; None: there is no such run.
+    """
+
+    by_signal: Mapping[str, float]
+    pooled: float | None
+
+    def to_json(self) -> dict[str, float | None]:
+        return {**{name: round(value, 2) for name, value in self.by_signal.items()}, "pooled": _rounded(self.pooled)}
+
+
+def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collection[str]) -> dict[str, Fit]:
+    """Returns "fit" and "held_out" -> how well `predicted` fits these runs.
+
+    What is not predicted counts as 0, which explains 0 %. A signal of arbitrary origin counts from its first known
+    sample. A signal that is zero, or no more than its noise, is left out.
+    """
+    return {
+        role: _fit(dataset, [n for n, own in roles.by_run.items() if own == role], predicted, signals) for role in ROLES
+    }
+
+
+def _fit(dataset: Dataset, names: Collection[str], predicted: Predictions, signals: Collection[str]) -> Fit:
+    by_signal = {}
+    for signal in signals:
+        runs = [run for run in dataset.runs if signal in run.outputs]
+        noise = noise_sd(dataset, signal, [run.outputs[signal] for run in runs])
+        parts = [
+            _agreement(signal, run.outputs[signal], predicted.get(run.name, {}).get(signal), noise)
+            for run in runs
+            if run.name in names
+        ]
+        found = together(parts)
+        if found.percent_of(0.0) is not None:
+            fit = found.fit_percent
+            by_signal[signal] = WORST if fit is None else max(WORST, fit)
+    return Fit(by_signal, mean_fit(by_signal))
+
+
+def _agreement(signal: str, measured: Array, predicted: Array | None, noise: float) -> Agreement:
+    values, simulated = _known(signal, measured, predicted)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.where(np.isnan(simulated), values, values - simulated)
+    return agreement(np.clip(error, -_DIVERGED, _DIVERGED), values, noise_sd=noise)
+
+
+def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
+    """Returns the known samples of a run, and what is predicted there: NaN where nothing is."""
+    known = np.isfinite(measured)
+    values = measured[known]
+    simulated = np.full_like(values, np.nan) if predicted is None else predicted[known]
+    if signal in SUMMED and len(values):
+        return values - values[0], simulated - simulated[0]
+    return values, simulated
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 2)

@@ -1,0 +1,169 @@
+"""What a control step costs on an AVR chip, with its drivers and interrupts, and what the image takes of the chip.
+
+The image flies the mission on simavr, in simulated time: it reads its own sensors and drives its own motors. Cycles are
+those of simavr, which charges each instruction what the data sheet says.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.bench.step_budget import STAGES, STEP
+from brickpilot.constants import STEP_MS
+from brickpilot.errors import SimulationError
+from brickpilot.hil import avr_flight
+from brickpilot.hil.avr_robot import AvrRobot, avr_image, check_avr_sensors
+from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.linked_flight import Progress
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
+
+CLOCK_HZ = 16_000_000
+PERIOD = CLOCK_HZ // 1000 * STEP_MS
+"""Cycles of a control period."""
+
+COMMANDS = "serve"
+"""The function that reads the host's requests."""
+
+MEMORY = {"atmega328p": (32 * 1024, 2048), "atmega2560": (256 * 1024, 8192)}
+"""Chip -> bytes of flash and of RAM."""
+
+TELEMETRY_EVERY = 10
+
+
+@dataclass(frozen=True)
+class Image:
+    """What an image takes, bytes.
+
+    Attributes:
+        flash: code, constants and the start values of variables.
+        ram: variables; the stack has the rest.
+        at: function -> its address.
+        vectors_end: the first address behind the interrupts' vectors.
+    """
+
+    flash: int
+    ram: int
+    at: dict[str, int]
+    vectors_end: int
+
+    @classmethod
+    def of(cls, elf: Path) -> Image:
+        """Reads an image with the compiler's own tools."""
+        sizes = {name: int(size) for name, size in re.findall(r"^(\.\w+) +(\d+)", _tool("avr-size", "-A", elf), re.M)}
+        symbols = re.findall(r"^(\w+) (\w) (\w+)$", _tool("avr-nm", elf), re.M)
+        at = {name: int(address, 16) for address, kind, name in symbols if kind == "T"}
+        return cls(
+            flash=sizes[".text"] + sizes[".data"],
+            ram=sum(sizes.get(name, 0) for name in (".data", ".bss", ".noinit")),
+            at=at,
+            vectors_end=at["__trampolines_start"],
+        )
+
+
+@dataclass(frozen=True)
+class AvrBudget:
+    """The cost of a control period.
+
+    Attributes:
+        cycles: part -> its cycles in each period, shape (periods,): the stages of `step_budget.STAGES`, "rest", "step"
+            (the sum of these), "drivers" (the HAL's functions within the step), "commands" (the host's requests, with
+            their drivers), "interrupts", and "all": what the processor does not sleep.
+        stack: the most bytes of stack, interrupts included.
+    """
+
+    target: str
+    image: Image
+    cycles: dict[str, NDArray[np.int64]]
+    stack: int
+
+
+def _tool(*command: str | Path) -> str:
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
+    """Returns the names of the parts, and entry and part of each function. Part 0 is what is left of the step."""
+    parts = {"rest": (STEP,)} | STAGES | {"commands": (COMMANDS,)}
+    parts["drivers"] = tuple(name for name in image.at if name.startswith("hal_"))
+    functions = [
+        (image.at[name], part) for part, names in enumerate(parts.values()) for name in names if name in image.at
+    ]
+    return list(parts), functions
+
+
+def mission(target: str, duration: float | None, progress: Progress) -> AvrBudget:
+    """Flies the packaged mission with the image of `target` and counts what its control periods cost.
+
+    Args:
+        target: of `AVR_TARGETS`.
+        duration: s of the mission; None: all of it.
+        progress: called with the steps done, all steps, and a text.
+
+    Raises:
+        InputError: no checkout of the project, no compiler, or no simavr.
+        SimulationError: the flight ended early.
+    """
+    elf = avr_image(target)
+    image = Image.of(elf)
+    names, functions = _functions(image)
+    flown = scenario.load(scenario.packaged()["mission"])
+    if duration is not None:
+        flown = dataclasses.replace(flown, duration=duration)
+    sensors = AVR_TARGETS[target].sensors[0]
+    check_avr_sensors(target, sensors)
+    plan = flight.plan(flown, rcx(), profile="coupled", sensors=sensors, seed=0)
+    counted: list[tuple[NDArray[np.int64], int]] = []
+
+    def look(robot: AvrRobot, step: int) -> None:
+        if step == 0:
+            robot.profile(functions, image.vectors_end, plan.steps)
+        counted[:] = [robot.profiled()]
+
+    done = avr_flight.fly(plan, target, elf, telemetry_every=TELEMETRY_EVERY, progress=progress, each_step=look)
+    if done.broke_off is not None:
+        raise SimulationError(f"the mission on simavr ended early: {done.broke_off}")
+    rows, stack = counted[0]
+    return AvrBudget(target, image, _by_name(names, rows), stack)
+
+
+def _by_name(names: list[str], rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+    """Returns `AvrBudget.cycles` of rows of parts, interrupts and all, shape (periods, parts + 2)."""
+    found = {name: rows[:, part] for part, name in enumerate(names)}
+    rest, commands, drivers = (found.pop(name) for name in ("rest", "commands", "drivers"))
+    step = rest + sum(found.values())
+    return found | {
+        "rest": rest,
+        "step": step,
+        "drivers": drivers,
+        "commands": commands,
+        "interrupts": rows[:, -2],
+        "all": rows[:, -1],
+    }
+
+
+def as_dict(budget: AvrBudget) -> dict[str, Any]:
+    """Returns median ("typical") and maximum ("most") of each part, and the image's sizes, for JSON."""
+    flash, ram = MEMORY[AVR_TARGETS[budget.target].chip]
+    return {
+        "target": budget.target,
+        "cycles": {
+            name: {"typical": int(np.median(taken)), "most": int(taken.max())} for name, taken in budget.cycles.items()
+        },
+        "periods": len(budget.cycles["all"]),
+        "period_cycles": PERIOD,
+        "clock_hz": CLOCK_HZ,
+        "flash_bytes": budget.image.flash,
+        "flash_of": flash,
+        "ram_bytes": budget.image.ram,
+        "stack_bytes": budget.stack,
+        "ram_of": ram,
+    }

@@ -1,0 +1,395 @@
+"""How time grows with the amount of work: runs, samples and candidates; and what more workers gain.
+
+Times of one process are processor time, which other programs on the machine change little. What a call costs at any
+size, such as loading and checking, is measured with next to no work and subtracted, and so is that work from the size:
+the exponent is of the rest alone. Flights of a campaign are the processor time of its worker and of this process. What
+more workers gain is wall time, from the first result to the last.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from brickpilot import catalogue
+from brickpilot.bench import machine
+from brickpilot.campaign import engine, flights, workers
+from brickpilot.data.dataset import Dataset
+from brickpilot.discover import parts, pipeline, prepare
+from brickpilot.discover.screen import screen
+from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.compare import compare
+from brickpilot.fit.problem import Problem
+from brickpilot.vehicle import flight, plant, scenario
+from brickpilot.vehicle.model import Model, rcx
+
+Progress = Callable[[int, int, str], None]
+Work = Callable[[int], Callable[[], object]]
+"""Size -> a function that does so much work; what is made before does not count."""
+
+_PERIOD_S = 0.01
+_RUNS = 4
+_FLIGHT_S = 20.0
+_NOISE = {"yaw_rate": 0.02, "wheel_speed_left": 0.1, "wheel_speed_right": 0.1}
+_KNOWN = (
+    "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia", "resistance", "emf_constant",
+    "torque_constant", "viscous_friction", "rolling_friction",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Work of growing size.
+
+    Attributes:
+        name: of its figures.
+        what: which work, in words.
+        unit: what is counted.
+        sizes: three or more.
+        work: size -> the work.
+        least: a size with next to no work, which is subtracted from each size, and its time; 0: nothing is.
+        repeats: of each size.
+    """
+
+    name: str
+    what: str
+    unit: str
+    sizes: Sequence[int]
+    work: Work
+    least: int = 1
+    repeats: int = 3
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats), without ``fixed_s``, that of ``least``."""
+
+    name: str
+    what: str
+    unit: str
+    sizes: tuple[int, ...]
+    seconds: tuple[tuple[float, ...], ...]
+    least: int
+    fixed_s: float
+
+    @property
+    def law(self) -> PowerLaw:
+        """How the time beyond `fixed_s` grows with the size beyond `least`."""
+        return fit([size - self.least for size in self.sizes], self.seconds)
+
+    @property
+    def times_work(self) -> float:
+        """How many times the smallest amount of work the largest is, both beyond `least`."""
+        return (self.sizes[-1] - self.least) / (self.sizes[0] - self.least)
+
+    @property
+    def times_as_long(self) -> float:
+        """How many times as long as the smallest the largest took."""
+        return min(self.seconds[-1]) / min(self.seconds[0])
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Flights per second of a campaign, by workers: shape (repeats,) each."""
+
+    workers: tuple[int, ...]
+    flights: int
+    flights_per_s: tuple[tuple[float, ...], ...]
+    cores: int
+
+    @property
+    def gains(self) -> list[float]:
+        """How many times as many flights as one worker does, for each number of workers."""
+        best = [max(rates) for rates in self.flights_per_s]
+        return [rate / best[0] for rate in best]
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """All that `brickpilot bench --scaling` measures, and on which machine."""
+
+    machine: str
+    sweeps: tuple[Measured, ...]
+    crowd: Crowd
+
+
+def recording(samples: int) -> Dataset:
+    """Returns a data set of so many samples in four runs of a robot with one effect of its bearings; seeded."""
+    random = np.random.default_rng(0)
+    bearings = (one for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
+    hidden = min(bearings, key=lambda one: len(one.parameters))
+    values = {one.name: one.preset for one in hidden.parameters}
+    truth = Model("truth", "diff_drive", "coupled", rcx().parameters, {hidden.name: values})
+    frames = {}
+    for run in range(_RUNS):
+        count = max(samples // _RUNS, 10)
+        time_s = np.arange(count, dtype=np.float64) * _PERIOD_S
+        volts = np.repeat(random.uniform(-6, 6, (count // 60 + 1, 2)), 60, axis=0)[:count]
+        [simulated] = plant.simulate([(truth, plant.OpenLoopRun(time_s, volts))])
+        signals = {name: simulated.outputs[name] + random.normal(0, sd, count) for name, sd in _NOISE.items()}
+        columns = {"time": time_s, "voltage_left": volts[:, 0], "voltage_right": volts[:, 1], **signals}
+        frames[f"run {run}"] = pd.DataFrame(columns)
+    known = {name: rcx().parameters[name] for name in _KNOWN}
+    return Dataset.from_frames(frames, vehicle="diff_drive", nominal=known)
+
+
+def sweeps() -> list[Sweep]:
+    """Returns the work whose growth is measured; it takes two minutes of a processor."""
+    thousand = 1000
+    return [
+        Sweep(
+            "simulate_runs",
+            "free runs of 2 s, simulated in one call",
+            "runs",
+            (256, 512, 1024, 2048, 4096),
+            _simulation,
+        ),
+        Sweep(
+            "compare_samples",
+            "compare: every run replayed and held against its samples",
+            "samples",
+            tuple(k * thousand for k in (64, 96, 144, 216, 324, 486)),
+            _on_recording(lambda data: compare(data, rcx())),
+            least=100,
+        ),
+        Sweep(
+            "calibrate_samples",
+            "calibrate: the fit of the nominal parameters",
+            "samples",
+            tuple(k * thousand for k in (64, 96, 144, 216, 324, 486)),
+            _on_recording(calibrate),
+            least=100,
+        ),
+        Sweep(
+            "discover_samples",
+            "discover: one round of screening all effects",
+            "samples",
+            tuple(k * thousand for k in (4, 8, 16, 32)),
+            _screening,
+            least=400,
+            repeats=2,
+        ),
+        Sweep(
+            "discover_candidates",
+            "discover: one round of screening, of the library's candidates several times over",
+            "candidates",
+            (57, 114, 228, 456),
+            _candidates,
+            repeats=2,
+        ),
+        Sweep(
+            "discover_whole_samples",
+            "discover: from the data to the verdict",
+            "samples",
+            tuple(k * thousand for k in (1, 2, 4, 8, 16)),
+            _on_recording(lambda data: pipeline.discover(data, jobs=1)),
+            least=0,
+            repeats=1,
+        ),
+    ]
+
+
+def measure(
+    progress: Progress,
+    chosen: Sequence[Sweep] | None = None,
+    flights_of: Sequence[int] = (64, 128, 256, 512, 1024),
+    crowd_flights: int = 600,
+    repeats: int = 2,
+) -> Scaling:
+    """Measures all sweeps, the flights of a campaign, and workers from one to one more than there are cores.
+
+    Args:
+        progress: called with (done, total, text).
+        chosen: the sweeps; None: `sweeps`.
+        flights_of: numbers of flights of the campaign with one worker.
+        crowd_flights: flights of each number of workers.
+        repeats: of each number of flights.
+    """
+    chosen = sweeps() if chosen is None else chosen
+    total, found = len(chosen) + 2, []
+    with threadpool_limits(1, "blas"):
+        for done, sweep in enumerate(chosen):
+            progress(done, total, sweep.what)
+            found.append(_measure(sweep))
+    progress(total - 2, total, "flights of a campaign")
+    found.insert(1, _campaign(flights_of, repeats))
+    progress(total - 1, total, "workers of a campaign")
+    return Scaling(machine.describe(), tuple(found), _crowd(crowd_flights, repeats))
+
+
+def _measure(sweep: Sweep) -> Measured:
+    fixed = min(_processor_times(sweep.work(sweep.least), 3)) if sweep.least else 0.0
+    rows = []
+    for size in sweep.sizes:
+        work = sweep.work(size)
+        rows.append(tuple(max(one - fixed, 1e-9) for one in _processor_times(work, sweep.repeats)))
+    return Measured(sweep.name, sweep.what, sweep.unit, tuple(sweep.sizes), tuple(rows), sweep.least, fixed)
+
+
+def _processor_times(work: Callable[[], object], repeats: int) -> list[float]:
+    found = []
+    for _ in range(repeats):
+        began = time.process_time()
+        work()
+        found.append(time.process_time() - began)
+    return found
+
+
+def _simulation(size: int) -> Callable[[], object]:
+    time_s, model = np.arange(200, dtype=np.float64) * _PERIOD_S, rcx()
+    volts = np.tile([5.0, 3.0], (200, 1))
+    jobs = [(model, plant.OpenLoopRun(time_s, volts)) for _ in range(size)]
+    return lambda: plant.simulate(jobs, signals=("yaw_rate",))
+
+
+def _on_recording(function: Callable[[Dataset], object]) -> Work:
+    def work(samples: int) -> Callable[[], object]:
+        data = recording(samples)
+        return lambda: function(data)
+
+    return work
+
+
+def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
+    """Screens all effects beside the calibrated model; with `times`: so many, the list over and over."""
+    prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
+    prepared, nominal = prepare.calibrate(prepared)
+    here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
+    every = parts.library_parts(nominal.model, here.data.signals)
+    many = every if times is None else [every[k % len(every)] for k in range(times)]
+    return lambda: screen(here, nominal.point, many, excitation=prepared.excitation)
+
+
+def _candidates(count: int) -> Callable[[], object]:
+    return _screening(4000, count)
+
+
+def _plans(count: int) -> Iterator[engine.Part]:
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=_FLIGHT_S)
+    for seed in range(count):
+        plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=seed)
+        yield engine.Part(f"{seed:06}", plan)
+
+
+def flown_by(plan: flight.Plan) -> float:
+    """Flies a plan, and returns the processor time of this worker so far, s."""
+    flights.row(plan)
+    return time.process_time()
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """What the flights of a campaign after the first took, s."""
+
+    wall_s: float
+    processor_s: float
+
+
+def _fly(count: int, jobs: int) -> _Flown:
+    """Flies so many flights after the first one. The processor time is right with one worker."""
+    moments: list[tuple[float, float]] = []
+
+    def keep(_: engine.Part, worker_s: float) -> None:
+        moments.append((time.perf_counter(), worker_s + time.process_time()))
+
+    engine.run(
+        flown_by,
+        _plans(count + 1),
+        keep=keep,
+        workers=workers.local(jobs),
+        progress=engine.Progress(lambda *_: None, total=count + 1),
+    )
+    return _Flown(moments[-1][0] - moments[0][0], moments[-1][1] - moments[0][1])
+
+
+def _campaign(sizes: Sequence[int], repeats: int) -> Measured:
+    rows = [tuple(_fly(size, 1).processor_s for _ in range(repeats)) for size in sizes]
+    what = f"campaign: flights of {_FLIGHT_S:.0f} s, one worker"
+    return Measured("campaign_flights", what, "flights", tuple(sizes), tuple(rows), 0, 0.0)
+
+
+def _crowd(count: int, repeats: int) -> Crowd:
+    numbers = tuple(range(1, machine.cores() + 2))
+    rates = [tuple(count / _fly(count, jobs).wall_s for _ in range(repeats)) for jobs in numbers]
+    return Crowd(numbers, count, tuple(rates), machine.cores())
+
+
+def as_dict(found: Scaling) -> dict[str, Any]:
+    """Returns all of it for JSON: the exponents with their 95 % intervals first."""
+    return {
+        "machine": found.machine,
+        "sweeps": {
+            one.name: {
+                "what": one.what,
+                "unit": one.unit,
+                "exponent": {"value": one.law.exponent, "ci95": [one.law.low, one.law.high]},
+                "growth": one.law.verdict,
+                "times_work": one.times_work,
+                "times_as_long": one.times_as_long,
+                "sizes": list(one.sizes),
+                "seconds": [list(row) for row in one.seconds],
+                "least": one.least,
+                "fixed_s": one.fixed_s,
+            }
+            for one in found.sweeps
+        },
+        "workers": {
+            "cores": found.crowd.cores,
+            "flights": found.crowd.flights,
+            "numbers": list(found.crowd.workers),
+            "gain": found.crowd.gains,
+            "flights_per_s": [list(row) for row in found.crowd.flights_per_s],
+        },
+    }
+
+
+LINEAR = 0.1
+"""Growth is called linear where the exponent's 95 % interval lies within 1 +- this, ..."""
+
+NARROW = 0.3
+"""... or holds 1 and reaches this far to each side at most: that leaves out the root, 0.5, and the square, 2."""
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """seconds = ``seconds_of_one`` * size ** ``exponent``, with the exponent's 95 % interval."""
+
+    exponent: float
+    low: float
+    high: float
+    seconds_of_one: float
+
+    @property
+    def verdict(self) -> str:
+        """In words: "linear", "less than linear", "more than linear", or "not determined" by these times."""
+        within = self.low >= 1 - LINEAR and self.high <= 1 + LINEAR
+        if within or (self.low <= 1 <= self.high and self.high - self.low <= 2 * NARROW):
+            return "linear"
+        if self.high < 1:
+            return "less than linear"
+        return "more than linear" if self.low > 1 else "not determined"
+
+
+def fit(sizes: Sequence[float], seconds: Sequence[Sequence[float]]) -> PowerLaw:
+    """Fits a power law to the smallest time of each size.
+
+    The smallest is the one that other programs on the machine disturbed least. The interval comes from the scatter of
+    the sizes about the line (Student's t), so that it holds what the repeats of one size do not show.
+
+    Args:
+        sizes: three or more, above 0.
+        seconds: the times of each size, above 0.
+    """
+    x, y = np.log(sizes), np.log([min(times) for times in seconds])
+    line = stats.linregress(x, y)
+    half = float(stats.t.ppf(0.975, len(sizes) - 2) * line.stderr)
+    slope = float(line.slope)
+    return PowerLaw(slope, slope - half, slope + half, float(np.exp(line.intercept)))

@@ -1,0 +1,238 @@
+"""Speed beside a peer in the same process: on a shared machine absolute times mean little."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from brickpilot import catalogue
+from brickpilot.bench import control_peers, machine, scipy_robot
+from brickpilot.constants import MOTOR_STEP_S, STEP_S
+from brickpilot.vehicle import flight, plant, scenario
+from brickpilot.vehicle.model import Model, rcx
+
+_TIMES = "times real time"
+_LANES = {"alone": 1, "many": plant.MOST_LANES}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process.
+
+    Where the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 where we are
+    faster. ``machine`` is what ran both.
+    """
+
+    value: float
+    unit: str
+    peer: str
+    ratio: float
+    machine: str
+
+
+@dataclass(frozen=True)
+class LawFigure(Figure):
+    """A step of the control law on a brick's processor; ``value`` and ``ratio`` are those of a typical step (median).
+
+    Attributes:
+        most, peer_most: the worst step, in the same unit.
+        flash_bytes, peer_flash_bytes: code and constants of the law, with the routines of its arithmetic.
+        apart_v: V, the largest difference of the two answers.
+    """
+
+    most: int
+    peer_most: int
+    flash_bytes: int
+    peer_flash_bytes: int
+    apart_v: float
+
+
+def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
+    """Returns the best speed of several runs of each work, in times real time. A work returns simulated seconds.
+
+    They take turns, so that other programs on the machine disturb all of them alike. Times are those of the processor.
+    """
+    rates = dict.fromkeys(works, 0.0)
+    for _ in range(repeats):
+        for name, work in works.items():
+            began = time.process_time()
+            simulated = work()
+            rates[name] = max(rates[name], simulated / (time.process_time() - began))
+    return rates
+
+
+def _full_loop() -> float:
+    mission = scenario.load(scenario.packaged()["mission"])
+    plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0)
+    return flight.fly_unlogged(plan)
+
+
+def _plant_alone(model: Model) -> float:
+    time_s = np.arange(20_001, dtype=np.float64) * STEP_S
+    inputs = np.tile([4.5, 3.0], (len(time_s), 1))
+    plant.simulate([(model, plant.OpenLoopRun(time_s, inputs))])
+    return float(time_s[-1])
+
+
+def _many(model: Model, lanes: int) -> float:
+    """Simulates 16 runs of as many robots, as a fit does, up to `lanes` of them side by side, on one thread."""
+    time_s = np.arange(2_001, dtype=np.float64) * STEP_S
+    inputs = 6 * np.sin(np.outer(time_s, [1.0, 1.7])) + 3
+    mass = model.parameters["mass"]
+    robots = [dataclasses.replace(model, parameters={**model.parameters, "mass": mass + 0.01 * i}) for i in range(16)]
+    jobs = [(one, plant.OpenLoopRun(time_s, inputs)) for one in robots]
+    plant.simulate(jobs, signals=("yaw_rate", "wheel_speed_left", "wheel_speed_right"), lanes=lanes)
+    return 16 * float(time_s[-1])
+
+
+def _side_by_side(model: Model) -> dict[str, Figure]:
+    """Returns how fast the plant simulates many runs on one core, beside the same runs one at a time."""
+    found = {}
+    rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
+    dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
+    for name, one in (("plant_lanes", model), ("plant_lanes_dry", dry)):
+        rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
+        alone, many = (rates[lanes] for lanes in _LANES)
+        peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
+        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, machine.describe())
+    return found
+
+
+_MUJOCO_ROBOT = f"""
+<mujoco><option timestep="{MOTOR_STEP_S}" integrator="Euler" gravity="0 0 0" jacobian="dense">
+<flag contact="disable" constraint="disable" gravity="disable" sensor="disable"/></option>
+<default><geom type="cylinder" size=".04 .01" euler="90 0 0" mass=".02" contype="0" conaffinity="0"/></default>
+<worldbody><body>
+<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
+<geom type="box" size=".1 .07 .03" euler="0 0 0" mass=".9"/>
+<body pos="0 .07 0"><joint name="l" axis="0 1 0"/><geom/></body>
+<body pos="0 -.07 0"><joint name="r" axis="0 1 0"/><geom/></body>
+</body></worldbody><actuator><velocity joint="l" kv=".002"/><velocity joint="r" kv=".002"/></actuator></mujoco>
+"""
+
+
+@cache
+def _mujoco_model() -> Any:
+    """Returns MuJoCo's robot, compiled once. What it does not need is switched off: each switch makes MuJoCo faster."""
+    import mujoco
+
+    return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
+
+
+def _mujoco(seconds: float = 6.0) -> float:
+    """Simulates a planar body with two driven wheels in MuJoCo, without contacts, at the same step of 0.3 ms."""
+    import mujoco
+
+    model = _mujoco_model()
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 16.0, 10.0
+    mujoco.mj_step(model, data, round(seconds / MOTOR_STEP_S))
+    return seconds
+
+
+def _lockstep_pty() -> float:
+    """Returns control steps per second over 15 s of the mission. The brick is a process at the other end of a pty."""
+    from brickpilot.hil import ends
+    from brickpilot.hil import fly as hil
+
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=15.0)
+    plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0)
+    with ends.both_ends("serial:pty") as both:
+        flown = hil.fly(both, "serial:pty", plan, pace="lockstep", telemetry_every=10, progress=lambda *_: None)
+    return flown.flight.times_real_time / STEP_S
+
+
+def host() -> dict[str, Figure]:
+    """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
+
+    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, where it is installed, and
+    SciPy's solve_ivp at the plant's own accuracy: with inputs that change every 3 ms beside the full loop, and held for
+    a second beside the plant alone. Both simulate the robot without its controller and sensors. The peer of the link is
+    real time.
+    """
+    model, on = rcx(), machine.describe()
+    ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
+    scipy = {"full_loop": _scipy(model, scipy_robot.controlled()), "plant": _scipy(model, scipy_robot.held())}
+    mujoco: dict[str, Callable[[], float]] = {}
+    if find_spec("mujoco"):
+        _mujoco_model()  # before the clock starts
+        mujoco = {"MuJoCo, planar body and two wheels without contacts, 0.3 ms": _mujoco}
+    rates = _best(ours | mujoco | scipy["full_loop"] | scipy["plant"])
+    first, by_scipy = {}, {}
+    for name in ours:
+        fastest = max(scipy[name], key=lambda peer: rates[peer])
+        by_scipy[f"{name}_scipy"] = Figure(rates[name], _TIMES, fastest, rates[name] / rates[fastest], on)
+        first[name] = by_scipy[f"{name}_scipy"]
+        for peer in mujoco:
+            first[name] = Figure(rates[name], _TIMES, peer, rates[name] / rates[peer], on)
+    steps = max(_lockstep_pty() for _ in range(3))
+    link = Figure(steps, "steps/s", "real time, one step in 3 ms", steps * STEP_S, on)
+    return first | by_scipy | _side_by_side(model) | {"lockstep_pty": link}
+
+
+def _scipy(model: Model, manoeuvre: scipy_robot.Manoeuvre) -> dict[str, Callable[[], float]]:
+    """Returns for each of SciPy's methods, in words, the manoeuvre at the plant's accuracy, to be timed."""
+
+    def fly(setting: scipy_robot.Setting) -> float:
+        scipy_robot.solve(model, manoeuvre, setting.tolerance, setting.method)
+        return manoeuvre.seconds
+
+    held = f"inputs held for {manoeuvre.held * STEP_S:.3g} s"
+    return {
+        f"SciPy solve_ivp, {one}, {held}, errs {one.scipy_m:.0e} m where the plant errs {one.plant_m:.0e} m": partial(
+            fly, one
+        )
+        for one in scipy_robot.loosest(model, manoeuvre)
+    }
+
+
+def control_law() -> tuple[dict[str, LawFigure], list[str]]:
+    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here."""
+    found: dict[str, LawFigure] = {}
+    reasons = []
+    for brick in control_peers.BRICKS:
+        if reason := control_peers.missing(brick):
+            reasons.append(reason)
+            continue
+        costs = control_peers.measure(brick)
+        found |= {
+            f"control_{brick}_{name}": _law_figure(brick, name, costs["ours"], cost)
+            for name, cost in costs.items()
+            if name != "ours"
+        }
+    return found, reasons
+
+
+def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: control_peers.LawCost) -> LawFigure:
+    value, other = float(np.median(ours.cycles)), float(np.median(theirs.cycles))
+    return LawFigure(
+        value=value,
+        unit=control_peers.UNITS[brick],
+        peer=control_peers.ARITHMETICS[name],
+        ratio=other / value,
+        machine=control_peers.BRICKS[brick],
+        most=int(ours.cycles.max()),
+        peer_most=int(theirs.cycles.max()),
+        flash_bytes=ours.flash,
+        peer_flash_bytes=theirs.flash,
+        apart_v=float(np.abs(theirs.voltages - ours.voltages).max()),
+    )
+
+
+def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
+    """Yields both tables as text, the machine first, and the ratios before what they were made of."""
+    yield f"on {next(iter(found.values())).machine}; both sides of a ratio were measured in this run"
+    for name, one in found.items():
+        yield f"{one.ratio:8.1f} x  {name}: {one.value:.0f} {one.unit}, beside {one.peer}"
+    for name, law in laws.items():
+        yield f"{law.ratio:8.2f} x  {name}: {law.value:.0f} {law.unit} (at most {law.most}), beside {law.peer}"
+        cost = f"{law.ratio * law.value:.0f} (at most {law.peer_most})"
+        flash = f"{law.flash_bytes} and {law.peer_flash_bytes} bytes"
+        yield f"{'':12}{cost}; flash {flash}; answers within {1e3 * law.apart_v:.0f} mV; {law.machine}"

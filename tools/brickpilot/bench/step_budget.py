@@ -1,0 +1,270 @@
+"""What a control step of the firmware costs on the RCX's processor.
+
+A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
+call of `loop_tick`: sensors in, motors out, telemetry included. The HAL is counted apart: on the simulator it is the
+link to the host, on a brick it is drivers.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.bench import h8_states
+from brickpilot.errors import SimulationError
+from brickpilot.hil import ends, fly, h8_simulator
+from brickpilot.link.session import LOCKSTEP
+from brickpilot.vehicle import flight, scenario
+from brickpilot.vehicle.model import rcx
+
+STEP = "loop_tick"
+STAGES = {
+    "model": ("body_predict", "body_correct_surge"),
+    "heading": ("heading_step",),
+    "speed": ("speed_step",),
+    "pose": ("pose_step",),
+    "guidance": ("mode_step",),
+    "control": ("pid_step",),
+    "mixer": ("mixer_step",),
+    "telemetry": ("telemetry_part",),
+}
+"""Stage -> its functions in firmware/. Those of the HAL are "hal"; everything else in a step is "rest"."""
+
+MEMORIES = {"external": h8_states.EXTERNAL, "on_chip": h8_states.ON_CHIP}
+
+_CHUNK = 1 << 22
+"""Instructions of a trace that are read at a time."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Counts of each step, shape (steps,): instructions, and states with everything in one memory (`MEMORIES`)."""
+
+    instructions: NDArray[np.int64]
+    states: dict[str, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class Size:
+    """Bytes of code and constants (text), of data with a start value (data), and of data that starts as 0 (bss)."""
+
+    text: int
+    data: int
+    bss: int
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The cost of a control step.
+
+    Attributes:
+        stages: those of `STAGES`, "rest", "step" (the sum of these), and "hal".
+        stack: the most bytes of stack that a step needs.
+        sizes: size of each folder of the firmware and of hal/wire, as compiled, before linking.
+    """
+
+    stages: dict[str, Counts]
+    stack: int
+    sizes: dict[str, Size]
+
+
+@dataclass(frozen=True)
+class Program:
+    """A linked program.
+
+    Attributes:
+        costs: memory -> (65536,) states of the instruction at each address.
+        at: function -> its address.
+    """
+
+    costs: dict[str, NDArray[np.int64]]
+    at: dict[str, int]
+
+    @classmethod
+    def of(cls, coff: Path) -> Program:
+        """Reads a linked program with the compiler's own tools."""
+        with tempfile.TemporaryDirectory() as folder:
+            raw = Path(folder) / "raw"
+            subprocess.run(["h8300-hms-objcopy", "-I", "coff-h8300", "-O", "binary", coff, raw], check=True)
+            image = np.frombuffer(raw.read_bytes(), dtype=np.uint8)
+        sections = subprocess.run(
+            ["h8300-hms-objdump", "-h", coff], check=True, stdout=subprocess.PIPE, text=True
+        ).stdout
+        text = re.search(r" \.text +\w+ +(\w+)", sections)
+        assert text is not None
+        begin = int(text[1], 16)
+        memory = np.zeros(0x10000, dtype=np.uint8)
+        memory[begin : begin + len(image)] = image
+        listed = subprocess.run(["h8300-hms-nm", coff], check=True, stdout=subprocess.PIPE, text=True).stdout
+        at = {
+            name: int(address, 16) & 0xFFFF for address, name in re.findall(r"^(\w+) T _(\w+)$", listed, re.MULTILINE)
+        }
+        return cls({name: h8_states.by_first_byte(kind)[memory] for name, kind in MEMORIES.items()}, at)
+
+
+class Counter:
+    """Takes a trace in pieces of any size and keeps the counts of each step. ``stack`` is that of `Budget`."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._stages = {
+            stage: np.array([program.at[name] for name in functions], dtype=np.uint16)
+            for stage, functions in STAGES.items()
+        }
+        self._hal = np.array(
+            [address for name, address in program.at.items() if name.startswith("hal_")], dtype=np.uint16
+        )
+        self._rest = np.empty((0, 2), dtype=np.uint16)
+        self._steps: list[dict[str, tuple[int, ...]]] = []
+        self.stack = 0
+
+    def take(self, trace: NDArray[np.uint16]) -> None:
+        """Takes address and stack pointer of each instruction, shape (n, 2), in the order of execution."""
+        trace = np.concatenate([self._rest, trace])
+        program_counter, stack_pointer = trace[:, 0], trace[:, 1]
+        begins = np.flatnonzero(program_counter == self._program.at[STEP])
+        sums = {
+            name: np.concatenate([[0], np.cumsum(cost[program_counter])]) for name, cost in self._program.costs.items()
+        }
+        used = 0
+        for begin in begins.tolist():
+            end = end_of_call(stack_pointer, begin)
+            if end is None:
+                used = begin
+                break
+            self._steps.append(self._count(program_counter, stack_pointer, sums, begin, end))
+            self.stack = max(self.stack, int(stack_pointer[begin]) + 2 - int(stack_pointer[begin:end].min()))
+            used = end
+        self._rest = trace[used:] if len(begins) else trace[:0]
+
+    def _count(
+        self,
+        program_counter: NDArray[np.uint16],
+        stack_pointer: NDArray[np.uint16],
+        sums: dict[str, NDArray[np.int64]],
+        begin: int,
+        end: int,
+    ) -> dict[str, tuple[int, ...]]:
+        def took(first: int, last: int) -> NDArray[np.int64]:
+            return np.array([last - first, *(total[last] - total[first] for total in sums.values())])
+
+        inside = program_counter[begin:end]
+
+        def took_in(entries: NDArray[np.uint16]) -> NDArray[np.int64]:
+            total = np.zeros(1 + len(sums), dtype=np.int64)
+            for entry in (np.isin(inside, entries).nonzero()[0] + begin).tolist():
+                finish = end_of_call(stack_pointer[:end], entry)
+                assert finish is not None
+                total += took(entry, finish)
+            return total
+
+        found = {stage: took_in(entries) for stage, entries in self._stages.items()}
+        hal = took_in(self._hal)
+        whole = took(begin, end) - hal
+        found |= {"rest": whole - sum(found.values()), "step": whole, "hal": hal}
+        return {stage: tuple(counts) for stage, counts in found.items()}
+
+    def stages(self) -> dict[str, Counts]:
+        """Returns the counts of all steps so far."""
+        if not self._steps:
+            raise SimulationError("no step ended on the simulator")
+        table = {name: np.array([step[name] for step in self._steps], dtype=np.int64) for name in self._steps[0]}
+        return {
+            name: Counts(rows[:, 0], {memory: rows[:, 1 + i] for i, memory in enumerate(MEMORIES)})
+            for name, rows in table.items()
+        }
+
+
+def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
+    """Returns the index of the first instruction after the function entered at `entry`.
+
+    There its return address has left the stack.
+    """
+    for first in range(entry, len(stack_pointer), 1 << 14):
+        popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
+        if len(popped):
+            return first + int(popped[0])
+    return None
+
+
+def mission(
+    target: str, profile: str, sensors: str, duration: float | None, progress: Callable[[int, int, str], None]
+) -> Budget:
+    """Flies the packaged mission on the simulator and counts what its steps cost.
+
+    Args:
+        target: one of `h8_simulator.H8SIM_TARGETS`.
+        profile: ``coupled`` or ``paper``.
+        sensors: as in `brickpilot run`.
+        duration: s of the mission; None: all of it.
+        progress: called with the steps done, all steps, and a text.
+
+    Raises:
+        InputError: no checkout of the project, or no compiler.
+        SimulationError: the flight ended early.
+    """
+    h8_simulator.check_sensors(target, sensors)
+    _, image = h8_simulator.h8_simulator(target)
+    counter = Counter(Program.of(Path(image).with_suffix(".coff")))
+    mission = scenario.load(scenario.packaged()["mission"])
+    if duration is not None:
+        mission = dataclasses.replace(mission, duration=duration)
+    plan = flight.plan(mission, rcx(), profile=profile, sensors=sensors, seed=0)
+    with tempfile.TemporaryDirectory() as folder:
+        trace = Path(folder) / "trace"
+        os.mkfifo(trace)
+        reader = threading.Thread(target=_read, args=(trace, counter), daemon=True)
+        reader.start()
+        with ends.both_ends(target, trace) as both:
+            flown = fly.fly(both, target, plan, pace=LOCKSTEP, telemetry_every=10, progress=progress)
+        reader.join()
+    if flown.broke_off is not None:
+        raise SimulationError(f"the mission on the simulator ended early: {flown.broke_off}")
+    return Budget(counter.stages(), counter.stack, sizes(Path(image).parent))
+
+
+def sizes(folder: Path) -> dict[str, Size]:
+    """Returns `Budget.sizes` of the objects FOLDER_FOLDER_FILE.o that firmware/targets/h8sim/build left in `folder`."""
+    listed = subprocess.run(
+        ["h8300-hms-size", *sorted(folder.glob("*.o"))], check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    found: dict[str, Size] = {}
+    for line in listed.splitlines()[1:]:
+        text, data, bss, *_, path = line.split()
+        kind, part, *_ = Path(path).name.split("_")
+        if kind == "firmware" or part == "wire":
+            before = found.get(f"{kind}/{part}", Size(0, 0, 0))
+            found[f"{kind}/{part}"] = Size(before.text + int(text), before.data + int(data), before.bss + int(bss))
+    return found
+
+
+def _read(path: Path, counter: Counter) -> None:
+    with path.open("rb") as file:
+        while data := file.read(4 * _CHUNK):
+            counter.take(np.frombuffer(data, dtype=np.uint16).reshape(-1, 2))
+
+
+def as_dict(budget: Budget) -> dict[str, Any]:
+    """Returns median ("typical") and maximum ("most") of each stage, for JSON."""
+
+    def pair(counts: NDArray[np.int64]) -> dict[str, int]:
+        return {"typical": int(np.median(counts)), "most": int(counts.max())}
+
+    stages = {
+        name: {"instructions": pair(counts.instructions)}
+        | {f"states_{memory}": pair(taken) for memory, taken in counts.states.items()}
+        for name, counts in budget.stages.items()
+    }
+    bytes_of = {name: dataclasses.asdict(size) for name, size in budget.sizes.items()}
+    return {"stages": stages, "stack_bytes": budget.stack, "bytes": bytes_of, "clock_hz": h8_states.CLOCK_HZ}
