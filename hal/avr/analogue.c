@@ -19,7 +19,10 @@ enum { BANDGAP_INPUT = 0x0E };
 /* A round is one turn through the sensors; the burst is 4 rounds and two readings of the bandgap, of which the first one only lets
  * the input settle. */
 enum { ROUNDS = 4, COUNT_MOST = 1023, FRESH_TICKS = 1 };
-#ifdef AVR_ACCELEROMETER
+#if BOARD_IMU != BOARD_ANALOGUE
+#define ROUND ANALOGUE_BATTERY
+enum { BATTERY_READINGS = ROUNDS };
+#elif defined(AVR_ACCELEROMETER)
 #define ROUND ANALOGUE_GYRO, ANALOGUE_SURGE, ANALOGUE_GYRO, ANALOGUE_SWAY, ANALOGUE_BATTERY
 enum { GYRO_READINGS = 2 * ROUNDS, ACCEL_READINGS = ROUNDS, BATTERY_READINGS = ROUNDS };
 #else
@@ -30,9 +33,11 @@ static const __flash uint8_t ORDER[] = {ROUND, ROUND, ROUND, ROUND, ANALOGUE_BAN
 enum { READINGS = sizeof ORDER, LAST = READINGS - 1 };
 
 static const __flash uint8_t INPUTS[ANALOGUE_SUMS] = {
+#if BOARD_IMU == BOARD_ANALOGUE
     [ANALOGUE_GYRO] = AVCC | BOARD_GYRO_INPUT,
 #ifdef AVR_ACCELEROMETER
     [ANALOGUE_SURGE] = AVCC | BOARD_SURGE_INPUT,     [ANALOGUE_SWAY] = AVCC | BOARD_SWAY_INPUT,
+#endif
 #endif
     [ANALOGUE_BATTERY] = AVCC | BOARD_BATTERY_INPUT, [ANALOGUE_BANDGAP] = AVCC | BANDGAP_INPUT,
 };
@@ -81,9 +86,12 @@ ISR(ADC_vect)
 
 void analogue_start(void)
 {
-    ADMUX = INPUTS[ANALOGUE_GYRO];
+    ADMUX = INPUTS[ORDER[0]];
     ADCSRA = CONTROL;
-    DIDR0 = 1U << BOARD_GYRO_INPUT | 1U << BOARD_SURGE_INPUT | 1U << BOARD_SWAY_INPUT | 1U << BOARD_BATTERY_INPUT;
+    DIDR0 = 1U << BOARD_BATTERY_INPUT;
+#if BOARD_IMU == BOARD_ANALOGUE
+    DIDR0 |= 1U << BOARD_GYRO_INPUT | 1U << BOARD_SURGE_INPUT | 1U << BOARD_SWAY_INPUT;
+#endif
     at = READINGS;
 }
 
@@ -98,7 +106,7 @@ void analogue_begin(void)
     for (uint8_t i = 0; i < ANALOGUE_SUMS; i++)
         sums[i] = 0;
     at = 0;
-    ADMUX = INPUTS[ANALOGUE_GYRO];
+    ADMUX = INPUTS[ORDER[0]];
     ADCSRA = CONTROL | BEGIN;
 }
 
@@ -126,6 +134,9 @@ static bool read(uint8_t which, uint16_t *sum)
     return fresh;
 }
 
+#define LOG2(readings) ((readings) == 16 ? 4U : (readings) == 8 ? 3U : 2U)
+
+#if BOARD_IMU == BOARD_ANALOGUE
 /* What an axis gives. An input that stays at either end is not connected. The whole range fits: see the checks below. */
 #define IS_CONNECTED(sum, readings) ((sum) > 0 && (sum) < (readings) * (uint16_t)COUNT_MOST)
 
@@ -139,7 +150,6 @@ static int16_t scaled(uint16_t sum, uint8_t readings_log2, uint16_t zero, uint16
     return (counts < 0) != reversed ? (int16_t)-value : value;
 }
 
-#define LOG2(readings) ((readings) == 16 ? 4U : (readings) == 8 ? 3U : 2U)
 #define SCALED(sum, readings, axis)                                                                                    \
     scaled((sum), LOG2(readings), BOARD_##axis##_ZERO, BOARD_##axis##_PER_COUNT_Q8, BOARD_##axis##_REVERSED)
 #define FITS(axis)                                                                                                     \
@@ -174,6 +184,7 @@ hal_status_t hal_imu_read(hal_imu_t *out)
 #endif
     return HAL_PARTLY;
 }
+#endif
 
 hal_status_t hal_battery_read(uint16_t *out_mv)
 {

@@ -1,4 +1,4 @@
-/* analogue.h: gyro, accelerometer and battery on the A/D converter.
+/* analogue.h: the battery, and gyro and accelerometer where they are analogue, on the A/D converter.
  *
  * Every tick begins a burst of conversions, 2.5 ms long, one interrupt each. A burst adds up several readings of every sensor, taken in
  * turn, so that all of them are means around the same time. At its end it measures the chip's own 1.1 V: a converter that is stuck, or has
@@ -10,12 +10,16 @@
 #include <avr/io.h>
 #include <stdint.h>
 
+#include "avr/board.h"
+
 /* The sums of a burst, in this order. */
 enum {
-    ANALOGUE_GYRO = 0,
+#if BOARD_IMU == BOARD_ANALOGUE
+    ANALOGUE_GYRO,
 #ifdef AVR_ACCELEROMETER
     ANALOGUE_SURGE,
     ANALOGUE_SWAY,
+#endif
 #endif
     ANALOGUE_BATTERY,
     ANALOGUE_BANDGAP,

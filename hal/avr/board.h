@@ -55,9 +55,27 @@
 #define BOARD_LEFT_REVERSED 0
 #define BOARD_RIGHT_REVERSED 0
 
+/* The IMU: analogue sensors, or a chip on the I2C bus: an MPU-6050 (MPU-6500, 9250, 9255) or an LSM6DS (DS3, DSL, DS3TR-C, DSO). The chip lies
+ * with its x axis forward and its face up, near the robot's middle. Its ranges are 1,000 degrees/s and 2 g. Its module needs pull-up
+ * resistors on both lines, as all boards with these chips have. SECOND_ADDRESS: 1 where its address pin (AD0, SA0) is high. */
+#define BOARD_ANALOGUE 0
+#define BOARD_MPU6050 1
+#define BOARD_LSM6DS 2
+#ifndef BOARD_IMU
+#define BOARD_IMU BOARD_ANALOGUE
+#endif
+#define BOARD_IMU_SECOND_ADDRESS 0
+#ifdef BOARD_ATMEGA2560
+#define BOARD_SDA D, 1 /* pin 20 */
+#define BOARD_SCL D, 0 /* pin 21 */
+#else
+#define BOARD_SDA C, 4 /* A4 */
+#define BOARD_SCL C, 5 /* A5 */
+#endif
+
 /* Analogue inputs: channels 0 to 3 of the converter (PC0..PC3, or PF0..PF3 of the ATmega2560; A0..A3), against AVcc of 5 V. The gyro and
- * the accelerometers give 2.5 V for zero. Clockwise from above, forward and to the right are more volts. Zero is the reading at
- * rest on level ground, in 1024ths of 5 V. PER_COUNT_Q8 is mrad/s or mm/s^2 for one of these, times 256. */
+ * the accelerometers, if they are analogue, give 2.5 V for zero. Clockwise from above, forward and to the right are more volts. Zero
+ * is the reading at rest on level ground, in 1024ths of 5 V. PER_COUNT_Q8 is mrad/s or mm/s^2 for one of these, times 256. */
 #define BOARD_GYRO_INPUT 0
 #define BOARD_SURGE_INPUT 1
 #define BOARD_SWAY_INPUT 2

@@ -7,9 +7,12 @@
 
 #include "avr/analogue.h"
 #include "avr/board.h"
+#include "avr/digital.h"
 #include "hal.h"
 
 enum { PRESCALE = 64, TOP = BOARD_CPU_HZ / PRESCALE / 1000 - 1 };
+
+_Static_assert(BOARD_TICK_MS > 1, "the digital IMU is read in the ms before a tick");
 
 static volatile uint32_t now_ms;
 static volatile uint8_t ticks; /* that have begun, but the loop has not seen them; stays at 255 */
@@ -18,11 +21,14 @@ static uint8_t until_tick = BOARD_TICK_MS;
 ISR(TIMER2_COMPA_vect)
 {
     now_ms++;
-    if (--until_tick > 0)
+    if (--until_tick == 1)
+        digital_begin();
+    if (until_tick > 0)
         return;
     until_tick = BOARD_TICK_MS;
     if (ticks < 255)
         ticks++;
+    digital_end();
     analogue_begin();
 }
 

@@ -1,5 +1,6 @@
 /* messages.c: the link of hal.h, in frames (wire/frame.h) on the serial line. */
 #include "avr/analogue.h"
+#include "avr/digital.h"
 #include "avr/guard.h"
 #include "avr/rotation.h"
 #include "avr/serial.h"
@@ -66,10 +67,11 @@ static void send_faults(void)
 
 static void send_board(void)
 {
+    const uint16_t digital = digital_faults(), missed = analogue_faults() + digital;
     message_t message = {.id = WIRE_BOARD_FRAME_ID, .size = WIRE_BOARD_LENGTH};
 
     message.data[WIRE_BOARD_STARTED_BY_AT] = guard_cause();
-    message_put(&message.data[WIRE_BOARD_CONVERTER_AT], analogue_faults());
+    message_put(&message.data[WIRE_BOARD_CONVERTER_AT], missed < digital ? 65535U : missed);
     message_put(&message.data[WIRE_BOARD_EDGES_AT], rotation_errors());
     message_put(&message.data[WIRE_BOARD_OVERRUNS_AT], serial_overruns());
     (void)send(&message);

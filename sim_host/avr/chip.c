@@ -175,6 +175,7 @@ static void find_devices(chip_t *chip)
     chip->pwm_timer = device(chip->avr, "timer", '1');
     chip->uart = device(chip->avr, "uart", '0');
     chip->adc = device(chip->avr, "adc", 0);
+    chip->twi = device(chip->avr, "twi", 0);
 }
 
 static void forget(elf_firmware_t *firmware)
@@ -259,6 +260,8 @@ chip_status_t chip_open(chip_t *chip, const wiring_t *wiring, const char *image,
     connect_hook(chip);
     pins_connect(chip);
     line_connect(chip);
+    for (int kind = 0; kind < I2C_IMUS; kind++)
+        i2c_imu_connect(&chip->imu[kind], (i2c_imu_kind_t)kind, chip->twi);
     choose_stride(chip);
     return trace == NULL || trace_open(chip, trace) ? CHIP_OK : CHIP_BAD_TRACE;
 }
@@ -351,9 +354,34 @@ static void pull_reset_pin(chip_t *chip, bool low)
         avr_regbit_set(chip->avr, chip->avr->reset_flags.extrf);
 }
 
+static const avr_regbit_t NEVER = {.reg = 0};
+
+/* While the data line is low the chip's own bus device waits: it does not see that it is enabled. */
+static void hold_bus(chip_t *chip, bool held)
+{
+    if (held == (chip->twi->twen.reg == 0))
+        return;
+    chip->clocks = 0;
+    if (held) {
+        chip->bus_enable = chip->twi->twen;
+        chip->twi->twen = NEVER;
+    } else {
+        chip->twi->twen = chip->bus_enable;
+    }
+}
+
+void chip_clock_bus(chip_t *chip, bool low)
+{
+    enum { CLOCKS = 9 };
+
+    chip->clocks += chip->clock_was_low && !low;
+    chip->clock_was_low = low;
+    if (chip->fault[CHIP_BUS_HELD] > 0 && chip->clocks >= CLOCKS)
+        chip_set_fault(chip, CHIP_BUS_HELD, 0);
+}
+
 void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)
 {
-    static const avr_regbit_t NEVER = {.reg = 0};
     const bool was_stuck = chip->fault[CHIP_CONVERTER_STUCK] > 0;
 
     if (fault == CHIP_RESET_PIN && (value > 0) != (chip->fault[fault] > 0))
@@ -368,6 +396,10 @@ void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)
     }
     if (fault == CHIP_ENCODER_NOISE)
         pins_make_noise(chip);
+    for (int kind = 0; fault == CHIP_IMU_UNPOWERED && kind < I2C_IMUS; kind++)
+        i2c_imu_power(&chip->imu[kind], !(value > 0));
+    if (fault == CHIP_BUS_HELD)
+        hold_bus(chip, value > 0);
 }
 
 bool queue_put(chip_queue_t *queue, uint8_t byte)

@@ -1,5 +1,5 @@
 /* chip.h: the processor, simulated by simavr, with what is soldered to its pins: two H-bridges, two rotation sensors, four analogue
- * voltages, the host's line, the supply.
+ * voltages, an MPU-6050 and an LSM6DS, the host's line, the supply.
  *
  * All times are cycles of the processor since power-on. Every signal changes at its own cycle; the processor sees it at the end of the
  * instruction under way. The same calls give the same bits. simavr 1.6 differs from the chips here and there; chip.c, pins.c and
@@ -16,6 +16,7 @@
 #include <simavr/sim_vcd_file.h>
 
 #include "avr/bridge.h"
+#include "avr/i2c_imu.h"
 #include "avr/profile.h"
 #include "avr/quadrature.h"
 #include "avr/wiring.h"
@@ -31,6 +32,8 @@ typedef enum {
     CHIP_LINE_OVERRUN,    /* share of the received bytes that come when the receiver is full */
     CHIP_ENCODER_NOISE,   /* false pulses a second on one signal of each rotation sensor */
     CHIP_RESET_PIN,       /* the reset pin is low, by its button or by the host's DTR */
+    CHIP_IMU_UNPOWERED,   /* the digital IMUs have no supply; with it they begin anew */
+    CHIP_BUS_HELD,        /* the I2C bus' data line is low until the clock line has pulsed nine times */
     CHIP_FAULTS
 } chip_fault_t;
 
@@ -59,12 +62,17 @@ struct chip {
     avr_timer_t *pwm_timer;
     avr_uart_t *uart;
     avr_adc_t *adc;
+    avr_twi_t *twi;
     avr_regbit_t converter_enable; /* adc->aden, while a stuck converter hides it */
+    avr_regbit_t bus_enable;       /* twi->twen, while a device holds the bus */
+    bool clock_was_low;            /* of the bus, by its pin */
+    int clocks;                    /* its pulses since the bus was held */
 
     bridge_t bridge[SIDES];
     bool compare[SIDES]; /* the timer's own output, before the port */
     chip_encoder_t encoder[SIDES];
     double volts[ANALOG_COUNT];
+    i2c_imu_t imu[I2C_IMUS];
 
     double supply_v; /* of the processor */
     bool unpowered;
@@ -114,6 +122,9 @@ void chip_set_fault(chip_t *chip, chip_fault_t fault, double value);
 
 /* Whether the processor has stopped: an invalid instruction, or asleep with interrupts off. Only its watchdog brings it back. */
 bool chip_has_stopped(const chip_t *chip);
+
+/* The bus' clock line, by its pin. */
+void chip_clock_bus(chip_t *chip, bool low);
 
 bool queue_put(chip_queue_t *queue, uint8_t byte); /* false: no room */
 bool queue_take(chip_queue_t *queue, uint8_t *byte);

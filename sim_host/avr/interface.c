@@ -18,7 +18,9 @@ _Static_assert((int)BP_AVR_MAIN_HELD == (int)CHIP_MAIN_HELD &&
                    (int)BP_AVR_CONVERTER_STUCK == (int)CHIP_CONVERTER_STUCK &&
                    (int)BP_AVR_LINE_OVERRUN == (int)CHIP_LINE_OVERRUN &&
                    (int)BP_AVR_ENCODER_NOISE == (int)CHIP_ENCODER_NOISE &&
-                   (int)BP_AVR_RESET_PIN == (int)CHIP_RESET_PIN && (int)BP_AVR_BATTERY == (int)CHIP_FAULTS,
+                   (int)BP_AVR_RESET_PIN == (int)CHIP_RESET_PIN &&
+                   (int)BP_AVR_IMU_UNPOWERED == (int)CHIP_IMU_UNPOWERED && (int)BP_AVR_BUS_HELD == (int)CHIP_BUS_HELD &&
+                   (int)BP_AVR_BATTERY == (int)CHIP_FAULTS,
                "the faults of the interface are those of the chip, and the battery");
 _Static_assert((int)BP_AVR_GYRO == (int)ANALOG_GYRO && (int)BP_AVR_SURGE == (int)ANALOG_SURGE &&
                    (int)BP_AVR_SWAY == (int)ANALOG_SWAY && (int)BP_AVR_BATTERY_INPUT == (int)ANALOG_BATTERY,

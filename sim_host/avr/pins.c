@@ -87,6 +87,15 @@ void pins_convert(chip_t *chip)
     }
 }
 
+/* The clock line of the I2C bus, as the program pulses it by hand. */
+static void on_bus_pin(avr_irq_t *irq, uint32_t value, void *param)
+{
+    chip_t *chip = param;
+
+    (void)irq;
+    chip_clock_bus(chip, value >> chip->wiring->bus_clock.bit & 1);
+}
+
 static void watch(chip_t *chip, avr_io_addr_t address)
 {
     avr_irq_register_notify(avr_iomem_getirq(chip->avr, address, NULL, AVR_IOMEM_IRQ_ALL), on_register, chip);
@@ -121,6 +130,9 @@ void pins_connect(chip_t *chip)
         watch(chip, timer->comp[side].r_ocr);
         avr_irq_register_notify(timer->io.irq + TIMER_IRQ_OUT_COMP + side, on_compare, chip);
     }
+    avr_irq_register_notify(
+        avr_iomem_getirq(chip->avr, port_of(chip, chip->wiring->bus_clock)->r_ddr, NULL, AVR_IOMEM_IRQ_ALL), on_bus_pin,
+        chip);
     watch(chip, timer->comp[LEFT].com.reg); /* both outputs' modes */
     avr_irq_register_notify(chip->adc->io.irq + ADC_IRQ_OUT_TRIGGER, on_conversion, chip);
     for (int side = 0; side < SIDES; side++)

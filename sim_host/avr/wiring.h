@@ -25,6 +25,7 @@ typedef struct {
     wiring_pin_t motor[SIDES][MOTOR_PINS];
     wiring_pin_t encoder[SIDES][2];      /* A, B */
     bool reversed[SIDES];                /* B leads A forward */
+    wiring_pin_t bus_clock;              /* of the I2C bus */
     unsigned char pin_change_mask;       /* data address of the mask register of the encoders' port */
     unsigned char pin_change_vector;     /* and the number of its interrupt */
     unsigned short largest_boot_section; /* bytes */

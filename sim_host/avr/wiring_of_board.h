@@ -19,6 +19,6 @@ enum { PORT_A = 'A', PORT_B, PORT_C, PORT_D, PORT_E, PORT_F, PORT_G, PORT_H, POR
     .motor = {{PIN(BOARD_LEFT_PWM), PIN(BOARD_LEFT_IN1), PIN(BOARD_LEFT_IN2)},                                         \
               {PIN(BOARD_RIGHT_PWM), PIN(BOARD_RIGHT_IN1), PIN(BOARD_RIGHT_IN2)}},                                     \
     .encoder = {{PIN(BOARD_LEFT_A), PIN(BOARD_LEFT_B)}, {PIN(BOARD_RIGHT_A), PIN(BOARD_RIGHT_B)}},                     \
-    .reversed = {BOARD_LEFT_REVERSED, BOARD_RIGHT_REVERSED},                                                           \
+    .bus_clock = PIN(BOARD_SCL), .reversed = {BOARD_LEFT_REVERSED, BOARD_RIGHT_REVERSED},                              \
     .analog = {                                                                                                        \
         ANALOG(GYRO), ANALOG(SURGE), ANALOG(SWAY), {BOARD_BATTERY_INPUT, 0, BOARD_BATTERY_FULL_MV * 1e-3 / 1024}}

@@ -42,7 +42,13 @@ static void set_volts(world_t *world, int input, double value)
     world->chip.volts[input] = (analog->zero + value / analog->per_count) * 5.0 / 1024;
 }
 
-/* The voltages at the converter follow the state that the plant has just reached. */
+/* An axis that board.h calls reversed is mounted so. */
+static double mounted(const world_t *world, int input, double value)
+{
+    return world->chip.wiring->analog[input].per_count < 0 ? -value : value;
+}
+
+/* The voltages at the converter, and what the digital IMUs measure, follow the state that the plant has just reached. */
 static void sense(world_t *world)
 {
     const imu_config_t *imu = &world->imu_config;
@@ -54,9 +60,16 @@ static void sense(world_t *world)
         (imu_reading_t){.accel_surge = mean_force(world, 0, out[OUTPUT_ACCEL_SURGE]) + world->noise.accel_surge,
                         .accel_sway = mean_force(world, 1, out[OUTPUT_ACCEL_SWAY]) + world->noise.accel_sway,
                         .yaw_rate = out[OUTPUT_YAW_RATE] + world->noise.yaw_rate};
-    set_volts(world, ANALOG_GYRO, limited(world->measured.yaw_rate, imu->gyro_range));
-    set_volts(world, ANALOG_SURGE, limited(world->measured.accel_surge, imu->accel_range));
-    set_volts(world, ANALOG_SWAY, limited(world->measured.accel_sway, imu->accel_range));
+    const i2c_motion_t felt = {.yaw = limited(world->measured.yaw_rate, imu->gyro_range),
+                               .surge = limited(world->measured.accel_surge, imu->accel_range),
+                               .sway = limited(world->measured.accel_sway, imu->accel_range)};
+    set_volts(world, ANALOG_GYRO, felt.yaw);
+    set_volts(world, ANALOG_SURGE, felt.surge);
+    set_volts(world, ANALOG_SWAY, felt.sway);
+    for (int kind = 0; kind < I2C_IMUS; kind++)
+        world->chip.imu[kind].motion = (i2c_motion_t){.yaw = mounted(world, ANALOG_GYRO, felt.yaw),
+                                                      .surge = mounted(world, ANALOG_SURGE, felt.surge),
+                                                      .sway = mounted(world, ANALOG_SWAY, felt.sway)};
     set_volts(world, ANALOG_BATTERY, battery(world) * supply);
 }
 

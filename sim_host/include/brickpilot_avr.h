@@ -45,7 +45,9 @@ enum {
     BP_AVR_LINE_OVERRUN = 3,    /* share of the bytes to the brick that its receiver loses, 0..1 */
     BP_AVR_ENCODER_NOISE = 4,   /* false pulses of 20 us a second, on signal A of both rotation sensors */
     BP_AVR_RESET_PIN = 5,       /* the reset pin is low: the button is held, or the host's DTR pulls it */
-    BP_AVR_BATTERY = 6          /* V; 0: the model's */
+    BP_AVR_IMU_UNPOWERED = 6,   /* the digital IMUs have no supply; with it they begin anew */
+    BP_AVR_BUS_HELD = 7,        /* the I2C bus' data line is low until the clock line has pulsed nine times */
+    BP_AVR_BATTERY = 8          /* V; 0: the model's */
 };
 int bp_avr_fault(bp_avr *brick, int fault, double value); /* 0, or BP_E_RANGE */
 

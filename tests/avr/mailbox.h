@@ -10,7 +10,7 @@ enum { MAILBOX_INPUTS = 4, MAILBOX_BYTES = 16 };
 
 /* Requests.
  *
- *   SHOW     the inputs get `raw`, and the wheels turn to `counts` within the next ms
+ *   SHOW     the inputs get `raw`, the digital IMUs `motion` and their supply, and the wheels turn to `counts` within the next ms
  *   MEASURE  the world measures the drives for 64 periods of the PWM, 4.1 ms; then `parts` holds what it found
  *   SEND     `size` of `bytes` travel to the chip
  *   RECEIVE  `bytes` get what the chip has sent, `size` at most; `size` becomes their number
@@ -21,8 +21,10 @@ enum { WORLD_SHOW = 1, WORLD_MEASURE, WORLD_SEND, WORLD_RECEIVE, WORLD_FAULT, WO
 
 typedef struct {
     uint16_t raw[MAILBOX_INPUTS]; /* 1024ths of 5 V: gyro, acceleration forward, to the right, battery */
+    int16_t motion[3];            /* mrad/s clockwise, mm/s^2 forward, to the right */
     uint16_t counts[2];           /* of the rotation sensors, left and right */
     int16_t parts[2];             /* 1024ths of full duty, left and right */
+    uint8_t imu_unpowered;
     uint8_t fault;
     uint8_t resets;
     uint8_t size;

@@ -12,6 +12,7 @@
 #include "avr/analogue.h"
 #include "avr/board.h"
 #include "avr/clock.h"
+#include "avr/digital.h"
 #include "avr/guard.h"
 #include "avr/motors.h"
 #include "avr/rotation.h"
@@ -23,7 +24,7 @@
 
 /* bridge_state_t of sim_host/avr/bridge.h, and chip_fault_t of chip.h. */
 enum { COASTS, SHORTED, FORWARD, BACKWARD };
-enum { CONVERTER_STUCK = 2, ENCODER_NOISE = 4 };
+enum { CONVERTER_STUCK = 2, ENCODER_NOISE = 4, IMU_UNPOWERED = 6, BUS_HELD = 7 };
 
 static const port_world_t WORLD = {.imu = {1000, -1000, 500}, .rotation = {0, 0}, .battery_mv = 9000};
 
@@ -75,13 +76,63 @@ static void test_a_stuck_converter_makes_readings_stale_and_recovers(void)
     TEST_ASSERT_EQUAL(HAL_OK, hal_battery_read(&battery_mv));
     set_fault(CONVERTER_STUCK, 1);
     wait_ticks(4);
-    TEST_ASSERT_EQUAL(HAL_STALE, hal_imu_read(&imu));
+    TEST_ASSERT_EQUAL(BOARD_IMU == BOARD_ANALOGUE, hal_imu_read(&imu) == HAL_STALE);
     TEST_ASSERT_EQUAL(HAL_STALE, hal_battery_read(&battery_mv));
     TEST_ASSERT_TRUE(analogue_faults() > 0);
     set_fault(CONVERTER_STUCK, 0);
     wait_ticks(3);
     TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
 }
+
+#if BOARD_IMU != BOARD_ANALOGUE
+enum { START = 100 / BOARD_TICK_MS + 10 }; /* ticks in which a sensor is set up, and gives data */
+
+/* Its registers are those of power-on then: another range, and asleep. */
+static void test_a_digital_imu_that_lost_its_supply_is_set_up_again(void)
+{
+    const port_world_t resolved = port_resolved(&WORLD);
+    const uint16_t before = digital_faults();
+    hal_imu_t imu;
+
+    port_step(3, PORT_IMU | PORT_GYRO | PORT_BATTERY, 0, &WORLD);
+    TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
+    set_fault(IMU_UNPOWERED, 1);
+    wait_ticks(3);
+    TEST_ASSERT_EQUAL(HAL_STALE, hal_imu_read(&imu));
+    set_fault(IMU_UNPOWERED, 0);
+    wait_ticks(START);
+    TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
+    TEST_ASSERT_EQUAL_INT16(resolved.imu.yaw_rate_mrad_s, imu.yaw_rate_mrad_s);
+    TEST_ASSERT_TRUE(digital_faults() > before + 2);
+}
+
+/* So short that no transfer meets it: the sensor answers, and sleeps. */
+static void test_a_digital_imu_that_fell_asleep_is_set_up_again(void)
+{
+    hal_imu_t imu;
+
+    wait_ticks(1);
+    set_fault(IMU_UNPOWERED, 1);
+    set_fault(IMU_UNPOWERED, 0);
+    wait_ticks(3);
+    TEST_ASSERT_EQUAL(HAL_STALE, hal_imu_read(&imu));
+    wait_ticks(2 * START);
+    TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
+}
+
+static void test_a_bus_that_is_held_is_freed(void)
+{
+    const uint16_t before = digital_faults();
+    hal_imu_t imu;
+
+    wait_ticks(1);
+    TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
+    set_fault(BUS_HELD, 1);
+    wait_ticks(START);
+    TEST_ASSERT_TRUE(hal_imu_read(&imu) != HAL_STALE);
+    TEST_ASSERT_TRUE(digital_faults() > before);
+}
+#endif
 
 static void test_lost_bytes_are_counted_and_told(void)
 {
@@ -229,6 +280,11 @@ int main(void)
         RUN_TEST(test_an_impossible_change_is_an_error_and_no_count);
 #endif
         RUN_TEST(test_a_stuck_converter_makes_readings_stale_and_recovers);
+#if BOARD_IMU != BOARD_ANALOGUE
+        RUN_TEST(test_a_digital_imu_that_lost_its_supply_is_set_up_again);
+        RUN_TEST(test_a_digital_imu_that_fell_asleep_is_set_up_again);
+        RUN_TEST(test_a_bus_that_is_held_is_freed);
+#endif
     }
     if (resets < ENDS_COUNT) {
         setUp();

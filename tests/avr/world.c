@@ -30,6 +30,12 @@ static void show(world_t *world)
 
     for (int i = 0; i < MAILBOX_INPUTS; i++)
         world->chip.volts[WHICH[i]] = (world->mailbox->raw[i] + 0.5) * 5 / 1024;
+    for (int kind = 0; kind < I2C_IMUS; kind++)
+        world->chip.imu[kind].motion = (i2c_motion_t){.yaw = world->mailbox->motion[0] * 1e-3,
+                                                      .surge = world->mailbox->motion[1] * 1e-3,
+                                                      .sway = world->mailbox->motion[2] * 1e-3};
+    if (world->mailbox->imu_unpowered != (world->chip.fault[CHIP_IMU_UNPOWERED] > 0))
+        chip_set_fault(&world->chip, CHIP_IMU_UNPOWERED, world->mailbox->imu_unpowered);
     for (int side = 0; side < SIDES; side++)
         world->counts[side] += (int16_t)(world->mailbox->counts[side] - (uint16_t)world->counts[side]);
 }

@@ -8,6 +8,7 @@
 #include "avr/analogue.h"
 #include "avr/board.h"
 #include "avr/clock.h"
+#include "avr/digital.h"
 #include "avr/motors.h"
 #include "avr/rotation.h"
 #include "avr/serial.h"
@@ -38,6 +39,7 @@ void port_begin(void)
         motors_start();
         clock_start();
         analogue_start();
+        digital_start();
         rotation_start();
         serial_start();
         sei();
@@ -84,6 +86,20 @@ static uint16_t raw_of(int16_t value, int16_t range)
     return (uint16_t)(raw < RAW_LEAST ? RAW_LEAST : raw > RAW_MOST ? RAW_MOST : raw);
 }
 
+#if BOARD_IMU != BOARD_ANALOGUE
+/* A step of these chips is less than a mrad/s or a mm/s^2, so that only their ranges show: 32,767 steps one way, 32,768 the other. Up and to
+ * the left are their positive directions. */
+#if BOARD_IMU == BOARD_MPU6050
+enum { DIGITAL_RATE = 17436, DIGITAL_RATE_NEG = 17437, DIGITAL_FORCE = 19613, DIGITAL_FORCE_NEG = 19614 };
+#else
+enum { DIGITAL_RATE = 20016, DIGITAL_RATE_NEG = 20017, DIGITAL_FORCE = 19601, DIGITAL_FORCE_NEG = 19602 };
+#endif
+
+static int16_t digital(int16_t value, int16_t most, int16_t least)
+{
+    return value > most ? most : value < -least ? (int16_t)-least : value;
+}
+#else
 /* What a converter of 10 bits leaves of a value, to the nearest. */
 static int16_t resolved(int16_t value, int16_t range)
 {
@@ -91,6 +107,7 @@ static int16_t resolved(int16_t value, int16_t range)
 
     return (int16_t)(q9 >= 0 ? (q9 + 256) / 512 : (q9 - 256) / 512);
 }
+#endif
 
 static uint16_t battery_raw(uint16_t mv)
 {
@@ -103,9 +120,15 @@ port_world_t port_resolved(const port_world_t *world)
 {
     port_world_t seen = *world;
 
+#if BOARD_IMU == BOARD_ANALOGUE
     seen.imu.yaw_rate_mrad_s = resolved(world->imu.yaw_rate_mrad_s, GYRO_RANGE);
     seen.imu.accel_surge_mm_s2 = resolved(world->imu.accel_surge_mm_s2, ACCEL_RANGE);
     seen.imu.accel_sway_mm_s2 = resolved(world->imu.accel_sway_mm_s2, ACCEL_RANGE);
+#else
+    seen.imu.yaw_rate_mrad_s = digital(world->imu.yaw_rate_mrad_s, DIGITAL_RATE_NEG, DIGITAL_RATE);
+    seen.imu.accel_surge_mm_s2 = digital(world->imu.accel_surge_mm_s2, DIGITAL_FORCE, DIGITAL_FORCE_NEG);
+    seen.imu.accel_sway_mm_s2 = digital(world->imu.accel_sway_mm_s2, DIGITAL_FORCE_NEG, DIGITAL_FORCE);
+#endif
     seen.battery_mv = (uint16_t)((uint32_t)battery_raw(world->battery_mv) * BATTERY_RANGE / 1024);
     return seen;
 }
@@ -135,11 +158,23 @@ static void wait_ms(uint8_t ms)
     }
 }
 
-/* A change of the world comes in the middle of a burst. So the end of the next one is waited for, too. */
+/* A change of the world comes in the middle of a burst. So the end of the next one is waited for, too; and a digital IMU may have to be set
+ * up again. */
+#if BOARD_IMU == BOARD_ANALOGUE
+enum { SETTLES_MS = 2 * BOARD_TICK_MS };
+#else
+enum { SETTLES_MS = 150 };
+#endif
+
 void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_t *world)
 {
     const bool imu = (working & (PORT_IMU | PORT_GYRO)) != 0;
-    bool other = put(&mailbox.raw[GYRO], imu ? raw_of(world->imu.yaw_rate_mrad_s, GYRO_RANGE) : OPEN);
+    bool other = put((volatile uint16_t *)&mailbox.motion[0], (uint16_t)world->imu.yaw_rate_mrad_s);
+
+    other |= put((volatile uint16_t *)&mailbox.motion[1], (uint16_t)world->imu.accel_surge_mm_s2);
+    other |= put((volatile uint16_t *)&mailbox.motion[2], (uint16_t)world->imu.accel_sway_mm_s2);
+    mailbox.imu_unpowered = !imu;
+    other |= put(&mailbox.raw[GYRO], imu ? raw_of(world->imu.yaw_rate_mrad_s, GYRO_RANGE) : OPEN);
 
     (void)silent;
     other |= put(&mailbox.raw[SURGE], imu ? raw_of(world->imu.accel_surge_mm_s2, ACCEL_RANGE) : OPEN);
@@ -149,7 +184,7 @@ void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_
     other |= put(&mailbox.counts[1], world->rotation.right);
     port_ask(WORLD_SHOW);
     if (other) {
-        wait_ms(2 * BOARD_TICK_MS);
+        wait_ms(SETTLES_MS);
         (void)clock_wait();
     }
     for (uint32_t passed = 0; passed < ms; passed += BOARD_TICK_MS)
@@ -193,10 +228,10 @@ bool port_host_send(const message_t *message)
     return true;
 }
 
-/* Two ms without a byte are the end. */
+/* Two whole ms without a byte are the end; the first one that is waited for has begun before. */
 bool port_host_receive(message_t *message)
 {
-    for (uint8_t silent_ms = 0; silent_ms < 2;) {
+    for (uint8_t silent_ms = 0; silent_ms < 3;) {
         mailbox.size = 1;
         port_ask(WORLD_RECEIVE);
         if (mailbox.size == 0) {

@@ -95,6 +95,10 @@ def test_the_wheel_runs_where_it_is_installed(wheel: Path, tmp_path: Path) -> No
     (tmp_path / "own.toml").write_text(
         'name = "own"\nvehicle = "diff_drive"\nprofile = "coupled"\n[parameters]\nmass = 1.0\n'
     )
-    made = json.loads(run(home / "bin" / "brickpilot", "firmware", "--board", "avr", "--model", "own.toml", "--json"))
-    assert made["flight"]["waypoints_reached"] == 8
+    for board in ("avr", "rcx", "template"):
+        words = ("firmware", "--board", board, "--model", "own.toml", "--json")
+        assert json.loads(run(home / "bin" / "brickpilot", *words))["flight"]["waypoints_reached"] == 8
+    few = ("--budget", "1", "--robots", "4", "--judges", "20")
+    run(home / "bin" / "brickpilot", "tune", "--model", "own.toml", *few, "--out", "tuned")
+    assert (tmp_path / "tuned" / "gains.toml").is_file()
     assert not list(packages.glob("brickpilot/sources/build"))

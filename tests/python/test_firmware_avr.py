@@ -73,6 +73,33 @@ def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) 
     )
 
 
+def test_an_image_for_a_digital_imu_flies_with_it(tmp_path: Path) -> None:
+    model = write(tmp_path, "middle", OWN["middle"])
+    done = make(tmp_path / "made", model, "avr", "--imu", "lsm6ds")
+    assert done.returncode == 0, done.stderr
+    assert "#define BOARD_IMU BOARD_LSM6DS" in (tmp_path / "made/include/avr/board.h").read_text()
+    library = tmp_path / "made/arduino/Brickpilot/src/avr"
+    assert "#define BOARD_IMU BOARD_LSM6DS" in (library / "board.h").read_text()
+    assert {"twi.c", "digital.c"} <= {file.name for file in library.iterdir()}
+    fly = json.loads(done.stdout)["fly"]
+    figures = json.loads(hil(*fly.split()[2:], cwd=tmp_path).stdout)
+    assert (figures["waypoints_reached"], figures["link"]) == (8, "avr:328p-imu")
+    assert "--imu lsm6ds" in (tmp_path / "made/README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("board", "gyro_range", "says"),
+    [("rcx", None, "rcx reads no IMU on I2C"), ("avr", 20.0, "20 is beyond the 17.45 of an IMU on I2C")],
+)
+def test_a_digital_imu_that_cannot_be_is_one_line(
+    board: str, gyro_range: float | None, says: str, tmp_path: Path
+) -> None:
+    text = OWN["middle"] + ("" if gyro_range is None else f"\n[sensors.imu]\ngyro_range = {gyro_range}\n")
+    done = make(tmp_path / "made", write(tmp_path, "middle", text), board, "--imu", "mpu6050")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert says in done.stderr
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -91,6 +91,32 @@ def test_nothing_wrong_is_said_with_how_small_a_fault_would_have_shown(tmp_path:
     assert found.answer.todo[0] == "Nothing needs to be done."
 
 
+def test_what_held_out_runs_refuse_and_nobody_can_predict_is_nothing(tmp_path: Path) -> None:
+    """The fit runs alone ask for wheels that slip: of 99.54 % that can be had, 99.53 % are explained without."""
+    write_log(tmp_path / "log.csv", "planar", MANY, {})
+    found = bp.why(tmp_path / "log.csv")
+    assert found.finding.verdict == "unknown"
+    assert found.answer.ending == "nothing", found.answer
+    assert found.answer.what.startswith("Nothing is wrong: the simulation explains 99.")
+    assert re.search(r"These data would have shown .* from [\d.]+", found.answer.what)
+    assert "Not proved" not in found.answer.sure
+    assert (found.answer.todo[0], found.answer.next) == ("Nothing needs to be done.", None)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [{"wheel_radius_mismatch": {"mismatch": 0.1}}, {"gyro_bias": {"bias": 0.16}}, {"gyro_bias": {"bias": -0.16}}],
+)
+def test_a_straight_run_that_turns_a_little_is_no_wrong_wiring(
+    hidden: dict[str, dict[str, float]], tmp_path: Path
+) -> None:
+    write_log(tmp_path / "log.csv", "planar", STRAIGHT, hidden)
+    known = [*stated("planar"), "--nominal", "battery_voltage=9"]
+    done = brickpilot("import", "log.csv", "--guess", "--split", "rests", *known, "--out", "set", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert bp.read(tmp_path / "set").wiring == ()
+
+
 def test_what_rests_on_a_guess_is_not_confirmed_until_it_is_stated(tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv", "planar", MANY, WEAK_RIGHT)
     said = brickpilot("why", "log.csv", "--out", "guessed", cwd=tmp_path)

@@ -9,6 +9,7 @@
 #include "avr/analogue.h"
 #include "avr/board.h"
 #include "avr/clock.h"
+#include "avr/digital.h"
 #include "avr/guard.h"
 #include "avr/motors.h"
 #include "avr/rotation.h"
@@ -28,6 +29,7 @@ static void start_devices(void)
     motors_start();
     clock_start();
     analogue_start();
+    digital_start();
     rotation_start();
     serial_start();
     guard_start();

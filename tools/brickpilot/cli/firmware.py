@@ -35,6 +35,10 @@ from brickpilot.report.mission_lines import figure_lines, waypoint_lines
 @click.option("--out", metavar="DIR", help="The folder to write; default firmware-NAME-BOARD.")
 @click.option("--sensors", type=click.Choice(["imu", "imu+encoders"]), help="The robot's sensors; default imu.")
 @click.option(
+    "--imu", type=click.Choice(["analogue", "mpu6050", "lsm6ds"]), default="analogue", show_default=True,
+    help="The Arduino's IMU: voltages at A0 to A2, or a chip on I2C, MPU-6050 or LSM6DS.",
+)  # fmt: skip
+@click.option(
     "--scenario",
     metavar="FILE",
     shell_complete=scenario_names,
@@ -50,6 +54,7 @@ def firmware(
     board_name: str,
     out: str | None,
     sensors: str | None,
+    imu: str,
     scenario: str | None,
     gains_file: str | None,
     seed: int,
@@ -66,7 +71,7 @@ def firmware(
     from brickpilot.public import making
 
     made = making.firmware(
-        model_file, board_name, out, sensors=sensors or "imu", scenario=scenario, gains=gains_file, seed=seed
+        model_file, board_name, out, sensors=sensors or "imu", imu=imu, scenario=scenario, gains=gains_file, seed=seed
     )
     if as_json:
         click.echo(json.dumps(made.figures))

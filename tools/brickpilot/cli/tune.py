@@ -71,7 +71,8 @@ def tune(
 
     as the raw integers that fly. Fresh robots judge it: if the gains found are not better beyond chance, those of the
     start are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`, mission.toml, summary.json and
-    report.html. A board needs a checkout of the project in this folder or above it.
+    report.html. Sources are those of a
+    checkout in this folder or above it, else the package's.
     """
     from brickpilot.public import making
 

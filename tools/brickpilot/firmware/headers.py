@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -21,23 +22,45 @@ _PER_COUNT_Q8 = re.compile(r"(#define BOARD_(GYRO|SURGE|SWAY)_PER_COUNT_Q8 )\d+(
 _COUNTS = re.compile(r"\d+ edges a turn of the wheel|16 counts per turn, geared up 1:3 from the wheel")
 _BITS = re.compile(r"(#define MOTOR_VOLTAGE_BITS )\d+")
 _BATTERY = re.compile(r"(#define BOARD_BATTERY_FULL_MV )(\d+)")
+_IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
 LIMITS = "model/limits.h"
+ANALOGUE = "analogue"
+IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
+"""An Arduino's IMU -> its name in board.h."""
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # as the port sets these chips
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
-def write(robot: Robot, mission: Scenario, board: Board, step: float, folder: Path, root: Path) -> None:
+def write(
+    robot: Robot, mission: Scenario, board: Board, step: float, folder: Path, root: Path, imu: str = ANALOGUE
+) -> None:
     """Writes the headers of a robot into `folder`: constants, route, and the board's wiring with this robot's scales.
 
     Raises:
-        InputError: a value that a format cannot hold.
+        InputError: a value that a format cannot hold; an IMU that the board does not have, or a range beyond it.
     """
+    _check_imu(imu, robot, board)
     texts = {"app/params_gen.h": _named(ranges.header(robot, step), robot), "app/mission.h": _mission(mission)}
     texts |= of_model(robot, root)
     if board.wiring:
-        texts[board.wiring] = _wiring((root / "hal" / board.wiring).read_text(encoding="utf-8"), robot)
+        texts[board.wiring] = _IMU.sub(
+            rf"\g<1>{IMUS[imu]}", _wiring((root / "hal" / board.wiring).read_text(encoding="utf-8"), robot)
+        )
     for name, text in texts.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
+
+
+def _check_imu(imu: str, robot: Robot, board: Board) -> None:
+    if imu not in IMUS:
+        raise InputError(f"{imu!r} is not one of {', '.join(IMUS)}", field="--imu")
+    if imu == ANALOGUE:
+        return
+    if not board.library:
+        raise InputError(f"{board.name} reads no IMU on I2C: the Arduino boards do", field=f"--imu {imu}")
+    for name, most in _DIGITAL.items():
+        if (stated := robot.value("sensors", "imu", name)) > most * (1 + 1e-3):
+            robot.toml.refuse(("sensors", "imu", name), f"{stated:g} is beyond the {most:.4g} of an IMU on I2C")
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:

@@ -55,6 +55,7 @@ class Order:
     Attributes:
         sensors: of the flight, a key of `board.sensors`.
         mission: file of a scenario; None: the packaged mission, scaled.
+        imu: a key of `headers.IMUS`.
     """
 
     robot: Robot
@@ -62,6 +63,7 @@ class Order:
     sensors: str
     mission: str | None
     seed: int
+    imu: str = headers.ANALOGUE
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def make(order: Order, folder: Path) -> Made:
     plan = simulate.plan(robot, mission, order.sensors, order.seed)
     with tempfile.TemporaryDirectory() as scratch:
         work = Path(scratch)
-        headers.write(robot, mission, board, step, work / HEADERS, root)
+        headers.write(robot, mission, board, step, work / HEADERS, root, order.imu)
         constants = [flag for flag in flags if flag.startswith("-D")]
         sizes = boards.build(board, order.sensors, work / HEADERS, work / "image", root)
         flown = simulate.fly_own(root, work / HEADERS, constants, plan, work)

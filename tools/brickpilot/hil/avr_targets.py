@@ -17,6 +17,8 @@ class AvrTarget:
 AVR_TARGETS = {
     "avr:328p-imu": AvrTarget("atmega328p", ("328p", "imu"), ("imu",)),
     "avr:328p-rotation": AvrTarget("atmega328p", ("328p", "rotation"), ("imu+encoders",)),
+    "avr:328p-mpu6050": AvrTarget("atmega328p", ("328p", "imu-mpu6050"), ("imu",)),
+    "avr:328p-lsm6ds": AvrTarget("atmega328p", ("328p", "imu-lsm6ds"), ("imu",)),
     "avr:2560": AvrTarget("atmega2560", ("2560", "all"), ("imu+encoders",)),
 }
 """Target -> its image."""

@@ -17,7 +17,7 @@ from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read
 from brickpilot.export import fmu as fmus
 from brickpilot.export import mjcf as mjcfs
 from brickpilot.export import urdf as urdfs
-from brickpilot.firmware import boards, package, robot, simulate
+from brickpilot.firmware import boards, headers, package, robot, simulate
 from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
 from brickpilot.fit import calibrate
@@ -159,7 +159,7 @@ def _write_tuned(tuned: Tuned, command: str, folder: Path) -> dict[str, Any]:
 
 def firmware(
     model: str | Path, board: str, out: str | Path | None = None, *, sensors: str = "imu",
-    scenario: str | Path | None = None, gains: str | Path | None = None, seed: int = 0,
+    imu: str = "analogue", scenario: str | Path | None = None, gains: str | Path | None = None, seed: int = 0,
 ) -> Made:  # fmt: skip
     """Makes the firmware of a robot, and flies the robot with it in simulation.
 
@@ -168,6 +168,7 @@ def firmware(
         board: "rcx", "avr", "avr:2560" or "template".
         out: the folder; None: firmware-NAME-BOARD.
         sensors: "imu" or "imu+encoders".
+        imu: of an Arduino: "analogue", or "mpu6050" or "lsm6ds" on I2C.
         scenario: the mission in the image; None: the paper's eight waypoints, scaled to the robot.
         gains: a gains.toml of `tune` that is compiled in.
         seed: of the sensors' noise, 0 or more.
@@ -185,7 +186,7 @@ def firmware(
     if gains is not None:
         own = robot.with_gains(own, gains_file.load(Path(gains)))
     mission = None if scenario is None else str(scenario)
-    order = Order(own, boards.BOARDS[board], sensors, mission, seed_of(seed))
+    order = Order(own, boards.BOARDS[board], sensors, mission, seed_of(seed), imu)
     folder = Path(out) if out else Path(f"firmware-{order.robot.model.name}-{board.replace(':', '-')}")
     with run_folder.fresh_folder(folder, package.files_of(order.board)) as beside:
         made = package.make(order, beside)
@@ -200,6 +201,7 @@ def firmware(
 def _firmware_command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
     words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
     words += ["--sensors", order.sensors, "--seed", str(order.seed)]
+    words += [] if order.imu == headers.ANALOGUE else ["--imu", order.imu]
     words += ["--gains", gains_file] if gains_file else []
     return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
 

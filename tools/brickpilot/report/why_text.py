@@ -13,6 +13,7 @@ import numpy as np
 from brickpilot import catalogue
 from brickpilot.data.facts import WeakerSide, drives_straight_alone, weaker_side
 from brickpilot.data.holdout import kind_of
+from brickpilot.discover import numbers
 from brickpilot.discover.finding import Finding
 from brickpilot.report import discover_fit, experiment_files
 from brickpilot.report.discover_text import (
@@ -85,7 +86,10 @@ def answer(
         if straight:
             which = "Straight runs cannot tell whether its motor, its drive, friction or a wheel's radius is the cause."
         ending, what = "missing", f"{_side(weaker)} {which}"
-    asked = finding.next_experiment
+    elif straight and finding.verdict == "named" and ending == "cause":
+        ending = "missing"
+        what = f"Something is missing, and straight runs alone cannot prove what. Most likely: {what}"
+    asked = None if ending == "nothing" else finding.next_experiment
     manoeuvre = None if asked is None else asked.manoeuvre
     if ending == "missing" and manoeuvre is None:
         found = advised()
@@ -98,7 +102,7 @@ def answer(
         what = f"{said} {without}: {what}" if mended else f"These data contradict themselves: {said}"
         ending = "cause" if mended else "contradiction"
         todo = ["Mend the wiring, or state the log otherwise. If all is wired as stated, say --as-wired.", *todo]
-    sure, symptoms = _sure(finding), _symptoms(finding)
+    sure, symptoms = _sure(finding, ending), _symptoms(finding)
     if weaker is not None:
         sure = "The wheels themselves show it, without a model."
         symptoms = [f"It turns to the {weaker.side} when it is to drive straight."]
@@ -137,6 +141,16 @@ def _either(finding: Finding) -> str:
     return listed([listed(meant.get(one, [])) or explanation(one) for one in alternatives(finding)], "or")
 
 
+def _nothing_left(finding: Finding) -> bool:
+    """Whether no explanation is needed, and what the model as it is stated leaves is neither much nor predictable."""
+    known = finding.yardstick.predictable.get("free_run")
+    shares = [] if known is None else [one for one in (known.share, known.held_out) if one is not None]
+    shares += (finding.predictable_left or {}).values()
+    contradicted = finding.evidence is not None and finding.evidence.contradicted
+    claimed = any(one.claimed for one in finding.effects) or finding.term is not None or finding.nominal_findings
+    return bool(shares) and contradicted and not claimed and _is_all(finding) and max(shares) <= numbers.SHARED_REST
+
+
 def _what(finding: Finding) -> tuple[Ending, str]:
     fit = discover_fit.headline(finding)
     if finding.verdict == "none" and finding.nominal_findings:
@@ -145,7 +159,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
             for one in finding.nominal_findings
         ]
         return "cause", f"What is stated is wrong: {listed(moved)}."
-    if finding.verdict == "none":
+    if finding.verdict == "none" or _nothing_left(finding):
         if leaves_more_than_noise(finding) and not _is_all(finding):
             size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
             return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."
@@ -197,21 +211,22 @@ def _visible(finding: Finding) -> str:
 def _is_all(finding: Finding) -> bool:
     """Whether the simulation explains the signals so far that nobody would ask why."""
     fit = discover_fit.headline(finding)
-    return fit is not None and fit.after >= _ALL
+    return fit is not None and min(fit.before, fit.after) >= _ALL
 
 
-def _sure(finding: Finding) -> str:
+def _sure(finding: Finding, ending: Ending) -> str:
     """Returns what proves the finding, and how much of the error it takes away."""
-    parts = [_proof(finding)] if finding.verdict != "none" else []
+    found = finding.verdict != "none" and ending != "nothing"
+    parts = [_proof(finding)] if found else []
     if (fit := discover_fit.headline(finding)) is not None:
         text = discover_fit.change(fit)
         parts.append(f"{text[0].upper()}{text[1:]}.")
     known = finding.yardstick.predictable.get("free_run")
     removed = None if known is None else known.removed if known.removed_held_out is None else known.removed_held_out
     added = any(one.claimed for one in finding.effects) or finding.term is not None
-    if removed is not None and finding.verdict != "none" and added:
+    if removed is not None and found and added:
         parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
-    return " ".join(parts) + (_base(finding) if finding.verdict != "none" else "")
+    return " ".join(parts) + (_base(finding) if found else "")
 
 
 def _base(finding: Finding) -> str:
@@ -237,7 +252,7 @@ def _proof(finding: Finding) -> str:
 
 def _drive(finding: Finding, manoeuvre: Manoeuvre | None, ending: Ending) -> list[str]:
     """Returns the sentence on what to drive next; none where nothing is asked for."""
-    asked = finding.next_experiment
+    asked = None if ending == "nothing" else finding.next_experiment
     if manoeuvre is None:
         if asked is not None:
             return [asked.advice]

@@ -98,7 +98,7 @@ def _dead(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswir
 
 
 def _hypotheses(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    return Motion(runs).hypotheses()
+    return Motion(runs).hypotheses(nominal)
 
 
 def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:

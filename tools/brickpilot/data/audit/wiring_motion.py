@@ -168,9 +168,10 @@ class Motion:
         alone = _alike(turn, self.at[self.wheels[0 if moving == "left" else 1]])
         return max(_alike(turn, left - right), _alike(turn, left + right)) > alone
 
-    def hypotheses(self) -> list[Miswired]:
+    def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
         """Returns the faults of the likeliest way to swap and reverse the channels; empty: there is none."""
-        scored = [(self._likelihood(one) - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
+        likelihood = {seen: self._score(seen, self._least_turn(nominal)) for seen in {one.seen for one in _WAYS}}
+        scored = [(likelihood[one.seen] - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
         if not scored:
             return []
         top = max(score for score, _ in scored)
@@ -253,14 +254,16 @@ class Motion:
         alive = [name for name in self.wheels if name in self.at and name not in self.still]
         return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
 
-    def _likelihood(self, way: _Way) -> float:
-        return self._of_class[way.seen]
+    def _least_turn(self, nominal: Mapping[str, float]) -> float:
+        """Returns the yaw per difference of the wheels below which the yaw comes from something else.
 
-    @cached_property
-    def _of_class(self) -> dict[tuple[int, ...], float]:
-        return {seen: self._score(seen) for seen in {one.seen for one in _WAYS}}
+        A gyro's bias, or wheels that are not alike, turn a robot that drives straight a little, and in step with both
+        wheels: that is no wheel that runs backwards.
+        """
+        usual = USUAL["yaw"] / (2 * USUAL[self.kind or "speed"])
+        return (self.geometry(nominal) or usual) / UNIT_FITS
 
-    def _score(self, seen: tuple[int, ...]) -> float:
+    def _score(self, seen: tuple[int, ...], least_turn: float) -> float:
         """Returns the logarithm of the likelihood of a way, as `_Way.seen` has it."""
         (a, sa, b, sb), (c, sc, d, sd), sign = seen[:4], seen[4:8], seen[8]
         sides = ("left", "right")
@@ -270,10 +273,12 @@ class Motion:
         best = -np.inf
         for number in range(len(LAGS)):
             one, other = sa * self.at[f"{sides[a]}{number}"], sb * self.at[f"{sides[b]}{number}"]
-            best = max(best, self._follows(one + other, one - other, true, sign))
+            best = max(best, self._follows(one + other, one - other, true, sign, least_turn))
         return best
 
-    def _follows(self, ahead: Vector, apart: Vector, wheels: Sequence[Vector | None], sign: int) -> float:
+    def _follows(
+        self, ahead: Vector, apart: Vector, wheels: Sequence[Vector | None], sign: int, least_turn: float
+    ) -> float:
         moved = [(values, half) for values, half in zip(wheels, (1.0, -1.0), strict=True) if values is not None]
         total = 0.0
         if moved:
@@ -283,7 +288,8 @@ class Motion:
         if self.yaw is not None:
             both = len(moved) == 2
             cause = moved[0][0] - moved[1][0] if both else apart
-            total += self._weight * _share_left(sign * self.at[self.yaw], cause[:, np.newaxis])
+            least = least_turn if both else 0.0
+            total += self._weight * _share_left(sign * self.at[self.yaw], cause[:, np.newaxis], least)
         return total
 
     @cached_property
@@ -354,8 +360,8 @@ _ALL_SIDES = [_Sides(k, 1 - k, one, other) for k, one, other in product((0, 1), 
 _WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_SIDES, (1, -1))]
 
 
-def _share_left(y: Vector, x: Vector) -> float:
-    """Returns minus the logarithm of the share of `y` that positive multiples of the columns of `x` leave."""
+def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
+    """Returns minus the logarithm of the share of `y` that multiples above `least` of the columns of `x` leave."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -365,10 +371,10 @@ def _share_left(y: Vector, x: Vector) -> float:
     gram, common = x.T @ x, x.T @ y
     if x.shape[1] == 2 and abs(np.linalg.det(gram)) > 1e-9 * max(gram[0, 0] * gram[1, 1], 1e-300):
         gains = np.linalg.solve(gram, common)
-        if np.all(gains >= 0.0):
+        if np.all(gains >= least):
             explained = float(gains @ common)
     for k in range(x.shape[1]):
-        if common[k] > 0.0:
+        if common[k] > least * gram[k, k]:
             explained = max(explained, float(common[k] ** 2 / gram[k, k]))
     left = max(1.0 - explained / power, 0.0)
     return 0.0 if left > 1.0 - _EXPLAINED else -log(left + _FLOOR)

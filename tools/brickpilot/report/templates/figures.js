@@ -100,6 +100,7 @@ function markOver(u, spec, panel) { // lines through the panel, and intervals
 }
 
 function horizontalRange(u, low, high, spec) {
+  if (spec.x.values[0] === spec.x.values.at(-1)) low = high = spec.x.values[0]; // which uPlot makes twice as large
   [low, high] = [Math.min(low, ...spec.x.reach), Math.max(high, ...spec.x.reach)];
   const marks = spec.panels[0].curves[0].shape;
   if (marks === "line" || marks === "step" || spec.link) return low === high ? [low - 0.5, high + 0.5] : [low, high];

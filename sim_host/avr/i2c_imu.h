@@ -1,0 +1,38 @@
+/* i2c_imu.h: an MPU-6050 or an LSM6DS on the processor's I2C bus, by their data sheets: registers, ranges, "data ready", the time from
+ * being set up to the first sample. Their filters are not simulated: a burst gives what the robot does at its start.
+ */
+#ifndef BRICKPILOT_SIM_AVR_I2C_IMU_H
+#define BRICKPILOT_SIM_AVR_I2C_IMU_H
+
+#include <simavr/avr_twi.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum { I2C_MPU6050, I2C_LSM6DS, I2C_IMUS } i2c_imu_kind_t;
+
+enum { I2C_REGISTERS = 128 };
+
+/* rad/s and m/s^2, in the robot's directions: clockwise from above, forward, to the right. */
+typedef struct {
+    double yaw, surge, sway;
+} i2c_motion_t;
+
+typedef struct {
+    avr_twi_t *bus;
+    i2c_imu_kind_t kind;
+    uint8_t registers[I2C_REGISTERS];
+    uint8_t pointer;
+    bool selected, pointed; /* this chip is spoken to; it was told a register */
+    bool unpowered;         /* it does not answer */
+    bool runs;
+    uint64_t next_sample; /* cycle */
+    i2c_motion_t motion;
+} i2c_imu_t;
+
+/* Puts a chip on the bus, as it is after power-on: it does not measure yet. */
+void i2c_imu_connect(i2c_imu_t *imu, i2c_imu_kind_t kind, avr_twi_t *bus);
+
+/* Takes its supply, or gives it back: then its registers are those of power-on. */
+void i2c_imu_power(i2c_imu_t *imu, bool on);
+
+#endif
