@@ -1,9 +1,11 @@
 """Checks the C of firmware/, hal/ and sim_host/ against MISRA C:2012 by cppcheck's addon, but for deviations.toml.
 
     .venv/bin/python tests/misra/check.py [--all]    # --all also lists what the deviations allow
+    .venv/bin/python tests/misra/check.py --write    # keeps the numbers of findings in counts.toml
 
-A finding fails that no deviation allows, and so does a deviation that allows nothing. Generated files and the headers
-of the FMI standard are left out. The texts of the rules are MISRA's, and are not here.
+A deviation says why a rule is not kept in a folder, and counts.toml how many findings of it each file has. A finding
+more fails, and so does one less, so that the numbers only fall, and a deviation that allows nothing. Generated files
+and the headers of the FMI standard are left out. The texts of the rules are MISRA's, and are not here.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+COUNTS = Path(__file__).with_name("counts.toml")
 TOPS = ("firmware", "hal", "sim_host")
 INCLUDES = ("firmware", "hal/include", "hal", "sim_host", "sim_host/include")
 FINDING = re.compile(r"(?P<file>\S+?):(?P<line>\d+): misra-c2012-(?P<rule>[\d.]+)")
@@ -41,19 +44,53 @@ def _left_out(name: str) -> bool:
     return "_gen." in name or "fmi/standard/" in name or not name.startswith(TOPS)
 
 
+def _tool() -> str:
+    return subprocess.run(["cppcheck", "--version"], stdout=-1, text=True, check=True).stdout.strip()
+
+
+def _write(counts: Counter[tuple[str, str]]) -> None:
+    lines = ["# Findings of each rule in each file, for check.py, which writes this file.", f'tool = "{_tool()}"']
+    for rule in sorted({rule for rule, _ in counts}, key=lambda one: [int(part) for part in one.split(".")]):
+        lines += ["", f'["{rule}"]', *(f'"{file}" = {counts[of, file]}' for of, file in sorted(counts) if of == rule)]
+    COUNTS.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _kept() -> Counter[tuple[str, str]]:
+    """Returns the counts of counts.toml; exits where another tool has made them."""
+    read = tomllib.loads(COUNTS.read_text(encoding="utf-8"))
+    if read.pop("tool") != _tool():
+        sys.exit(f"counts.toml is not of {_tool()}: its findings may differ; --write keeps new ones")
+    return Counter({(rule, file): count for rule, files in read.items() for file, count in files.items()})
+
+
+def told(found: list[tuple[str, int, str]], allowed: dict[tuple[str, str], str]) -> list[str]:
+    """Returns a line for each finding that nothing allows, and for each count and deviation that is too large."""
+    counts = Counter((rule, file) for file, _, rule in found)
+    if "--write" in sys.argv[1:]:
+        _write(counts)
+    kept = _kept()
+    wrong = []
+    for file, line, rule in found:
+        there, before = counts[rule, file], kept[rule, file]
+        if (rule, file.partition("/")[0]) not in allowed or "--all" in sys.argv[1:]:
+            wrong.append(f"{file}:{line}: rule {rule}")
+        elif there > before:
+            wrong.append(f"{file}:{line}: rule {rule}, one of {there} here; counts.toml allows {before}")
+    for (rule, file), before in kept.items():
+        if counts[rule, file] < before:
+            wrong.append(f"counts.toml: rule {rule} in {file}: {counts[rule, file]} and not {before}; --write keeps it")
+    used = {(rule, file.partition("/")[0]) for rule, file in counts}
+    return wrong + [f"deviations.toml: rule {rule} in {top} allows nothing" for rule, top in allowed.keys() - used]
+
+
 def main() -> None:
     """Prints the findings that nothing allows; exit status 1 if there are any."""
     text = Path(__file__).with_name("deviations.toml").read_text(encoding="utf-8")
     allowed = {(one["rule"], top): one["reason"] for one in tomllib.loads(text)["deviation"] for top in one["in"]}
-    used: Counter[tuple[str, str]] = Counter()
-    wrong = []
-    for file, line, rule in findings():
-        used[rule, file.partition("/")[0]] += 1
-        if (rule, file.partition("/")[0]) not in allowed or "--all" in sys.argv[1:]:
-            wrong.append(f"{file}:{line}: rule {rule}")
-    wrong += [f"deviations.toml: rule {rule} in {top} allows nothing" for rule, top in allowed if not used[rule, top]]
+    found = list(findings())
+    wrong = told(found, allowed)
     print(*wrong, sep="\n", end="\n" if wrong else "")
-    print(f"MISRA C:2012: {used.total()} findings of {len({rule for rule, _ in used})} rules, {len(wrong)} not allowed")
+    print(f"MISRA C:2012: {len(found)} findings of {len({rule for *_, rule in found})} rules, {len(wrong)} not allowed")
     sys.exit(bool(wrong))
 
 

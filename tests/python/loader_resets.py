@@ -15,14 +15,16 @@ import os
 import random
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from arduino_loaders import LOADERS, behind
 from brickpilot.hil.avr_robot import AvrRobot, avr_image, open_robot
 from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.link.links import Message
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.vehicle import flight, scenario
@@ -102,6 +104,31 @@ def _cause(flight_: Flight, cause: str) -> list[bool]:
     return driven
 
 
+class InSteps:
+    """A host's end of the line to a flying robot: its time passes in control steps."""
+
+    def __init__(self, flight_: Flight) -> None:
+        self.flight, self.now_s = flight_, 0.0
+
+    def send(self, messages: Sequence[Message]) -> None:
+        self.flight.robot.send(messages)
+
+    def receive(self, timeout: float) -> list[Message]:
+        for _ in range(max(1, round(timeout / STEP_S))):
+            self.flight.robot.fly()
+            self.now_s += STEP_S
+            if come := self.flight.robot.receive(0.0):
+                return come
+        return []
+
+    def close(self) -> None:
+        """Does nothing."""
+
+    def session(self, other: Callable[[int, bytes], None] = lambda _identifier, _data: None) -> Session:
+        """Returns a host's session over this line, which takes no time but the robot's."""
+        return Session(self, "avr", other, clock=lambda: self.now_s)
+
+
 def _obeys(flight_: Flight) -> tuple[bool, int]:
     """Returns whether a host can drive the robot, and what BOARD said."""
     said: list[int] = []
@@ -110,26 +137,7 @@ def _obeys(flight_: Flight) -> tuple[bool, int]:
         if identifier == book().by_name["BOARD"].id:
             said.append(book().by_name["BOARD"].unpack(data)[0])
 
-    now = [0.0]
-
-    class InSteps:
-        """The line, whose time passes in control steps."""
-
-        def send(self, messages: object) -> None:
-            flight_.robot.send(messages)  # type: ignore[arg-type]
-
-        def receive(self, timeout: float) -> list[tuple[int, bytes]]:
-            for _ in range(max(1, round(timeout / STEP_S))):
-                flight_.robot.fly()
-                now[0] += STEP_S
-                if come := flight_.robot.receive(0.0):
-                    return come
-            return []
-
-        def close(self) -> None:
-            """Does nothing."""
-
-    session = Session(InSteps(), "avr", other, clock=lambda: now[0])
+    session = InSteps(flight_).session(other)
     try:
         session.open("coupled", REALTIME)
         session.upload([(1000, 0)])
@@ -153,14 +161,14 @@ def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
     return Outcome(loader, cause, at_s, resets, None if off is None else off * STEP_S, driven_s, obeys, said)
 
 
-def _in_child(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
-    """Returns the outcome of a reset now; this process itself does not go on."""
+def in_child(work: Callable[[], Any]) -> Any:
+    """Returns what `work` gives, as JSON holds it, in a copy of this process, which itself does not go on."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         status = 1
         try:
-            os.write(writing, json.dumps(dataclasses.asdict(_outcome(flight_, loader, cause, at_s))).encode())
+            os.write(writing, json.dumps(work()).encode())
             status = 0
         finally:
             os._exit(status)
@@ -168,7 +176,14 @@ def _in_child(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
     with os.fdopen(reading) as told:
         text = told.read()
     os.waitpid(child, 0)
-    return Outcome(**json.loads(text))
+    return json.loads(text)
+
+
+def planned(target: str, last_s: float) -> flight.Plan:
+    """Returns the plan of the packaged mission for a target, so long that all that comes after a reset has room."""
+    sensors = AVR_TARGETS[target].sensors[0]
+    plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors)
+    return dataclasses.replace(plan, steps=round((last_s + WATCH_S + 10) / STEP_S))
 
 
 def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcome]:
@@ -176,10 +191,7 @@ def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcom
     drawn = random.Random(seed)
     target = "avr:328p-imu" if loader == "none" else LOADERS[loader].target
     image = avr_image(target)
-    plan = flight.plan(
-        scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=AVR_TARGETS[target].sensors[0]
-    )
-    plan = dataclasses.replace(plan, steps=round((last_s + WATCH_S + 10) / STEP_S))
+    plan = planned(target, last_s)
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors = np.zeros((plan.steps, 2), dtype=np.int16)
     with tempfile.TemporaryDirectory() as folder:
@@ -198,7 +210,12 @@ def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcom
                 while step < moment or not driven:  # a motor is on when the reset comes
                     driven = flight_.drives()
                     step += 1
-                yield _in_child(flight_, loader, CAUSES[(number + seed) % len(CAUSES)], round(step * STEP_S, 3))
+                cause, at_s = CAUSES[(number + seed) % len(CAUSES)], round(step * STEP_S, 3)
+                yield Outcome(
+                    **in_child(
+                        lambda cause=cause, at_s=at_s: dataclasses.asdict(_outcome(flight_, loader, cause, at_s))
+                    )  # type: ignore[misc]
+                )
 
 
 def main() -> None:

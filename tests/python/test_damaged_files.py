@@ -1,4 +1,4 @@
-"""Files of others, damaged at random: each is read, or refused in one line; nothing else happens.
+"""Files of others and of this program, damaged at random: each is read, or refused in one line; nothing else happens.
 
 A text file loses, doubles or swaps lines and gets hostile values; a binary one gets turned bits and lengths of all
 ones, and is cut off. The seed is fixed. `--full` tries thirty times as many. A .mat file is not among them: damaged, it
@@ -7,9 +7,11 @@ can crash scipy's reader, so it is read in a process of its own.
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import resource
+import struct
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,16 +19,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import can
 import other_logs
 import pytest
 from bad_datasets import write_good
 from brickpilot.campaign import file as campaign_file
+from brickpilot.campaign import robots
 from brickpilot.data import reading
+from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
+from brickpilot.export import run_read
+from brickpilot.flash import avr, lx, srec
+from brickpilot.hil import traffic_log
 from brickpilot.importers import dataflash, mcap, parquet, rosbag, ulog, wpilib, wpilog
 from brickpilot.importers.table import import_table
 from brickpilot.vehicle import compensation, gains, model, scenario
+from intelhex import IntelHex
 from test_campaign import CAMPAIGN, OTHER, SHORT
+from test_campaign_robots import LENGTHS
 from test_compensation import EVERYTHING, compensation_of
 from test_gains import saved
 from test_import_other_logs import WRITERS
@@ -92,6 +102,66 @@ def saved_model(folder: Path) -> Path:
     return path
 
 
+def verdict(folder: Path) -> Path:
+    """An ambiguous one, with a spread about the packaged robot and a rival."""
+    own = model.rcx().parameters
+    spread = LENGTHS.to_json() | {"values": [own[name] for name in LENGTHS.names]}
+    rival = {"name": "scrub", "nominal": {"mass": 0.9}, "effects": {"yaw_scrub": {"moment": 0.01}}}
+    given = {"verdict": "ambiguous", "spread": spread, "effects": [{"equivalents": [rival]}]}
+    (folder / "verdict.json").write_text(json.dumps(given, indent=1))
+    return folder / "verdict.json"
+
+
+def as_allowed(path: Path) -> robots.Allowed:
+    return robots.read(model.rcx(), path.with_name("model.toml"), SD_SHARE)
+
+
+def run_of(folder: Path) -> Path:
+    rows = [f"{0.003 * k:.3f},{0.01 * k:.2f},{k % 5}" for k in range(60)]
+    (folder / "log.csv").write_text("\n".join(["time_s,true_x_m,mode", *rows]) + "\n")
+    (folder / "summary.json").write_text("{}\n")
+    return folder / "log.csv"
+
+
+def recording(suffix: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        path = folder / f"flight{suffix}"
+        with can.Logger(str(path)) as logger:
+            for k in range(60):
+                data = bytes([k, 2 * k, 255 - k, *range(5)])
+                logger(can.Message(timestamp=1e-3 * k, arbitration_id=0x100 + k % 7, is_extended_id=False, data=data))
+        return path
+
+    return write
+
+
+def hex_image(folder: Path) -> Path:
+    image = IntelHex()
+    image.frombytes(bytes(k * k % 251 for k in range(700)))
+    image.write_hex_file(str(folder / "image.hex"))
+    return folder / "image.hex"
+
+
+def program(folder: Path) -> Path:
+    body = bytes(k * k % 251 for k in range(120))
+    header = struct.pack(">8H", lx.VERSION, 0xB000, 100, 20, 30, 344, 0, 2)
+    (folder / "p.lx").write_bytes(lx.MAGIC + header + body + struct.pack(">2H", 4, 60))
+    return folder / "p.lx"
+
+
+def records(folder: Path) -> Path:
+    """A firmware image of S-records."""
+    data = bytes(k * k % 61 | 0x80 for k in range(320)) + srec.KNOCK
+
+    def line(kind: str, at: int, content: bytes) -> str:
+        inside = bytes([len(content) + 3]) + at.to_bytes(2, "big") + content
+        return f"S{kind}{(inside + bytes([~sum(inside) & 255])).hex().upper()}"
+
+    lines = [line("1", 0x8000 + k, data[k : k + 16]) for k in range(0, len(data), 16)]
+    (folder / "image.srec").write_text("\n".join([*lines, line("9", 0x8000, b"")]) + "\n")
+    return folder / "image.srec"
+
+
 READERS = {
     "data set": Reader(lambda folder: write_good(folder) / "dataset.toml", lambda path: reading.read(path.parent)),
     "table": Reader(of_text("log.csv", table), as_motor("time=time_ms:ms", "duty=pwm/255", "speed=w")),
@@ -100,6 +170,14 @@ READERS = {
     "campaign": Reader(of_campaign, campaign_file.load),
     "gains": Reader(saved, gains.load),
     "compensation": Reader(saved_compensation, compensation.load),
+    "verdict": Reader(verdict, as_allowed),
+    "run folder": Reader(run_of, lambda path: run_read.read(path.parent)),
+    "recording .asc": Reader(recording(".asc"), traffic_log.read),
+    "recording .log": Reader(recording(".log"), traffic_log.read),
+    "recording .blf": Reader(recording(".blf"), traffic_log.read, is_text=False),
+    "image .hex": Reader(hex_image, lambda path: avr.read(path, avr.PARTS["328p"])),
+    "image .srec": Reader(records, srec.read),
+    "program .lx": Reader(program, lx.read, is_text=False),
     "WPILib's JSON": Reader(lambda folder: other_logs.write_json(folder / "a.json", other_logs.old_log()), wpilib.read),
     "WPILOG": Reader(of_log("drive.wpilog"), wpilog.read, is_text=False),
     "ULog": Reader(of_log("drive.ulg"), ulog.read, is_text=False),

@@ -27,6 +27,11 @@ void tearDown(void)
     sil_bind(NULL);
 }
 
+static void all_sensors(hal_status_t status)
+{
+    port.imu_status = port.rotation_status = port.reference_status = port.battery_status = status;
+}
+
 /* `ticks` ticks, each `period_ms` after the one before, the first of them with `command`. */
 static void run(int ticks, uint32_t period_ms, mode_command_t command)
 {
@@ -128,6 +133,24 @@ static void test_loop_takes_a_stall_of_more_than_16_bits_for_one(void)
     TEST_ASSERT_EQUAL_UINT16(1, state.late_ticks);
     TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 131072 + 4));
     TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 65535));
+    TEST_ASSERT_EQUAL(MODE_FAULT, mode_after_ms(20, 65536));
+}
+
+static void test_loop_is_silent_for_as_much_of_a_stall_as_16_bits_hold(void)
+{
+    run(20, 3, MODE_NONE);
+    all_sensors(HAL_STALE);
+    port.clock_ms += 70000;
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(65535, state.silent_ms);
+}
+
+static void test_loop_counts_time_from_its_start(void)
+{
+    port.clock_ms += 3; /* loop_start() is a period before the first tick that is on time */
+    run(1, 3, MODE_NONE);
+    TEST_ASSERT_EQUAL_UINT16(1, state.late_ticks);
+    TEST_ASSERT_EQUAL(2 * STEP_MS, state.sensors.period_ms);
 }
 
 static void test_loop_integrates_at_least_a_millisecond(void)
@@ -208,11 +231,6 @@ static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_
     run(1, 3, MODE_NONE);
     loop_tick(&config, &route, &state, MODE_NONE);
     TEST_ASSERT_EQUAL_UINT16(0, port.link_out_size);
-}
-
-static void all_sensors(hal_status_t status)
-{
-    port.imu_status = port.rotation_status = port.reference_status = port.battery_status = status;
 }
 
 static void test_loop_cuts_a_run_in_silence_and_only_a_reset_leads_out(void)
@@ -405,6 +423,8 @@ int main(void)
     RUN_TEST(test_loop_survives_the_watchdogs_time_and_no_more);
     RUN_TEST(test_loop_cuts_what_it_cannot_integrate_whatever_the_watchdog_allows);
     RUN_TEST(test_loop_takes_a_stall_of_more_than_16_bits_for_one);
+    RUN_TEST(test_loop_is_silent_for_as_much_of_a_stall_as_16_bits_hold);
+    RUN_TEST(test_loop_counts_time_from_its_start);
     RUN_TEST(test_loop_integrates_at_least_a_millisecond);
     RUN_TEST(test_loop_survives_a_clock_that_wraps);
     RUN_TEST(test_loop_stops_when_every_sensor_falls_silent);

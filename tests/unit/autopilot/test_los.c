@@ -113,6 +113,18 @@ static void test_los_bearing_does_not_swing_near_the_waypoint(void)
     TEST_ASSERT_NOT_EQUAL(outside, demand.heading_bam16);
 }
 
+static void test_los_holds_the_bearing_up_to_its_distance_and_not_beyond(void)
+{
+    static const route_waypoint_t AHEAD[] = {{1000, 0}};
+    set_route(AHEAD, 1);
+    config.bearing_hold_mm = 129;
+    step_at(0.0, 0.0, 0.0);
+    step_at(881.0, 50.0, 0.0); /* 129.1 mm, before the hold's end at 130 */
+    TEST_ASSERT_EQUAL_UINT16(0, demand.heading_bam16);
+    step_at(880.0, 50.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT16(bam16(atan2(-50.0, 120.0)), demand.heading_bam16);
+}
+
 static void test_los_accepts_at_the_radius_and_not_beyond(void)
 {
     step_at(1000.0 - 60.0, 1000.0 - 81.0, 45.0);
@@ -222,6 +234,7 @@ int main(void)
     RUN_TEST(test_los_speed_follows_the_root_of_the_distance_between_creep_and_cruise);
     RUN_TEST(test_los_cross_track_is_positive_right_of_the_leg);
     RUN_TEST(test_los_bearing_does_not_swing_near_the_waypoint);
+    RUN_TEST(test_los_holds_the_bearing_up_to_its_distance_and_not_beyond);
     RUN_TEST(test_los_accepts_at_the_radius_and_not_beyond);
     RUN_TEST(test_los_turns_off_a_large_heading_error_at_rest);
     RUN_TEST(test_los_takes_the_ends_of_every_range);

@@ -135,7 +135,7 @@ def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
         given = json.loads(file.read_text(encoding="utf-8"))
         spread = spread_of(given["spread"]) if given.get("spread") is not None else None
         explanations = (Explanation(model.name, model), *_rivals(model, given))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
     if spread is not None:
         for name, value in zip(spread.names, spread.values, strict=True):

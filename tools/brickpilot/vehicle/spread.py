@@ -65,6 +65,8 @@ def from_json(given: Mapping[str, Any]) -> Spread:
         numbers = np.array([*values, *(1.0 if unit is None else unit for unit in units)], dtype=float)
     except (KeyError, TypeError) as error:
         raise ValueError(f"lacks {error}") from error
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError("has a parameter whose name is no text")
     if not len(names) == len(values) == len(units) or not (
         np.isfinite(numbers).all() and np.isfinite(covariance).all()
     ):
