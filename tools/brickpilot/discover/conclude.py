@@ -105,9 +105,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         evidence=proof.evidence,
         effects=effects,
         explanations=tuple(
-            finding.Share(
-                one.explanation.names, round(one.weight, 4), tuple(dict.fromkeys(_mechanisms(one.explanation)))
-            )
+            finding.Share(one.explanation.names, round(one.weight, 4), _mechanisms(one.explanation))
             for one in verdict.held
         ),
         steps=found.steps,
@@ -155,25 +153,27 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
     return found
 
 
-def _mechanisms(one: Explanation) -> list[str]:
-    """Returns the mechanism of each part; an effect's own with its fitted values."""
+def _mechanisms(one: Explanation) -> tuple[str, ...]:
+    """Returns the mechanisms of the parts, each once; an effect's own with its fitted values."""
     tables = one.model.effects
-    return [
+    found = (
         catalogue.mechanism(part.effect, tables[part.effect]) if type(part) is Part else part.mechanism
         for part in one.parts
-    ]
+    )
+    return tuple(dict.fromkeys(found))
 
 
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the one that most explanations share first.
 
-    They are claimed where the verdict is `named` or `ambiguous`. For `unknown` they are the best names, not claimed.
+    They are claimed where they are written: of `named` and `ambiguous`, and beside a term; else the best names.
     """
-    best = found.best
+    beside = found.composed is not None and bool(found.written.explanation.effects)
+    best = found.written if beside else found.best
     if found.kind == "none":
         return ()
     equivalents = _equivalents(found) if found.verdict.kind == "ambiguous" else ()
-    weights, removed = _shares(found), found.removed(best.explanation)
+    weights, removed = _shares(found), found.removed(found.best.explanation)
     parts = sorted(best.explanation.effects, key=lambda one: -weights.get(one.name, 0.0))
     return tuple(
         finding.Effect(
@@ -184,7 +184,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
             confidence=round(weights.get(part.name, 0.0), 4),
             parameters={name: _parameter(best.model, part.effect, name, best.estimates) for name in part.free},
             removed=removed,
-            claimed=found.claims,
+            claimed=found.claims or beside,
             equivalents=equivalents if part is parts[0] else (),
         )
         for part in parts
