@@ -69,7 +69,7 @@ def test_compare_fits_some_runs_shows_all_and_says_so(few: None) -> None:
 def test_many_short_files_are_read_as_long_ones_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = write(tmp_path / "set", motor(), {"speed": 0.1}, "", manoeuvres={"one": (4.0, 0.0), "two": (-5.0, 0.0)})
     cell_by_cell = bp.read(folder)
-    monkeypatch.setattr("brickpilot.data.dataset.LONG_TEXT", 1000)
+    monkeypatch.setattr("brickpilot.data.reading.LONG_TEXT", 1000)
     called = []
     plain = plain_rows.read_plain
     monkeypatch.setattr("brickpilot.data.rows.read_plain", lambda *given: called.append(1) or plain(*given))
