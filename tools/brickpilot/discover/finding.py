@@ -333,7 +333,7 @@ class Finding(Result):
             `unknown` the best names, which are not claimed, or those beside a term, which are.
         mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
         law_differs: what the claimed effects leave is more than noise: their laws are not quite right, or something
-            smaller is missing too. None: no effect is claimed.
+            smaller is missing too. None: no effect is claimed, or a term stands beside those that are.
         evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.

@@ -36,7 +36,7 @@ _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
 _WEAK = "The held-out runs speak for it, but not surely."
 _CONTRADICTED = "It explains the fit runs, but the held-out runs do not confirm it: {}."
-_GROWS, _RATHER = "the error of free runs grows", "drawn anew, they are predicted better only {:.0f} times in 100"
+_GROWS, _RATHER = "the error of free runs grows", "in only {:.0f} of 100 draws of stretches it predicts them better"
 
 
 class SealError(RuntimeError):
