@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -59,6 +61,17 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
 
 def test_every_room_has_a_rule_and_every_rule_a_room() -> None:
     assert {room_of(name) for name in modules(PACKAGE)} - BASE == set(MAY) == set(MUST_NOT)
+
+
+def named_twice(files: Iterable[Path]) -> list[str]:
+    """Returns the names that files of two folders have, but for package files."""
+    counts = Counter(one.name for one in files if one.name != "__init__.py")
+    return sorted(name for name, count in counts.items() if count > 1)
+
+
+def test_no_two_modules_have_one_name(tmp_path: Path) -> None:
+    assert named_twice(PACKAGE.rglob("*.py")) == []
+    assert named_twice([tmp_path / "fit/check.py", tmp_path / "cli/check.py", tmp_path / "fit/one.py"]) == ["check.py"]
 
 
 def test_only_the_command_line_and_the_generator_stand_on_top() -> None:

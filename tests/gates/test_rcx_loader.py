@@ -13,7 +13,7 @@ from random import Random
 
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.flash import lx, rcx
+from brickpilot.flash import lx, rcx_brick
 from brickpilot.flash.program import CREATE, DATA, DELETE, RUN, SET_HOST
 from brickpilot.link import lnp
 from brickpilot.link.infrared import InfraredLink
@@ -31,7 +31,7 @@ STEP_MS = 9
 
 BYTE_S = 0.002
 """Of the time-outs alone: the pseudo-terminal carries what the simulator gives, at once."""
-flash = functools.partial(rcx.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
+flash = functools.partial(rcx_brick.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
 def build(folder: Path, sensors: str) -> Path:

@@ -22,7 +22,7 @@ from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import model as model_file
-from brickpilot.vehicle.comparable import comparable
+from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from brickpilot import compiled
 from brickpilot.constants import STEP_S
-from brickpilot.hil.faults import SensorFaults
+from brickpilot.hil.fault_injection import SensorFaults
 from brickpilot.hil.plant_end import PlantEnd
 from brickpilot.vehicle import flight
 from numpy.typing import NDArray

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from brickpilot.data.audit.channels import _turned
+from brickpilot.data.audit.contradictions import _turned
 from brickpilot.data.audit.relation_list import Geometry
 from brickpilot.data.audit.windows import cut
 from brickpilot.data.dataset import Dataset

@@ -13,7 +13,7 @@ from brickpilot import catalogue
 from brickpilot.data import holdout, reading
 from brickpilot.data.holdout import Roles
 from brickpilot.errors import InputError
-from brickpilot.fit.compare import compare
+from brickpilot.fit.comparison import compare
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 from command import lab

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from brickpilot.data import dataset, reading
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.robust import correlation_time, noise_sd
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.vehicle import model

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.campaign import designs, file, runs, sensitivity, summary, varied
+from brickpilot.campaign import designs, file, runs, sensitivity, summary, variables
 from brickpilot.campaign.distributions import Distribution
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.inputs import Input
@@ -169,8 +169,10 @@ def test_morris_refuses_a_list_that_it_would_not_fly_whole(tmp_path: Path) -> No
 
 
 def test_no_two_names_of_inputs_share_their_random_numbers() -> None:
-    names = [f"{kind}.{name}" for kind, known in varied.ranges().items() for name in known]
-    names += [f"effect.{effect}.{name}" for effect, known in varied.effects().items() for name in (*known, varied.ON)]
+    names = [f"{kind}.{name}" for kind, known in variables.ranges().items() for name in known]
+    names += [
+        f"effect.{effect}.{name}" for effect, known in variables.effects().items() for name in (*known, variables.ON)
+    ]
     names += ["scenario", "sensors", "route", "design", "robots"]
     keys = {zlib.crc32(name.encode()) for name in names}
     assert len(keys) == len(names) > 300

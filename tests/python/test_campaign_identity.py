@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from brickpilot.campaign import conduct, designs, file, versions, workers
+from brickpilot.campaign import designs, file, fly_all, versions, workers
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.gains import Gains
@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def conducted(folder: Path) -> None:
-    conduct.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
+    fly_all.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
 
 
 def changed(folder: Path, name: str) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from brickpilot.data import holdout, plain_rows
 from brickpilot.data.holdout import enough_to_fit
-from brickpilot.discover import check
+from brickpilot.discover import readiness
 from brickpilot.discover.deadline import Span
 from synthetic import motor, write
 
@@ -99,7 +99,7 @@ def test_the_time_of_a_discovery_is_that_of_all_runs(monkeypatch: pytest.MonkeyP
         asked.append(times)
         return Span(1.0, 2.0)
 
-    monkeypatch.setattr(check, "estimate", estimated)
+    monkeypatch.setattr(readiness, "estimate", estimated)
     bp.check(steps(), jobs=1)
     assert len(asked) == 1
     assert 2 < asked[0] < 1000 / 300 + 0.01

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from brickpilot.flash import lx, rcx, rom, srec
+from brickpilot.flash import lx, rcx_brick, rom, srec
 from brickpilot.link import lnp
 from brickpilot.link.tower import Tower
 from command import brickpilot
@@ -35,8 +35,8 @@ int main(int argc, char **argv) {
 BEGIN, BLOCK = 0x75, 0x45
 BAD_LINES = [Faults(seed, **share) for seed in range(2) for share in ({"corrupt": 0.01}, {"lose": 0.01})]
 
-flash_firmware = functools.partial(rcx.flash_firmware, progress=lambda *_: None, byte_s=BYTE_S)
-flash_program = functools.partial(rcx.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
+flash_firmware = functools.partial(rcx_brick.flash_firmware, progress=lambda *_: None, byte_s=BYTE_S)
+flash_program = functools.partial(rcx_brick.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
 def run(*command: str, cwd: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from brickpilot.cli import main
-from brickpilot.flash import rcx, srec
+from brickpilot.flash import rcx_brick, srec
 from rcx_brick import BYTE_S, RcxBrick
 
 pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
@@ -73,7 +73,7 @@ PROGRAMS = {
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gives the command the byte time of the test's line."""
     for name in ("flash_firmware", "flash_program"):
-        monkeypatch.setattr(rcx, name, functools.partial(getattr(rcx, name), byte_s=BYTE_S))
+        monkeypatch.setattr(rcx_brick, name, functools.partial(getattr(rcx_brick, name), byte_s=BYTE_S))
     monkeypatch.delenv("RCXTTY", raising=False)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from brickpilot.errors import InputError
 from brickpilot.firmware import package, ranges, robot
-from brickpilot.vehicle import fly, gains
+from brickpilot.vehicle import gains, scenario_flight
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.setting_defaults import defaults
 from brickpilot.vehicle.settings import settings
@@ -98,10 +98,10 @@ def written(given: Gains) -> list[str]:
 
 
 def test_a_gain_set_wins_over_the_cruise_speed_of_a_scenario() -> None:
-    plan = fly.prepare("mission", gains=TUNED)
+    plan = scenario_flight.prepare("mission", gains=TUNED)
     assert plan.cruise == 5003 / 16000
     with pytest.raises(InputError, match="a manoeuvre has no controller"):
-        fly.prepare("forward_1m", gains=TUNED)
+        scenario_flight.prepare("forward_1m", gains=TUNED)
 
 
 @pytest.mark.parametrize("name", OWN)

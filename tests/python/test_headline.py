@@ -11,11 +11,11 @@ import pytest
 from brickpilot.data import reading
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.discover.pipeline import discover
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.compare import compare
+from brickpilot.fit.calibration import calibrate
+from brickpilot.fit.comparison import compare
 from brickpilot.report import compare_page, discover_page, discover_text, headline_text, notebook, why_text
 from brickpilot.report.quantities import fit_text
-from brickpilot.vehicle import comparable
+from brickpilot.vehicle import compared_runs
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.plant import State
 from command import brickpilot
@@ -170,7 +170,7 @@ def start_of(data):
 
 def test_another_start_of_the_runs_is_noticed(data, finding, monkeypatch):
     """The test above can fail: runs that start from their first sample alone have other numbers."""
-    monkeypatch.setattr(comparable, "started", lambda measured, inputs: measured)
+    monkeypatch.setattr(compared_runs, "started", lambda measured, inputs: measured)
     one_sample = with_numbers(numbers(compare(data, finding.augmented).headline))
     assert one_sample != with_numbers(in_verdict(finding, "after"))
 

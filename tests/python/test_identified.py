@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brickpilot.data import reading
 from brickpilot.fit import uncertainty
-from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.calibration import calibrate
 from synthetic import robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}

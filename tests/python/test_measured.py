@@ -9,8 +9,8 @@ from pathlib import Path
 import planted
 import pytest
 from brickpilot.data import reading
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.compare import compare
+from brickpilot.fit.calibration import calibrate
+from brickpilot.fit.comparison import compare
 from brickpilot.importers.wpilib import import_wpilib
 
 DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 from brickpilot.bench import scaling
-from brickpilot.campaign import conduct, file, workers
+from brickpilot.campaign import file, fly_all, workers
 from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.compare import compare
+from brickpilot.fit.calibration import calibrate
+from brickpilot.fit.comparison import compare
 from brickpilot.report import run_page, scaling_page, why_page, why_text
 from brickpilot.report.calibrate_page import calibrate_page
 from brickpilot.report.compare_page import compare_page
@@ -157,7 +157,7 @@ def campaign(folder: Path) -> str:
     )
     given = file.load(folder / "trial.toml")
     hostile = dataclasses.replace(given, name=HOSTILE)
-    conduct.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
+    fly_all.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
     return (folder / "trial" / "report.html").read_text(encoding="utf-8")
 
 

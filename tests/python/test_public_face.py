@@ -47,12 +47,12 @@ page: str = bp.to_html(finding)
     [
         "brickpilot",
         "brickpilot.data.dataset",
-        "brickpilot.discover.check",
-        "brickpilot.fit.calibrate",
-        "brickpilot.fit.compare",
+        "brickpilot.discover.readiness",
+        "brickpilot.fit.calibration",
+        "brickpilot.fit.comparison",
         "brickpilot.public.analysis",
         "brickpilot.public.logs",
-        "brickpilot.vehicle.fly",
+        "brickpilot.vehicle.scenario_flight",
     ],
 )
 def test_the_examples_of_the_docstrings_run(module: str) -> None:

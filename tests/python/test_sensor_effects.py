@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import reading
-from brickpilot.fit.calibrate import calibrate
+from brickpilot.fit.calibration import calibrate
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.plant import State

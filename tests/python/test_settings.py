@@ -40,7 +40,7 @@ NAMED = {
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
-    "tune/robot.py",  # a scenario's cruise
+    "tune/robot_task.py",  # a scenario's cruise
     "tune/space.py",  # the gains that are tuned, and how far
     "vehicle/gains.py",  # pairs of gains of which one may not be above the other
     "vehicle/flight.py",  # a scenario's cruise

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from brickpilot.campaign.crew import Crew, Finished, Function, Part
 from brickpilot.discover.prepare import SD_SHARE
-from brickpilot.tune import robot
-from brickpilot.tune.search import Budget
-from brickpilot.tune.tune import Tuned, tune
+from brickpilot.tune import robot_task
+from brickpilot.tune.cma import Budget
+from brickpilot.tune.tuner import Tuned, tune
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
 from pages import HOSTILE
@@ -52,12 +52,12 @@ class Here:
         yield Inline(function)
 
 
-def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot.Ready:
+def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot_task.Ready:
     """Returns the packaged robot, and its mission, with what is usual for each kind of value."""
     (folder / "short.toml").write_text(SHORT)
     model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
     route = str(folder / "short.toml")
-    return robot.problem(folder / "model.toml", robot.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
+    return robot_task.problem(folder / "model.toml", robot_task.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
 
 
 @cache

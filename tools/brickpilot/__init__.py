@@ -66,11 +66,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from brickpilot.catalogue import effects
     from brickpilot.data.reading import Dataset, read
-    from brickpilot.discover.check import Check
     from brickpilot.discover.finding import Finding
+    from brickpilot.discover.readiness import Check
     from brickpilot.errors import InputError, SimulationError
-    from brickpilot.fit.calibrate import Calibration
-    from brickpilot.fit.compare import Comparison
+    from brickpilot.fit.calibration import Calibration
+    from brickpilot.fit.comparison import Comparison
     from brickpilot.public.analysis import calibrate, check, compare, discover
     from brickpilot.public.analysis import discover as discover_effects
     from brickpilot.public.flights import hil
@@ -78,21 +78,21 @@ if TYPE_CHECKING:
     from brickpilot.public.making import campaign, export, firmware, tune
     from brickpilot.report.notebook import to_html, to_text
     from brickpilot.report.why_page import Why
-    from brickpilot.vehicle.fly import Flown, fly
     from brickpilot.vehicle.model import Model, rcx
     from brickpilot.vehicle.model import load as load_model
     from brickpilot.vehicle.model import save as save_model
     from brickpilot.vehicle.plant import OpenLoopRun, simulate
+    from brickpilot.vehicle.scenario_flight import Flown, fly
 
 __version__ = "0.1.0"
 
 _NAMES = {
-    "Calibration": "brickpilot.fit.calibrate:Calibration",
-    "Check": "brickpilot.discover.check:Check",
-    "Comparison": "brickpilot.fit.compare:Comparison",
+    "Calibration": "brickpilot.fit.calibration:Calibration",
+    "Check": "brickpilot.discover.readiness:Check",
+    "Comparison": "brickpilot.fit.comparison:Comparison",
     "Dataset": "brickpilot.data.reading:Dataset",
     "Finding": "brickpilot.discover.finding:Finding",
-    "Flown": "brickpilot.vehicle.fly:Flown",
+    "Flown": "brickpilot.vehicle.scenario_flight:Flown",
     "InputError": "brickpilot.errors:InputError",
     "Model": "brickpilot.vehicle.model:Model",
     "OpenLoopRun": "brickpilot.vehicle.plant:OpenLoopRun",
@@ -103,7 +103,7 @@ _NAMES = {
     "compare": "brickpilot.public.analysis:compare",
     "discover_effects": "brickpilot.public.analysis:discover",  # the older name of discover
     "effects": "brickpilot.catalogue:effects",
-    "fly": "brickpilot.vehicle.fly:fly",
+    "fly": "brickpilot.vehicle.scenario_flight:fly",
     "import_log": "brickpilot.public.logs:import_log",
     "load_model": "brickpilot.vehicle.model:load",
     "rcx": "brickpilot.vehicle.model:rcx",

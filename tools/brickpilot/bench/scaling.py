@@ -20,13 +20,13 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from brickpilot import catalogue
-from brickpilot.bench import machine
-from brickpilot.campaign import engine, flights, workers
+from brickpilot.bench import this_machine
+from brickpilot.campaign import engine, flight_row, workers
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.compare import compare
+from brickpilot.fit.calibration import calibrate
+from brickpilot.fit.comparison import compare
 from brickpilot.fit.problem import Problem
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
@@ -222,7 +222,7 @@ def measure(
     progress(total - 2, total, "flights of a campaign")
     found.insert(1, _campaign(flights_of, repeats))
     progress(total - 1, total, "workers of a campaign")
-    return Scaling(machine.describe(), tuple(found), _crowd(crowd_flights, repeats))
+    return Scaling(this_machine.describe(), tuple(found), _crowd(crowd_flights, repeats))
 
 
 def _measure(sweep: Sweep) -> Measured:
@@ -281,7 +281,7 @@ def _plans(count: int) -> Iterator[engine.Part]:
 
 def flown_by(plan: flight.Plan) -> float:
     """Flies a plan, and returns the processor time of this worker so far, s."""
-    flights.row(plan)
+    flight_row.row(plan)
     return time.process_time()
 
 
@@ -317,9 +317,9 @@ def _campaign(sizes: Sequence[int], repeats: int) -> Measured:
 
 
 def _crowd(count: int, repeats: int) -> Crowd:
-    numbers = tuple(range(1, machine.cores() + 2))
+    numbers = tuple(range(1, this_machine.cores() + 2))
     rates = [tuple(count / _fly(count, jobs).wall_s for _ in range(repeats)) for jobs in numbers]
-    return Crowd(numbers, count, tuple(rates), machine.cores())
+    return Crowd(numbers, count, tuple(rates), this_machine.cores())
 
 
 def as_dict(found: Scaling) -> dict[str, Any]:

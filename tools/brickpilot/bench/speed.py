@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from brickpilot import catalogue
-from brickpilot.bench import control_peers, machine, scipy_robot
+from brickpilot.bench import control_peers, scipy_robot, this_machine
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
@@ -101,7 +101,7 @@ def _side_by_side(model: Model) -> dict[str, Figure]:
         rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
-        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, machine.describe())
+        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine.describe())
     return found
 
 
@@ -157,7 +157,7 @@ def host() -> dict[str, Figure]:
     a second beside the plant alone. Both simulate the robot without its controller and sensors. The peer of the link is
     real time.
     """
-    model, on = rcx(), machine.describe()
+    model, on = rcx(), this_machine.describe()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
     scipy = {"full_loop": _scipy(model, scipy_robot.controlled()), "plant": _scipy(model, scipy_robot.held())}
     mujoco: dict[str, Callable[[], float]] = {}

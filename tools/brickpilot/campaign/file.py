@@ -38,7 +38,7 @@
     rate = { distribution = "uniform", low = 0, high = 0.5 }
     chance = 0.5                  # of a run to have it
 
-`ranges` and `effects` of `varied.py` list what `[vary]` takes.
+`ranges` and `effects` of `variables.py` list what `[vary]` takes.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import distributions, inputs, robots, varied
+from brickpilot.campaign import distributions, inputs, robots, variables
 from brickpilot.campaign.inputs import Input
 from brickpilot.campaign.robots import Allowed
 from brickpilot.constants import STEP_S
@@ -194,7 +194,7 @@ def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float]
     if shares is None:
         raise ValueError("shares are needed to draw robots")
     path = _beside(toml, head, "model")
-    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=varied.devices())
+    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=variables.devices())
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:

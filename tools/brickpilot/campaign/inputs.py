@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign import distributions, varied
+from brickpilot.campaign import distributions, variables
 from brickpilot.campaign.distributions import Distribution, Range
-from brickpilot.campaign.varied import ON, Value
+from brickpilot.campaign.variables import ON, Value
 from brickpilot.compiled import interface
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle import faults as scenario_faults
@@ -95,18 +95,18 @@ def parse(toml: TomlFile, sensors: Sequence[str]) -> list[Input]:
         InputError: naming file, line and key.
     """
     table = toml.table(("vary",), toml.data.get("vary", {}))
-    toml.known_keys(("vary",), table, (*varied.ranges(), "effect"))
+    toml.known_keys(("vary",), table, (*variables.ranges(), "effect"))
     found: list[Input] = []
     for kind, entries in table.items():
         entries = toml.table(("vary", kind), entries)
         if kind == "effect":
             found += _effects(toml, entries)
             continue
-        toml.known_keys(("vary", kind), entries, varied.ranges()[kind])
+        toml.known_keys(("vary", kind), entries, variables.ranges()[kind])
         if kind == "sensor" and "ideal" in sensors:
             toml.refuse(("vary", kind), "ideal sensors have no noise; name others in campaign.sensors")
         for name, entry in entries.items():
-            found.append(_number(toml, ("vary", kind, name), f"{kind}.{name}", entry, varied.ranges()[kind][name]))
+            found.append(_number(toml, ("vary", kind, name), f"{kind}.{name}", entry, variables.ranges()[kind][name]))
     return found
 
 
@@ -115,11 +115,11 @@ def _number(toml: TomlFile, key: Key, name: str, entry: object, physical: Range)
 
 
 def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:
-    toml.known_keys(("vary", "effect"), entries, varied.effects())
+    toml.known_keys(("vary", "effect"), entries, variables.effects())
     found: list[Input] = []
     for effect, entry in entries.items():
         key = ("vary", "effect", effect)
-        given, known = toml.table(key, entry), varied.effects()[effect]
+        given, known = toml.table(key, entry), variables.effects()[effect]
         toml.known_keys(key, given, (*known, CHANCE))
         found += _switch(toml, (*key, CHANCE), f"effect.{effect}", given.get(CHANCE, 1.0))
         found += [
@@ -146,7 +146,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
     names: list[str] = []
     for index, entry in enumerate(given):
         key, table = ("faults", index), dict(toml.table(("faults", index), entry))
-        kind = toml.choice((*key, "kind"), table.get("kind"), varied.LINK_KINDS)
+        kind = toml.choice((*key, "kind"), table.get("kind"), variables.LINK_KINDS)
         before = sum(name.partition("_#")[0] == kind for name in names)
         names.append(f"{kind}_#{before + 1}")
         name = f"fault.{_name(names[-1])}"

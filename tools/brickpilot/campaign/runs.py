@@ -13,11 +13,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.campaign import designs, flights, robots, varied
+from brickpilot.campaign import designs, flight_row, robots, variables
 from brickpilot.campaign.crew import Part
 from brickpilot.campaign.file import Box, Campaign, runs
 from brickpilot.campaign.robots import Robot
-from brickpilot.campaign.varied import ON, Drawn
+from brickpilot.campaign.variables import ON, Drawn
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.scenario import Scenario
 
@@ -82,7 +82,7 @@ def parts(campaign: Campaign) -> Iterator[Part]:
 def fly(block: Block) -> pa.Table:
     """Flies the runs of a part and returns a row for each: number, inputs, figures."""
     flown = list(planned(block))
-    figures = flights.rows([run.plan for run in flown])
+    figures = flight_row.rows([run.plan for run in flown])
     rows = [{INDEX: run.index} | _inputs(block.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
     return table(block.campaign, rows)
 
@@ -112,7 +112,7 @@ def _robot(campaign: Campaign, index: int) -> Robot | None:
     return robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])[0]
 
 
-def drawn(campaign: Campaign, shares: Array) -> list[dict[str, varied.Value]]:
+def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
     """Returns the inputs of runs, fixed ones too, from their shares (runs, inputs drawn)."""
     columns, at = {}, 0
     for one in campaign.inputs:
@@ -132,11 +132,11 @@ def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> 
         sensors=str(given.get("sensors", campaign.sensors[0])),
         seed=designs.noise_seed(campaign, index),
         compensation=campaign.compensation,
-        gains=varied.tuned(campaign.gains, given),
+        gains=variables.tuned(campaign.gains, given),
     )
     if robot is not None and plan.sensors != "ideal":
         plan = dataclasses.replace(plan, devices=robot.devices)
-    return varied.applied(plan, given, campaign.faults)
+    return variables.applied(plan, given, campaign.faults)
 
 
 def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) -> Scenario:
@@ -199,14 +199,14 @@ def schema(campaign: Campaign) -> pa.Schema:
             units |= {f"{effect.name}.{info.name}": info.unit for info in effect.parameters}
         columns += [(f"{_ROBOT}{name}", pa.float64(), units[name]) for name in _left_open(campaign)]
         columns.append((_EXPLANATION, pa.string(), ""))
-    columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in flights.UNITS.items()]
+    columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in flight_row.UNITS.items()]
     return pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns])
 
 
 _KINDS = (
-    dict.fromkeys(flights.WORDS, pa.string())
-    | dict.fromkeys(flights.TRUTHS, pa.bool_())
-    | dict.fromkeys(flights.COUNTS, pa.int64())
+    dict.fromkeys(flight_row.WORDS, pa.string())
+    | dict.fromkeys(flight_row.TRUTHS, pa.bool_())
+    | dict.fromkeys(flight_row.COUNTS, pa.int64())
 )
 
 

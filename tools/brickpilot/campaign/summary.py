@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from brickpilot import __version__
-from brickpilot.campaign import designs, flights, sensitivity
+from brickpilot.campaign import designs, flight_row, sensitivity
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.runs import INDEX
 from brickpilot.errors import InputError
@@ -128,8 +128,8 @@ def _text(value: Any) -> str:
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
     """Returns figure -> unit, number of runs that have it, mean, sd and quantiles."""
     found = {}
-    for name, unit in flights.UNITS.items():
-        if name in _NO_DISTRIBUTION or name in flights.WORDS:
+    for name, unit in flight_row.UNITS.items():
+        if name in _NO_DISTRIBUTION or name in flight_row.WORDS:
             continue
         values = table.numbers(name)
         values = values[np.isfinite(values)]

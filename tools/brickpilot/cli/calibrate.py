@@ -36,7 +36,7 @@ def calibrate(
     model.toml, calibrate.json and report.html.
     """
     from brickpilot.data import reading
-    from brickpilot.fit import calibrate as calibrate_module
+    from brickpilot.fit import calibration as calibrate_module
     from brickpilot.report import calibrate_page, headline_text, run_folder
     from brickpilot.vehicle import model
 

@@ -33,7 +33,7 @@ def compare(
     Parameters that neither the data set nor MODEL.toml gives are fitted to the fit runs first, and are listed.
     """
     from brickpilot.data import reading
-    from brickpilot.fit import compare as compare_module
+    from brickpilot.fit import comparison as compare_module
     from brickpilot.report import compare_page, headline_text, run_folder
     from brickpilot.report.quantities import fit_number
     from brickpilot.vehicle import model

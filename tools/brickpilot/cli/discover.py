@@ -58,8 +58,8 @@ def discover(
         discover_page,
         discover_text,
         experiment_files,
-        own_words,
         run_folder,
+        user_terms,
     )
     from brickpilot.vehicle import compensation, model
 
@@ -94,16 +94,16 @@ def discover(
     if as_json:
         click.echo(json.dumps(figures, allow_nan=False))
         return
-    for note in own_words.told(data, found.notes):
+    for note in user_terms.told(data, found.notes):
         click.echo(f"note: {note}")
     click.echo(discover_text.verdict(found))
-    for effect in own_words.shown_finding(found).effects:
+    for effect in user_terms.shown_finding(found).effects:
         for name, value in effect.parameters.items():
             label, known = discover_text.known_size(name, value)
             click.echo(f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}")
     for line in (*discover_text.explanation_lines(found), *discover_fit.lines(found)):
         click.echo(line)
-    if frames := own_words.frames(data):
+    if frames := user_terms.frames(data):
         click.echo(frames)
     for remark in undone.remarks if undone is not None else ():
         click.echo(f"not compensated: {remark}")

@@ -44,7 +44,7 @@ def flash_rcx(
     At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r and
     -e apply to programs and mean the same as for dll.
     """
-    from brickpilot.flash import lx, rcx, srec
+    from brickpilot.flash import lx, rcx_brick, srec
 
     path = Path(file)
     figures: dict[str, object] = {"file": file, "device": device}
@@ -52,7 +52,7 @@ def flash_rcx(
         program = lx.read(path)
         port = _given(device)
         with progress_shown(as_json) as progress:
-            done = rcx.flash_program(
+            done = rcx_brick.flash_program(
                 program, port, slot=(number or 1) - 1, host=host or 0, execute=execute, progress=progress
             )
         figures |= {"kind": "program", "program": number or 1, "executed": execute}
@@ -63,7 +63,7 @@ def flash_rcx(
         image = srec.read(path)
         port = _given(device)
         with progress_shown(as_json) as progress:
-            done = rcx.flash_firmware(image, port, progress=progress)
+            done = rcx_brick.flash_firmware(image, port, progress=progress)
         figures |= {"kind": "firmware"}
         what = "firmware, started"
     figures |= {

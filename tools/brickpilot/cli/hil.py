@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from brickpilot.cli.completion import setting_names
 from brickpilot.cli.flight_request import flight_options
-from brickpilot.cli.settings import setting_lines
+from brickpilot.cli.settings_table import setting_lines
 from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError

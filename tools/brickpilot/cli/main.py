@@ -27,7 +27,7 @@ from brickpilot.cli.flash import flash
 from brickpilot.cli.hil import hil
 from brickpilot.cli.import_log import import_log
 from brickpilot.cli.run import run
-from brickpilot.cli.settings import settings
+from brickpilot.cli.settings_table import settings
 from brickpilot.cli.tune import tune
 from brickpilot.cli.upload import upload
 from brickpilot.cli.why import why

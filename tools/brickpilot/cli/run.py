@@ -29,9 +29,9 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     A mission whose waypoints were not all reached, or that ended with a fault, gives one line and exit status 1.
     """
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import fly
+    from brickpilot.vehicle import scenario_flight
 
-    flown = fly.fly(request.scenario, **request.choices())
+    flown = scenario_flight.fly(request.scenario, **request.choices())
     figures, plan = flown.figures, flown.flight.plan
     chosen = plan.scenario
     command = ["brickpilot", "run", request.scenario, *request.options(plan)]

@@ -12,7 +12,7 @@ from brickpilot.cli.completion import model_files, scenario_names
 from brickpilot.cli.terminal import as_json, progress_shown, seed_option
 
 if TYPE_CHECKING:
-    from brickpilot.tune.tune import Tuned
+    from brickpilot.tune.tuner import Tuned
 
 
 @click.command(short_help="Tunes gains for all robots that the data allow.")

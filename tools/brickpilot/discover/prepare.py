@@ -31,7 +31,7 @@ from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import noise_model, whitening
-from brickpilot.vehicle.comparable import Comparable, contradictions, started
+from brickpilot.vehicle.compared_runs import Comparable, contradictions, started
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]

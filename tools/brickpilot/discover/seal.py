@@ -21,7 +21,7 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.finding import Evidence, EvidenceKind
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import pseudo_huber_loss
-from brickpilot.vehicle.comparable import Comparable
+from brickpilot.vehicle.compared_runs import Comparable
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Outputs, Replay
 

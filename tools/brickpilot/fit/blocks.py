@@ -16,7 +16,7 @@ from brickpilot.data.input_timing import mean_over_steps
 from brickpilot.data.motion import MOTOR_RATE_OF, measured_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.vehicle.comparable import compared_signals
+from brickpilot.vehicle.compared_runs import compared_signals
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 

@@ -17,7 +17,7 @@ from brickpilot.hil import fly as over_a_link
 from brickpilot.hil.avr_robot import AvrRobot, open_robot
 from brickpilot.hil.avr_targets import AVR_TARGETS
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.faults import BROWN_OUT_MV
+from brickpilot.hil.fault_injection import BROWN_OUT_MV
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.link.links import Link
 from brickpilot.link.session import REALTIME

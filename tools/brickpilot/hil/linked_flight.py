@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from brickpilot.constants import STEP_MS
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.faults import FaultyLink, controller_restarts
+from brickpilot.hil.fault_injection import FaultyLink, controller_restarts
 from brickpilot.hil.plant_end import PlantEnd
 from brickpilot.hil.telemetry import Telemetry
 from brickpilot.hil.ticks import TickRecorder

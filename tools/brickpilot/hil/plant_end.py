@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.errors import SimulationError
-from brickpilot.hil.faults import SensorFaults
+from brickpilot.hil.fault_injection import SensorFaults
 from brickpilot.link.links import Message
 from brickpilot.link.messages import book, set_crc
 from brickpilot.vehicle import flight

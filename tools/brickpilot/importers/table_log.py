@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import SIGNALS, SUMMED
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.clock import ordered
 from brickpilot.importers.counters import resets, unturn, unwrap
 from brickpilot.importers.events import with_events
 from brickpilot.importers.formula import Formula, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, read_formulas, take
+from brickpilot.importers.row_order import ordered
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]

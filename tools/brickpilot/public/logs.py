@@ -13,8 +13,8 @@ from typing import Any
 
 from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, joined
-from brickpilot.discover.check import check
 from brickpilot.discover.finding import Finding, verdict_json
+from brickpilot.discover.readiness import check
 from brickpilot.errors import InputError
 from brickpilot.fit.descent import Progress
 from brickpilot.importers import IMPORTERS

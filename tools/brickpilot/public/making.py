@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from brickpilot.campaign import conduct, workers
 from brickpilot.campaign import file as campaign_file
+from brickpilot.campaign import fly_all, workers
 from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
@@ -20,7 +20,7 @@ from brickpilot.export import urdf as urdfs
 from brickpilot.firmware import boards, headers, package, robot, simulate
 from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
-from brickpilot.fit import calibrate
+from brickpilot.fit import calibration
 from brickpilot.fit.descent import Progress
 from brickpilot.public.doors import jobs_of, model_of, seed_of, whole
 from brickpilot.public.made import Made
@@ -28,10 +28,10 @@ from brickpilot.report import campaign_page, run_folder, run_page
 from brickpilot.report.mission_lines import waypoint_lines
 from brickpilot.report.template import render_plain
 from brickpilot.tune import page as tune_page
-from brickpilot.tune import robot as tuned_robot
-from brickpilot.tune import tune as tuning
-from brickpilot.tune.search import Budget
-from brickpilot.tune.tune import Tuned
+from brickpilot.tune import robot_task as tuned_robot
+from brickpilot.tune import tuner
+from brickpilot.tune.cma import Budget
+from brickpilot.tune.tuner import Tuned
 from brickpilot.vehicle import flight_checks, flight_figures, scenario
 from brickpilot.vehicle import gains as gains_file
 from brickpilot.vehicle import model as model_file
@@ -72,7 +72,7 @@ def campaign(
     words += ["--runs", str(count)] if count is not None else []
     words += ["--seed", str(seed)] if seed is not None else []
     folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
-    found = conduct.conduct(
+    found = fly_all.conduct(
         given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, shlex.join(words)
     )
     return Made(folder, campaign_page.verdict(found), found)
@@ -87,7 +87,7 @@ def tune(
     """Tunes gains for a robot whose values are known only so far, and writes gains.toml, mission.toml and report.html.
 
     Args:
-        model: the robot's model.toml; calibrate.json or verdict.json beside it says how far its values are known.
+        model: the robot's model.toml; calibration.json or verdict.json beside it says how far its values are known.
         dataset: instead of it, a data set's folder, which is calibrated first.
         out: the folder; None: runs/tune-NAME.
         board: "rcx", "avr", "avr:2560", or "packaged": the project's firmware with the model's compensation.
@@ -117,9 +117,9 @@ def tune(
     with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
         file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
         ready = tuned_robot.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
-        total = tuning.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
+        total = tuner.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
         said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
-        tuned = tuning.tune(
+        tuned = tuner.tune(
             ready.problem, ready.firmware, where, robots=robots, judges=judges, budget=spent,
             show=lambda stage, count: show(min(count, total), total, said[stage]),
         )  # fmt: skip
@@ -140,7 +140,7 @@ def _budget(text: str) -> Budget:
 
 def _calibrated(folder: Path, beside: Path, seed: int, progress: Progress) -> Path:
     """Calibrates a data set into `beside`, and returns its model file."""
-    found = calibrate.calibrate(read(folder), seed=seed, progress=progress)
+    found = calibration.calibrate(read(folder), seed=seed, progress=progress)
     (beside / "calibrate.json").write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
     model_file.save(found.model, beside / "model.toml")
     return beside / "model.toml"
@@ -151,7 +151,7 @@ def _write_tuned(tuned: Tuned, command: str, folder: Path) -> dict[str, Any]:
     plan = tuned.problem.plan
     Gains(plan.model.name, dict(tuned.gains)).save(folder / "gains.toml")
     (folder / "mission.toml").write_text(scenario.render_mission(plan.scenario), encoding="utf-8")
-    figures = tuning.to_json(tuned)
+    figures = tuner.to_json(tuned)
     (folder / "summary.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     (folder / "report.html").write_text(tune_page.page(tuned, command), encoding="utf-8")
     return figures

@@ -6,7 +6,7 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.data.own_units import OwnUnit
-from brickpilot.fit.calibrate import Calibration, Gap
+from brickpilot.fit.calibration import Calibration, Gap
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
 from brickpilot.report.plot import Curve, points_for, row_chart

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from brickpilot import catalogue
 from brickpilot.data.own_units import OwnUnit
-from brickpilot.fit.compare import Comparison, RunComparison, Trace
+from brickpilot.fit.comparison import Comparison, RunComparison, Trace
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
 from brickpilot.report.plot import Curve, points_for

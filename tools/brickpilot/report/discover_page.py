@@ -12,9 +12,9 @@ from brickpilot.discover.finding import Finding
 from brickpilot.report import composed_law, discover_fit, discover_plots, discover_tables
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import OVER_NOISE, explanation, left_predictable, listed, say, verdict, words
-from brickpilot.report.own_words import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.report.quantities import ROLES, gap_text, plain, quantity
 from brickpilot.report.template import render
+from brickpilot.report.user_terms import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.vehicle import model as model_file
 
 _RANKED = 8  # explanations that are shown; the others are folded

@@ -10,8 +10,8 @@ from brickpilot.discover import numbers
 from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
-from brickpilot.report.own_words import shown_finding, told
 from brickpilot.report.quantities import Shown, gap_text, percent, quantity
+from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
 OVER_NOISE = 1.1

@@ -7,16 +7,16 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from brickpilot.data.dataset import Dataset
-from brickpilot.discover.check import Check
 from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Finding
-from brickpilot.fit.calibrate import Calibration
-from brickpilot.fit.compare import Comparison
+from brickpilot.discover.readiness import Check
+from brickpilot.fit.calibration import Calibration
+from brickpilot.fit.comparison import Comparison
 from brickpilot.report import check_text, discover_text, headline_text
 from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
-from brickpilot.vehicle.fly import Flown
+from brickpilot.vehicle.scenario_flight import Flown
 
 if TYPE_CHECKING:
     import pandas

@@ -11,9 +11,9 @@ from brickpilot.data.shown import Result
 from brickpilot.discover.finding import Finding
 from brickpilot.report import experiment_files
 from brickpilot.report.discover_runs import telling_figures
-from brickpilot.report.own_words import frames, told
 from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
+from brickpilot.report.user_terms import frames, told
 from brickpilot.report.why_text import Answer, as_stated
 from brickpilot.vehicle.drive_constants import FeedForward, Odometry, feed_forward, odometry
 

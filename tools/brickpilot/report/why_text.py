@@ -27,8 +27,8 @@ from brickpilot.report.discover_text import (
     why_unclaimed,
     words,
 )
-from brickpilot.report.own_words import clauses, shown_finding, shown_size, told
 from brickpilot.report.quantities import fit_text, in_words, percent, quantity
+from brickpilot.report.user_terms import clauses, shown_finding, shown_size, told
 from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.drive_constants import Drives, drives
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands

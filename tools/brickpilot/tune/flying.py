@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from brickpilot.campaign.crew import Crew, Part, Workers
-from brickpilot.tune.problem import Batch, Outcome, Problem, Raw, fly_batch
+from brickpilot.tune.task import Batch, Outcome, Problem, Raw, fly_batch
 
 FLIGHTS = 8
 """Of a part: long enough that handing it out costs nothing, short enough that all workers end at the same time."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap
 
-from brickpilot.tune.problem import Outcome, Scale, score
+from brickpilot.tune.task import Outcome, Scale, score
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from brickpilot.report.quantities import number
 from brickpilot.report.template import render
 from brickpilot.report.track import track_to_html
 from brickpilot.tune.judge import JUDGE, Change, Rate
-from brickpilot.tune.problem import Outcome, Raw, score
-from brickpilot.tune.tune import Tuned
+from brickpilot.tune.task import Outcome, Raw, score
+from brickpilot.tune.tuner import Tuned
 from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.settings import settings
 

@@ -1,4 +1,4 @@
-"""The [[faults]] of a scenario: what goes wrong between plant and controller, and when. `hil/faults.py` makes them."""
+"""The [[faults]] of a scenario: what goes wrong between plant and controller, and when. hil/ makes them."""
 
 from __future__ import annotations
 

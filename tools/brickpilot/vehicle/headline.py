@@ -22,7 +22,7 @@ from brickpilot.data.motion import zero_phase_rate
 from brickpilot.data.noise import noise_of
 from brickpilot.data.signals import RATE_OF, SIGNALS, SUMMED
 from brickpilot.errors import SimulationError
-from brickpilot.vehicle.comparable import Comparable, is_compared
+from brickpilot.vehicle.compared_runs import Comparable, is_compared
 from brickpilot.vehicle.model import Model, output_names
 from brickpilot.vehicle.replay import Mark, Outputs, Replay
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from brickpilot.data.audit import stuck
 from brickpilot.data.audit.blame import Contradiction
-from brickpilot.data.audit.channels import contradictions
-from brickpilot.data.audit.clock import clock_faults
 from brickpilot.data.audit.collisions import collisions
+from brickpilot.data.audit.contradictions import contradictions
 from brickpilot.data.audit.delays import delay_note, delays
 from brickpilot.data.audit.fault import Fault, Kind, channel_note, collision_note, range_note, rows_note
 from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import blank, jumps
+from brickpilot.data.audit.run_clocks import clock_faults
 from brickpilot.data.audit.view import AcrossRuns, RunView, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame

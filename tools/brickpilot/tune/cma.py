@@ -15,8 +15,8 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.tune.flying import Flyer
-from brickpilot.tune.problem import Outcome, Raw, Scale, score
 from brickpilot.tune.space import Space
+from brickpilot.tune.task import Outcome, Raw, Scale, score
 
 SEARCH = 0
 """The stream of the robots that the search flies."""

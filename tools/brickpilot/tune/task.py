@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from brickpilot.campaign import flights, robots
+from brickpilot.campaign import flight_row, robots
 from brickpilot.campaign.robots import Allowed
 from brickpilot.firmware.closed_loop import ClosedLoop
 from brickpilot.vehicle import flight
@@ -92,15 +92,15 @@ class Batch(NamedTuple):
 def fly_batch(batch: Batch) -> list[Outcome]:
     """Returns the outcomes of the flights of a batch, in the order of its places."""
     drawn = robots.draw(batch.problem.allowed, batch.problem.seed, batch.stream, batch.places)
-    return [_outcome(row) for row in flights.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
+    return [_outcome(row) for row in flight_row.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
 
 
 def fly_plan(plan: flight.Plan) -> Outcome:
     """Returns what counts of one flight."""
-    return _outcome(flights.row(plan))
+    return _outcome(flight_row.row(plan))
 
 
-def _outcome(row: flights.Row) -> Outcome:
+def _outcome(row: flight_row.Row) -> Outcome:
     missed = 1.0 - float(row["waypoints_reached"]) / float(row["waypoints_total"])
     track, time, wear = (float(row[name]) for name in ("cross_track_rms_m", "time_s", "duty_travel"))
     return Outcome(bool(row["success"]), missed, track, time, wear, str(row["cause"]))

@@ -26,7 +26,7 @@ from brickpilot.discover.finding import Visible
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.fit.uncertainty import Combination, Estimate, assess, estimates_frame
-from brickpilot.vehicle.comparable import comparable
+from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.headline import Headline, headline
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from brickpilot.fit.uncertainty import (
     assess,
     estimates_frame,
 )
-from brickpilot.vehicle.comparable import Comparable, comparable, compared_signals
+from brickpilot.vehicle.compared_runs import Comparable, comparable, compared_signals
 from brickpilot.vehicle.headline import FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay

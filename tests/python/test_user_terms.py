@@ -15,8 +15,8 @@ from brickpilot.data.gap import Gap
 from brickpilot.data.own_units import own_unit
 from brickpilot.discover.finding import Effect, Parameter, Whiteness
 from brickpilot.discover.pipeline import discover
-from brickpilot.fit.calibrate import calibrate
-from brickpilot.fit.compare import compare
+from brickpilot.fit.calibration import calibrate
+from brickpilot.fit.comparison import compare
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import (
     calibrate_page,
@@ -26,7 +26,7 @@ from brickpilot.report import (
     discover_runs,
     discover_text,
     headline_text,
-    own_words,
+    user_terms,
     why_page,
     why_text,
 )
@@ -202,7 +202,7 @@ def test_pages_of_a_motor_speak_of_no_wheels(of_a_motor):
 
 
 def test_names_that_the_user_gave_stay(of_a_motor):
-    shown = own_words.told(
+    shown = user_terms.told(
         of_a_motor.dataset, {"run": "wheel test", "words": "play at the wheels", "code": "wheel_radius"}
     )
     assert shown == {"run": "wheel test", "words": "play at the shaft", "code": "wheel_radius"}

@@ -17,10 +17,10 @@ from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.shown import Result
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
-from brickpilot.fit.calibrate import NOTHING_FREE, calibrate
+from brickpilot.fit.calibration import NOTHING_FREE, calibrate
 from brickpilot.fit.descent import Progress
 from brickpilot.fit.parameters import plan
-from brickpilot.vehicle.comparable import Comparable, comparable, compared_signals, is_compared
+from brickpilot.vehicle.compared_runs import Comparable, comparable, compared_signals, is_compared
 from brickpilot.vehicle.headline import AHEAD, FREE_RUN, Headline, headline_of, simulated_at, track
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Array, Outputs

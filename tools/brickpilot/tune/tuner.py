@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from brickpilot.campaign.crew import Workers
+from brickpilot.tune.cma import Budget, Searched, search
 from brickpilot.tune.flying import Flyer, flyer
 from brickpilot.tune.judge import JUDGE, Change, Judged, Rate, judge
-from brickpilot.tune.problem import Problem, Raw, Scale, scale
-from brickpilot.tune.search import Budget, Searched, search
 from brickpilot.tune.space import Space, around
+from brickpilot.tune.task import Problem, Raw, Scale, scale
 from brickpilot.vehicle.settings import settings
 
 SCALE = 1

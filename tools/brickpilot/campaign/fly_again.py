@@ -8,7 +8,7 @@ from typing import Any
 from brickpilot.campaign import runs
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.file import runs as count_of
-from brickpilot.campaign.varied import Value
+from brickpilot.campaign.variables import Value
 from brickpilot.errors import InputError
 from brickpilot.vehicle import flight, flight_checks, flight_figures
 

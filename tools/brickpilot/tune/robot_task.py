@@ -10,8 +10,8 @@ from brickpilot.campaign import robots
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, closed_loop, robot, simulate
 from brickpilot.firmware.robot import Robot
-from brickpilot.tune.problem import Problem, Raw
 from brickpilot.tune.space import TUNED
+from brickpilot.tune.task import Problem, Raw
 from brickpilot.vehicle import compensation, flight, scenario
 from brickpilot.vehicle import model as models
 from brickpilot.vehicle.setting_defaults import constants, default, defaults
