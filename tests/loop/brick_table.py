@@ -27,6 +27,8 @@ NAMES = {
     "h8:imu": "RCX, IMU",
     "h8:rotation": "RCX, rotation sensors",
     "avr:328p-imu": "328P, IMU",
+    "avr:328p-mpu6050": "328P, MPU-6050",
+    "avr:328p-lsm6ds": "328P, LSM6DS",
     "avr:328p-rotation": "328P, rotation sensors",
     "avr:2560": "2560, all",
 }

@@ -10,8 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+import pandas
 from brickpilot.data.audit.wiring import mended, miswired
 from brickpilot.data.audit.wiring_motion import SURE, Channels, Miswired
+from brickpilot.data.dataset import Dataset
 from hidden import measure
 from hidden.manoeuvre import catalogue, varied
 from hidden.recipe import Recipe, Vehicle
@@ -127,6 +129,12 @@ WORDS = {
 def channels(log: Log) -> Channels:
     inputs = {name: values for name, values in log.items() if name.startswith(("duty", "voltage"))}
     return Channels(log["time"], inputs, {n: v for n, v in log.items() if n not in inputs and n != "time"})
+
+
+def dataset(runs: Sequence[Log], robot: str) -> Dataset:
+    """Returns the logs of a robot as a data set, with what the experimenter measured of it."""
+    frames = {f"run_{number}": pandas.DataFrame(log) for number, log in enumerate(runs)}
+    return Dataset.from_frames(frames, vehicle="diff_drive", frame="FRD", nominal=nominal(robot))
 
 
 def _mirrored(log: Log) -> Iterator[Log]:

@@ -1,13 +1,14 @@
 """Files of others and of this program, damaged at random: each is read, or refused in one line; nothing else happens.
 
 A text file loses, doubles or swaps lines and gets hostile values; a binary one gets turned bits and lengths of all
-ones, and is cut off. The seed is fixed. `--full` tries thirty times as many. A .mat file is not among them: damaged, it
-can crash scipy's reader, so it is read in a process of its own.
+ones, and is cut off. The seed is fixed. `--full` tries thirty times as many. Damaged, a .mat file can
+crash scipy's reader, so it is read in a process of its own, as the importer does.
 """
 
 from __future__ import annotations
 
 import json
+import multiprocessing
 import random
 import re
 import resource
@@ -15,6 +16,8 @@ import struct
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,7 +34,7 @@ from brickpilot.errors import InputError
 from brickpilot.export import run_read
 from brickpilot.flash import avr, lx, srec
 from brickpilot.hil import traffic_log
-from brickpilot.importers import dataflash, mcap, parquet, rosbag, ulog, wpilib, wpilog
+from brickpilot.importers import dataflash, mat_file, mcap, parquet, rosbag, ulog, wpilib, wpilog
 from brickpilot.importers.table import import_table
 from brickpilot.vehicle import compensation, gains, model, scenario
 from intelhex import IntelHex
@@ -39,6 +42,7 @@ from test_campaign import CAMPAIGN, OTHER, SHORT
 from test_campaign_robots import LENGTHS
 from test_compensation import EVERYTHING, compensation_of
 from test_gains import saved
+from test_import_matlab import MAT_WRITERS
 from test_import_other_logs import WRITERS
 
 LONGEST_S = 5.0
@@ -254,3 +258,39 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(kind: str, tmp_path: Path
     assert {one for one in tmp_path.iterdir() if one != folder} == around
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert grown * 1024 < MOST_BYTES
+
+
+def as_importer(path: Path) -> tuple[bool, int]:
+    """Reads a .mat file as the importer's process does; returns whether that could be, and this process's bytes."""
+    found = mat_file.parse(path)
+    return found is not None, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+@pytest.mark.parametrize("version", MAT_WRITERS)
+def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, tmp_path: Path, full: bool) -> None:
+    """A crash of the reader is a refusal too, which `mat_file.load` says in one line."""
+    path, count = tmp_path / "log.mat", 1500 if full else 50
+    MAT_WRITERS[version](path)
+    good, draw = path.read_bytes(), random.Random(version)
+    assert set(mat_file.load(path)) >= {"t", "u", "log"}
+    pool, read, crashed = None, 0, 0
+    for number in range(count):
+        path.write_bytes(damaged_bytes(good, draw))
+        pool = pool or ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+        pool.submit(int).result()  # it has begun
+        try:
+            could, bytes_used = pool.submit(as_importer, path).result(LONGEST_S)
+        except BrokenProcessPool:
+            pool, crashed = None, crashed + 1
+            continue
+        except TimeoutError:
+            for process in pool._processes.values():
+                process.kill()
+            path.replace(tmp_path / f"damaged-{number}")
+            raise
+        read += could
+        assert bytes_used < MOST_BYTES, number
+    if pool is not None:
+        pool.shutdown()
+    print(f"{version}: {read} read, {crashed} crashed, of {count}")
+    assert 0 < read < count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from pathlib import Path
 
@@ -52,6 +53,43 @@ def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
     assert (tmp_path / "found/next_experiment.toml").exists()
     page = (tmp_path / "found/why.html").read_text()
     assert f"It turns to the {side} when it is to drive straight." in page
+
+
+@pytest.mark.parametrize(("robot", "mismatch", "side"), [("mujoco", 0.1, "right"), ("planar", -0.05, "left")])
+def test_one_straight_run_on_a_smaller_wheel_tells_the_bend_and_names_no_motor(
+    robot: str, mismatch: float, side: str, tmp_path: Path
+) -> None:
+    """Alone the two wheels turn alike, but the smaller one turns a little more: no side is weaker."""
+    write_log(tmp_path / "log.csv", robot, STRAIGHT, {"wheel_radius_mismatch": {"mismatch": mismatch}})
+    known = ROBOTS[robot]
+    nominal = {"wheel_radius": known.wheel_radius, "half_track": known.half_track, "battery_voltage": 9.0}
+    found = bp.why(tmp_path / "log.csv", nominal=nominal).answer
+    said = re.match(
+        rf"Under equal commands the path bends ([\d.]+)° a metre to the {side} .*, and the wheels turn alike.*: "
+        rf"the {side} wheel goes {PERCENT} less far. Straight runs cannot tell whether a wheel's radius, a motor, ",
+        plain(found.what),
+    )
+    assert said, found.what
+    assert float(said[1]) == pytest.approx(math.degrees(abs(mismatch) / (2 * known.half_track)), rel=0.1)
+    assert float(said[2]) == pytest.approx(100 * abs(mismatch), abs=1.0)
+    assert "weaker" not in found.what
+    assert found.ending == "missing"
+    assert found.todo[0].startswith("Drive ")
+    assert found.symptoms == (f"It turns to the {side} when it is to drive straight.",)
+
+
+@pytest.mark.parametrize(("robot", "error", "said"), [("mujoco", -0.1, "10.0"), ("planar", 0.05, "5.0")])
+def test_a_gyro_that_the_wheels_contradict_is_not_nothing(robot: str, error: float, said: str, tmp_path: Path) -> None:
+    """The fit takes it for another wheel_radius and half_track, each within a ruler's error."""
+    write_log(tmp_path / "log.csv", robot, MANY, {"gyro_scale": {"error": error}})
+    nominal = {name: getattr(ROBOTS[robot], name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
+    found = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0}).answer
+    assert found.ending == "contradiction", found.what
+    which = "more" if error > 0 else "less"
+    begins = rf"These data contradict themselves: the gyro turns {said}\d* % {which} than the wheels do \("
+    assert re.match(begins, plain(found.what)), found.what
+    assert "Its scale, the counts a turn, wheel_radius or half_track is wrong by as much" in found.what
+    assert found.todo[0].startswith("Turn the robot by a known angle")
 
 
 def test_one_run_two_runs_and_all_give_one_answer_that_gets_surer(tmp_path: Path) -> None:

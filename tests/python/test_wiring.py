@@ -10,6 +10,7 @@ import miswired_logs as logs
 import numpy as np
 import pytest
 from brickpilot.data.audit.wiring import miswired
+from brickpilot.data.facts import yaw_over_wheels
 from brickpilot.data.reading import channels_of, read
 from brickpilot.importers.table import import_table
 from command import brickpilot
@@ -24,6 +25,17 @@ def robot(name: str) -> list[logs.Log]:
 @pytest.mark.parametrize("name", logs.ROBOTS)
 def test_a_robot_that_is_wired_right_is_left_alone(name: str) -> None:
     assert miswired([logs.channels(log) for log in robot(name)], logs.nominal(name)) == ()
+
+
+@pytest.mark.parametrize("name", logs.ROBOTS)
+def test_a_gyro_of_another_scale_shows_against_wheels_and_stated_lengths(name: str) -> None:
+    """To a part in a thousand, and whatever its bias: a right one shows as right."""
+    for scale, bias in ((1.0, 0.0), (1.05, 0.0), (0.9, 0.05)):
+        spoilt = [log | {"yaw_rate": scale * log["yaw_rate"] + bias} for log in robot(name)]
+        found = yaw_over_wheels(logs.dataset(spoilt, name))
+        assert found is not None
+        assert found.size == pytest.approx(scale, abs=0.002)
+        assert found.low < found.size < found.high < found.low + 0.01
 
 
 @pytest.mark.parametrize("fault", logs.FAULTS)

@@ -29,6 +29,19 @@ class WorkFailedError(Exception):
     """The work was done and failed, as a mission that was not flown. The CLI prints one line; exit status 1."""
 
 
+class DiskFullError(WorkFailedError):
+    """The disk is full.
+
+    Args:
+        path: what is being written, as the user named it.
+        reason: as the system words it.
+    """
+
+    def __init__(self, path: Path | str, reason: str) -> None:
+        super().__init__(f"{path}: {reason}; nothing of it is written")
+        self.reason = reason
+
+
 class InputError(Exception):
     """Bad input. The message is one line that names the place, `file:line: field: fault`; the CLI exits with status 2.
 
@@ -58,14 +71,16 @@ def disk_named(path: Path | str) -> Iterator[None]:
         path: what is being written, as the user named it.
 
     Raises:
-        WorkFailedError: the disk, the quota or a limit of sizes is full.
+        DiskFullError: the disk, the quota or a limit of sizes is full.
     """
     try:
         yield
+    except DiskFullError as error:  # of a part, that no user has named
+        raise DiskFullError(path, error.reason) from error
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        raise WorkFailedError(f"{path}: {error.strerror}; nothing of it is written") from error
+        raise DiskFullError(path, error.strerror or "full") from error
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

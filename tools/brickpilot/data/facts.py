@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.audit.windows import integral
+from brickpilot.data.audit.wiring_motion import Channels, Motion
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import kind_of, manoeuvre
 from brickpilot.data.motion import wheel_angles
@@ -21,6 +23,8 @@ _LATE = 0.99  # quantile of the steps between samples that is reported beside th
 _EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # over which the sides are compared, and how many of them are needed
 _FAST = 0.5  # of the fastest window: a slower one is a start or a stop
+_REST = 10  # samples without a command, at a run's start: their mean is the gyro's bias
+_BLOCKS = 20  # of windows that follow each other, from which the error of a ratio is taken
 
 
 @dataclass(frozen=True)
@@ -83,32 +87,99 @@ def drives_straight_alone(dataset: Dataset) -> bool:
     return dataset.vehicle == "diff_drive" and kinds - {"rest"} == {"straight"}
 
 
+@dataclass(frozen=True)
+class Measure:
+    """A size that the channels show without a model, with the ends of its 95 % interval."""
+
+    size: float
+    low: float
+    high: float
+
+
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
     """Returns which wheel turns less under equal commands; None: neither, or the runs do not tell.
 
     It compares how far both wheels turn in windows of 0.25 s in which both get the same voltage. No model is asked.
     """
-    turns = np.array([turn for run in dataset.runs for turn in _equal_windows(run, dataset)]).reshape(-1, 2)
-    sizes = np.abs(turns).min(axis=1, initial=np.inf)
-    turns = turns[sizes > _FAST * np.max(sizes, initial=0.0)]
-    if len(turns) < _LEAST_WINDOWS or (turns[:, 0] * turns[:, 1] <= 0).any():
+    windows = _equal_windows(dataset)
+    if len(windows) < _LEAST_WINDOWS:
         return None
+    turns = windows[:, :2]
     far, less = (np.abs(turns).sum(axis=0).argsort()[::-1]).tolist()
     share = float(1 - np.abs(turns[:, less]).sum() / np.abs(turns[:, far]).sum())
-    each = 1 - turns[:, less] / turns[:, far]
-    reach = 2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each))
+    reach = _reach(1 - turns[:, less] / turns[:, far])
     if share <= reach:
         return None
     return WeakerSide(("left", "right")[less], share, share - reach, share + reach)
 
 
-def _equal_windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float]]:
-    """Yields how far the left and the right wheel turn, rad or m, in each window in which both get one voltage."""
+def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
+    """Returns how much the path bends under equal commands, rad/m, to the right above 0; None: the runs do not tell.
+
+    Args:
+        wheel_radius: m, for the way of wheels whose angles are measured.
+    """
+    windows = _equal_windows(dataset)
+    windows = windows[np.isfinite(windows[:, 2])]
+    if len(windows) < _LEAST_WINDOWS:
+        return None
+    is_angle = any(wheel_angles(run) for run in dataset.runs)
+    ways = windows[:, :2].mean(axis=1) * (wheel_radius if is_angle else 1.0)
+    size, reach = float(windows[:, 2].sum() / ways.sum()), _reach(windows[:, 2] / ways)
+    return None if abs(size) <= reach else Measure(size, size - reach, size + reach)
+
+
+def yaw_over_wheels(dataset: Dataset) -> Measure | None:
+    """Returns how far the yaw turns over how far the wheels say with the stated lengths; None: the runs do not tell.
+
+    A constant bias of the gyro is no part of it. None as well where slip or the gyro's range bends the ratio.
+    """
+    stated = {name: known.value for name, known in dataset.nominal.items()}
+    if dataset.vehicle != "diff_drive":
+        return None
+    motion = Motion([Channels(run.time, run.inputs, run.outputs) for run in dataset.runs])
+    expected = motion.geometry(stated)
+    if expected is None or motion.yaw is None or motion.turning() is None:
+        return None
+    left, right = (motion.at[name] for name in motion.wheels)
+    says, turns = expected * (left - right), motion.at[motion.yaw]
+    known = np.isfinite(says) & np.isfinite(turns)
+    says, turns = says[known] - says[known].mean(), turns[known] - turns[known].mean()
+    parts = [np.array([one @ two, one @ one]) for one, two in zip(*_blocks(says, turns), strict=True)]
+    whole = sum(parts, np.zeros(2))
+    without = np.array([(whole - part)[0] / (whole - part)[1] for part in parts])  # the jackknife
+    sd = math.sqrt((len(parts) - 1) / len(parts) * float(np.sum((without - without.mean()) ** 2)))
+    size = float(whole[0] / whole[1])
+    return Measure(size, size - 2 * sd, size + 2 * sd)
+
+
+def _blocks(*values: Array) -> tuple[list[Array], ...]:
+    return tuple(np.array_split(one, _BLOCKS) for one in values)
+
+
+def _reach(each: Array) -> float:
+    """Returns half the 95 % interval of the mean of some values."""
+    return 2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each))
+
+
+def _equal_windows(dataset: Dataset) -> Array:
+    """Returns (w, 3): how far the left and the right wheel turn, rad or m, and the yaw, rad, in the fast windows of all
+    runs in which both motors get one voltage; none where the wheels turn against each other."""
+    found = [window for run in dataset.runs for window in _windows(run, dataset)]
+    windows: Array = np.array(found, dtype=np.float64).reshape(-1, 3)
+    sizes = np.abs(windows[:, :2]).min(axis=1, initial=np.inf)
+    windows = windows[sizes > _FAST * np.max(sizes, initial=0.0)]
+    return windows[:0] if (windows[:, 0] * windows[:, 1] <= 0).any() else windows
+
+
+def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]:
+    """Yields the turn of the left and the right wheel and the yaw in each window in which both get one voltage."""
     turned = wheel_angles(run) or {name: one for name, one in run.outputs.items() if name.startswith("wheel_travel")}
     if dataset.vehicle != "diff_drive" or len(turned) < 2:
         return
     left, right = (turned[name] for name in sorted(turned))
     volts = np.nan_to_num(motor_inputs(run, dataset))
+    yaw = _yaw(run, volts)
     larger = np.abs(volts).max(axis=1)
     equal = (larger > 0) & (np.abs(volts[:, 0] - volts[:, 1]) <= _EQUAL * larger)
     first = 0
@@ -118,8 +189,21 @@ def _equal_windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float]]:
             return
         turn = float(left[last] - left[first]), float(right[last] - right[first])
         if equal[first:last].all() and np.isfinite(turn).all():
-            yield turn
+            yield (*turn, float(yaw[last] - yaw[first]))
         first = last
+
+
+def _yaw(run: Run, volts: Array) -> Array:
+    """Returns the yaw angle, rad: measured, or the sum of the rate less its mean before the first command; else NaN."""
+    if "yaw_angle" in run.outputs:
+        return run.outputs["yaw_angle"]
+    rate = run.outputs.get("yaw_rate", np.full_like(run.time, np.nan))
+    known = np.isfinite(rate)
+    if not known.any():
+        return rate
+    still = rate[: int(np.argmax((volts != 0).any(axis=1)))]
+    bias = float(np.nanmean(still)) if np.isfinite(still).sum() >= _REST else 0.0
+    return integral(run.time, np.interp(run.time, run.time[known], rate[known]) - bias)
 
 
 def of_run(run: Run, role: str, inputs: Array) -> RunFacts:

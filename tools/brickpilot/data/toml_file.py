@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from brickpilot.data.unfinished import beside
 from brickpilot.errors import InputError, disk_named
 
 Key = tuple[str | int, ...]
@@ -173,10 +173,6 @@ def write_whole(path: Path | str, text: str) -> None:
         WorkFailedError: the disk is full.
     """
     target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        with disk_named(target):
-            beside.write_text(text, encoding="utf-8")
-            os.replace(beside, target)
-    finally:
-        beside.unlink(missing_ok=True)
+    with disk_named(target), beside(target) as made:
+        made.write_text(text, encoding="utf-8")
+        made.replace(target)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack
 from pathlib import Path
 
+from brickpilot.data.unfinished import beside
 from brickpilot.errors import InputError, disk_named
 
 
@@ -23,20 +23,18 @@ def write(contents: Mapping[Path, bytes]) -> None:
         InputError: one cannot be written.
         WorkFailedError: the disk is full.
     """
-    beside = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in contents}
     path = Path()
     try:
-        for path, content in contents.items():
-            if path.is_dir():
-                raise InputError("is a folder, so no file can be written there", file=path)
-            with disk_named(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                beside[path].write_bytes(content)
-        for path in contents:
-            beside[path].replace(path)
+        with ExitStack() as stack:
+            made = {}
+            for path, content in contents.items():
+                if path.is_dir():
+                    raise InputError("is a folder, so no file can be written there", file=path)
+                with disk_named(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    made[path] = stack.enter_context(beside(path))
+                    made[path].write_bytes(content)
+            for path in contents:
+                made[path].replace(path)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=path) from error
-    finally:
-        for one in beside.values():
-            with suppress(OSError):
-                one.unlink()

@@ -6,7 +6,6 @@ The folder is first written beside its place and read back as a check. Only then
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import channels_of
 from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.unfinished import beside
 from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
@@ -138,32 +138,36 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
     check_out(out)
     place = out.resolve()
     parent = next(folder for folder in place.parents if folder.is_dir())
-    partial = parent / f".{place.name}.partial-{os.getpid()}"
     try:
-        with disk_named(out):
-            partial.mkdir()
-            _fill(new, partial)
-        read_back = reading.read(partial)
-        if new.frame is None:
-            new = replace(new, **_framed(new, read_back))
-            with disk_named(out):
-                _describe(new, partial)
-            read_back = reading.read(partial)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        if place.is_dir():
-            place.rmdir()  # it is empty; Windows renames to no folder that exists
-        partial.rename(place)
+        with beside(parent / place.name, is_folder=True) as partial:
+            new, read_back = _written(new, partial, out, source)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            if place.is_dir():
+                place.rmdir()  # it is empty; Windows renames to no folder that exists
+            partial.rename(place)
     except OSError as error:
         raise InputError(error.strerror or "cannot be written", file=out, field="--out") from error
-    except InputError as error:
-        reason = str(error).replace(f"{partial}{os.sep}", "")
-        raise InputError(f"makes no valid data set: {reason}", file=source) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     wiring = tuple(one.sentence for one in read_back.wiring)
     notes = (note for note in read_back.notes if not note.startswith("wiring: "))
     mend = mending(new.sources, taken_from(read_back.wiring))
     return Imported(out, tuple(run.name for run in new.runs), (*new.notes, *notes), wiring, mend)
+
+
+def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[NewDataset, Dataset]:
+    """Fills a folder with the data set, and returns it with its frame, and as it is read again."""
+    try:
+        with disk_named(out):
+            _fill(new, folder)
+        read_back = reading.read(folder)
+        if new.frame is None:
+            new = replace(new, **_framed(new, read_back))
+            with disk_named(out):
+                _describe(new, folder)
+            read_back = reading.read(folder)
+    except InputError as error:
+        reason = str(error).replace(f"{folder}{os.sep}", "")
+        raise InputError(f"makes no valid data set: {reason}", file=source) from error
+    return new, read_back
 
 
 def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:

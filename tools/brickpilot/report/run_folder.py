@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import glob
 import json
-import os
 import shutil
-import tempfile
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.toml_file import write_whole
+from brickpilot.data.unfinished import beside
 from brickpilot.errors import InputError, disk_named
 from brickpilot.vehicle.flight import Flight
-
-try:
-    import fcntl
-except ImportError:  # no POSIX: what is left over stays
-    fcntl = None  # type: ignore[assignment]
 
 Array = NDArray[np.float64]
 
@@ -43,56 +37,33 @@ def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
         others = sorted({path.name for path in out.iterdir()} - set(files)) if out.is_dir() else []
         if others:
             raise InputError(f"holds other files, such as {others[0]}; name a new or an empty folder", file=out)
-        made = not out.parent.exists()
-        with disk_named(out):
-            out.parent.mkdir(parents=True, exist_ok=True)
-            _remove_left_over(out)
-            beside = Path(tempfile.mkdtemp(prefix=_prefix(out), dir=out.parent))
-            lock = _locked(beside)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=out) from error
+    made = not out.parent.exists()
     try:
-        with disk_named(out):
-            yield beside
-            beside.chmod(0o755)
-            if out.exists():
-                shutil.rmtree(out)
-            beside.rename(out)
+        with ExitStack() as stack:
+            try:
+                with disk_named(out):
+                    out.parent.mkdir(parents=True, exist_ok=True)
+                    folder = stack.enter_context(beside(out, is_folder=True))
+            except OSError as error:
+                raise InputError(f"cannot be written: {error.strerror}", file=out) from error
+            with disk_named(out):
+                yield folder
+            _put(folder, out)
     except BaseException:
-        shutil.rmtree(beside, ignore_errors=True)
-        if made and not any(out.parent.iterdir()):
+        if made and out.parent.is_dir() and not any(out.parent.iterdir()):
             out.parent.rmdir()
         raise
-    finally:
-        if lock is not None:
-            os.close(lock)
 
 
-def _prefix(out: Path) -> str:
-    return f".{out.name}-unfinished-"
-
-
-def _locked(folder: Path) -> int | None:
-    """Returns a lock on a folder that ends with this process; None: another process has it, or the system has none."""
-    if fcntl is None:
-        return None
-    place = os.open(folder, os.O_RDONLY)
+def _put(folder: Path, out: Path) -> None:
     try:
-        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(place)
-        return None
-    return place
-
-
-def _remove_left_over(out: Path) -> None:
-    """Removes the unfinished folders of `out` that no process holds."""
-    for folder in out.parent.glob(f"{glob.escape(_prefix(out))}*"):
-        with suppress(OSError):
-            lock = _locked(folder)
-            if lock is not None:
-                shutil.rmtree(folder, ignore_errors=True)
-                os.close(lock)
+        if out.exists():
+            shutil.rmtree(out)
+        folder.rename(out)
+    except OSError as error:
+        raise InputError(f"is being written by another run: {error.strerror}", file=out) from error
 
 
 def write_file(text: str, path: Path) -> None:
@@ -102,16 +73,11 @@ def write_file(text: str, path: Path) -> None:
         InputError: it cannot be written.
         WorkFailedError: the disk is full.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with disk_named(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            beside.write_text(text, encoding="utf-8")
-            beside.replace(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, text)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=path) from error
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def write_log(columns: Mapping[str, Array], path: Path) -> None:

@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 
 from brickpilot import catalogue
-from brickpilot.data.facts import WeakerSide, drives_straight_alone, weaker_side
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.facts import Measure, WeakerSide, bend, drives_straight_alone, weaker_side, yaw_over_wheels
 from brickpilot.data.holdout import kind_of
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import Finding
@@ -37,6 +38,7 @@ from brickpilot.vehicle.model import Model
 Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
 _ALL = 99.0  # % of the signals: what is left is no complaint
+_OF_WHEELS = 0.5  # of a bend: a smaller part that the wheels' angles show is not its cause
 _WORSE = 0.05  # percentage points of the fit: an explanation that costs more explains no whole run
 _VEERS = math.radians(1.0)  # rad/m: less is hardly seen
 _DIFFERS = 0.03  # of a speed or a way: less is hardly seen
@@ -78,23 +80,32 @@ def answer(
         advised: returns the manoeuvres that would tell most, where the finding asks for none; it is called only then.
     """
     ending, what = _what(finding)
+    apart = _apart(finding.dataset) if ending == "nothing" else None
+    if apart is not None:
+        ending, what = "contradiction", f"These data contradict themselves: {_contradicted(finding.dataset, apart)}"
     straight = drives_straight_alone(finding.dataset) and ending != "nothing"
     is_sided = straight or (ending == "missing" and finding.verdict == "ambiguous" and _is_of_sides(finding))
-    weaker = weaker_side(finding.dataset) if is_sided else None
-    if weaker is not None:
-        which = f"The logs cannot tell which it is: {_either(finding)}."
-        if straight:
-            which = "Straight runs cannot tell whether its motor, its drive, friction or a wheel's radius is the cause."
-        ending, what = "missing", f"{_side(weaker)} {which}"
+    sided = _sided(finding) if is_sided else None
+    if sided is not None:
+        which = sided.which if straight else f"The logs cannot tell which it is: {_either(finding)}."
+        ending, what = "missing", f"{sided.what} {which}"
     elif straight and finding.verdict == "named" and ending == "cause":
         ending = "missing"
-        what = f"Something is missing, and straight runs alone cannot prove what. Most likely: {what}"
-    asked = None if ending == "nothing" else finding.next_experiment
+        best = listed([explanation(one) for one in found_names(finding)])
+        alike = "friction, motors, the battery, slip and the gyro look much alike in them"
+        what = f"Something is missing, and straight runs cannot tell what: {alike}. Of all, {best} fits best."
+    asked = None if ending == "nothing" or apart is not None else finding.next_experiment
     manoeuvre = None if asked is None else asked.manoeuvre
     if ending == "missing" and manoeuvre is None:
         found = advised()
         manoeuvre = next((one for one in found if straight and _turns(one)), found[0] if found else None)
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
+    if apart is not None:
+        turn = catalogue.advice("gyro_scale", {"error": apart.size - 1})
+        todo = [
+            turn,
+            "Roll it along a measured way, too: that tells the counts a turn and wheel_radius apart from both.",
+        ]
     if wiring := finding.dataset.wiring:
         mended = all(one.is_mended for one in wiring)
         said = " ".join([*(one.sentence for one in wiring), *([f"To state it right: {mend}."] if mend else [])])
@@ -103,9 +114,11 @@ def answer(
         ending = "cause" if mended else "contradiction"
         todo = ["Mend the wiring, or state the log otherwise. If all is wired as stated, say --as-wired.", *todo]
     sure, symptoms = _sure(finding, ending), _symptoms(finding)
-    if weaker is not None:
+    if sided is not None:
         sure = "The wheels themselves show it, without a model."
-        symptoms = [f"It turns to the {weaker.side} when it is to drive straight."]
+        symptoms = [f"It turns to the {sided.to} when it is to drive straight."]
+    elif apart is not None:
+        sure, symptoms = "The gyro and the wheels themselves show it, without a model.", []
     data = finding.dataset
     return Answer(
         ending, told(data, what), told(data, sure), told(data, tuple(todo)), told(data, tuple(symptoms)), manoeuvre
@@ -116,13 +129,67 @@ def _turns(manoeuvre: Manoeuvre) -> bool:
     return kind_of(commands(manoeuvre, np.arange(0.0, manoeuvre.duration_s, _GRID_S))) != "straight"
 
 
+@dataclass(frozen=True)
+class _Sided:
+    """How equal commands move left and right differently: `what` they do, `which` causes remain, and `to` which side
+    the robot turns."""
+
+    what: str
+    which: str
+    to: str
+
+
+def _sided(finding: Finding) -> _Sided | None:
+    """Returns what runs under equal commands say of two sides, without a model; None: the sides are alike."""
+    weaker, bent, known = weaker_side(finding.dataset), None, finding.augmented.parameters
+    track = 2 * known["half_track"]
+    if weaker is not None and weaker.share < _VEERS * track:
+        weaker = None
+    if "wheel_radius" in known:
+        bent = bend(finding.dataset, known["wheel_radius"])
+    motor = "Straight runs cannot tell whether its motor, its drive, friction or a wheel's radius is the cause."
+    if bent is None or abs(bent.size) < _VEERS:
+        return None if weaker is None else _Sided(f"{_side(weaker)}.", motor, weaker.side)
+    to = "right" if bent.size > 0 else "left"
+    ends = sorted(abs(math.degrees(one)) for one in (bent.low, bent.high))
+    bends = f"the path bends {abs(math.degrees(bent.size)):.1f}° a metre to the {to} ({ends[0]:.1f} to {ends[1]:.1f}°)"
+    share = abs(bent.size) * track
+    if weaker is not None and weaker.side == to and weaker.share > _OF_WHEELS * share:
+        return _Sided(f"{_side(weaker)}, and {bends}.", motor, to)
+    alike = "alike" if weaker is None else f"alike but for {in_words(weaker.share, '1')[0]}"
+    seen = f"Under equal commands {bends}, and the wheels turn {alike}: the {to} wheel goes {percent(share)} less far."
+    rest = "Straight runs cannot tell whether a wheel's radius, a motor, slip or the gyro is the cause."
+    return _Sided(seen, rest, to)
+
+
 def _side(one: WeakerSide) -> str:
-    """Returns what runs under equal commands say of two sides that do not turn alike, without a model."""
     size, interval = in_words(one.share, "1", (one.low, one.high))
     other = "right" if one.side == "left" else "left"
     return (
         f"The {one.side} side is {size} weaker than the {other}{interval}: under equal commands its wheel turns that "
-        "much less."
+        "much less"
+    )
+
+
+def _apart(dataset: Dataset) -> Measure | None:
+    """Returns how far the yaw turns over what the wheels say, where they contradict each other; None: they do not.
+
+    A fit hides it in lengths that move within a ruler's error. A larger error that is stated of them excuses more.
+    """
+    ratio = yaw_over_wheels(dataset)
+    lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
+    shares = [(one.sd or 0.0) / one.value for one in lengths]
+    limit = max(numbers.RULER, 2 * math.hypot(*(one for one in shares if one > 1.01 * numbers.RULER)))
+    return ratio if ratio is not None and (ratio.low > 1 + limit or ratio.high < 1 - limit) else None
+
+
+def _contradicted(dataset: Dataset, apart: Measure) -> str:
+    sizes = [abs(one - 1) for one in (apart.size, apart.low, apart.high)]
+    size, interval = in_words(sizes[0], "1", (min(sizes[1:]), max(sizes[1:])))
+    gyro = "the gyro" if "yaw_rate" in dataset.signals else "yaw_angle"
+    return (
+        f"{gyro} turns {size} {'more' if apart.size > 1 else 'less'} than the wheels do{interval}. Its scale, the "
+        "counts a turn, wheel_radius or half_track is wrong by as much, and the logs cannot tell which."
     )
 
 
@@ -166,7 +233,8 @@ def _what(finding: Finding) -> tuple[Ending, str]:
         does = "the simulation does what the robot does"
         if fit is not None and leaves_more_than_noise(finding):
             does = f"the simulation explains {fit_text(fit.after)} of the signals on {fit.runs}"
-        return "nothing", f"Nothing is wrong: {does}. {_visible(finding)}".rstrip()
+        where = " as far as straight runs show" if drives_straight_alone(finding.dataset) else ""
+        return "nothing", f"Nothing is wrong{where}: {does}. {_visible(finding)}".rstrip()
     if finding.verdict == "named":
         if fit is not None and fit.after < fit.before - _WORSE:
             best = listed([explanation(one) for one in found_names(finding)])

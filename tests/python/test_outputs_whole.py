@@ -1,0 +1,221 @@
+"""Each command that writes leaves its output whole or absent: killed, on a full disk, without leave, beside its twin.
+
+One row of `COMMANDS` a command. The short form tries each row with few moments; `--full` kills each at 100 random
+moments and fills its disk at 20 random sizes. A campaign keeps what is done instead, and has tests of its own
+(`test_campaign_killed.py`, `test_full_disk.py`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+from brickpilot.vehicle import model
+from command import PROGRAM
+from findings import measured
+from new_users_logs import STRAIGHT, write_log
+from test_campaign import SHORT
+
+PLACE = Path("place")
+OUT = str(PLACE / "made")
+"""The output of a row, in a folder of its own; a row's words may have an ending behind it."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """The words of a command, and the ending of the file that it writes; "": it writes a folder."""
+
+    words: tuple[str, ...]
+    ending: str = ""
+
+    @property
+    def out(self) -> Path:
+        return Path(f"{OUT}{self.ending}")
+
+
+def row(words: str, ending: str = "") -> Command:
+    return Command((*words.split(), "--out", f"{OUT}{ending}"), ending)
+
+
+COMMANDS = {
+    "run": row("run short.toml"),
+    "hil": row("hil short.toml --link tcp"),
+    "import": row("import log.csv --guess"),
+    "why": row("why log.csv --budget 1"),
+    "compare": row("compare set"),
+    "calibrate": row("calibrate set"),
+    "discover": row("discover set --budget 1"),
+    "tune": row("tune --model model.toml --scenario short.toml --robots 4 --judges 20 --budget 2"),
+    "firmware": row("firmware --model model.toml --board template"),
+    "export mjcf": row("export mjcf", ".xml"),
+    "export urdf": row("export urdf", ".urdf"),
+    "export fmu": row("export fmu", ".fmu"),
+    "export mcap": row("export mcap flown", ".mcap"),
+    "export parquet": row("export parquet flown", ".parquet"),
+}
+MAGIC = {".parquet": b"PAR1", ".mcap": b"\x89MCAP0\r\n"}
+"""The end of a whole file."""
+
+OF_EACH_KIND = {"run", "import", "export mcap"}
+"""Those that are killed, and have a twin, in the short form: the writers of a folder, a data set and files."""
+
+each = pytest.mark.parametrize("name", COMMANDS)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the rows read."""
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / PLACE).mkdir()
+    (folder / "short.toml").write_text(SHORT)
+    write_log(folder / "log.csv", "planar", STRAIGHT, {})
+    measured(folder / "set")
+    model.save(model.rcx(), folder / "model.toml")
+    ended(begun("run", "short.toml", "--out", "flown", cwd=folder))
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path) -> Path:
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def begun(*words: str, cwd: Path, first: Callable[[], None] | None = None) -> subprocess.Popen[str]:
+    """Starts a command in a process group of its own."""
+    return subprocess.Popen(
+        [PROGRAM, *words], cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        text=True, start_new_session=True, preexec_fn=first,
+    )  # fmt: skip
+
+
+def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
+    """Returns the exit status, and the lines that the program says as its own; a traceback is none."""
+    said = process.communicate(timeout=300)[1]
+    assert "Traceback" not in said, said
+    return process.returncode, [line for line in said.splitlines() if line.startswith("brickpilot: ")]
+
+
+@cache
+def whole(name: str, folder: Path) -> tuple[frozenset[str], float, int]:
+    """Runs a command undisturbed: the files that it writes, how long it takes (s) and the size of its largest file."""
+    began = time.monotonic()
+    assert ended(begun(*COMMANDS[name].words, cwd=folder)) == (0, []), name
+    seconds, place = time.monotonic() - began, folder / PLACE
+    found = files(place), seconds, max(one.stat().st_size for one in place.rglob("*") if one.is_file())
+    emptied(place)
+    return found
+
+
+def emptied(place: Path) -> None:
+    """Removes what a user sees in a folder, and leaves what is hidden."""
+    for path in place.iterdir():
+        if not path.name.startswith("."):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def files(place: Path) -> frozenset[str]:
+    return frozenset(str(one.relative_to(place)) for one in place.rglob("*") if one.is_file())
+
+
+def assert_whole_or_absent(name: str, folder: Path, expected: frozenset[str]) -> bool:
+    """Returns whether the output is there. A folder has all its files then; each file ends as it should.
+
+    What is hidden is no output: the next run of the same name removes it.
+    """
+    place = folder / PLACE
+    there = frozenset(one for one in files(place) if not one.startswith("."))
+    if there and not COMMANDS[name].ending:
+        assert there == expected
+    assert there <= expected
+    for path in map(place.joinpath, there):
+        if path.suffix == ".json":
+            json.loads(path.read_text())
+        elif path.suffix in {".html", ".xml", ".urdf"}:
+            assert path.read_text().rstrip().endswith(("</html>", "</mujoco>", "</robot>")), path
+        elif path.suffix in MAGIC:
+            assert path.read_bytes().endswith(MAGIC[path.suffix]), path
+        elif path.suffix == ".fmu":
+            assert zipfile.is_zipfile(path)
+    return bool(there)
+
+
+@each
+def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cleans_up(
+    name: str, made: Path, folder: Path, full: bool
+) -> None:
+    if not full and name not in OF_EACH_KIND:
+        pytest.skip("only with --full")
+    draw, (expected, seconds, _) = random.Random(name), whole(name, made)
+    for _ in range(100 if full else 3):
+        # Most of the time nothing is written yet: in the short form the end is tried.
+        moment = draw.uniform(0.0 if full else 0.7, 1.1) * seconds
+        process = begun(*COMMANDS[name].words, cwd=folder)
+        try:
+            process.wait(moment)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        assert_whole_or_absent(name, folder, expected)
+        emptied(folder / PLACE)
+    (folder / PLACE / f".{COMMANDS[name].out.name}-unfinished-left").touch()  # as if killed while it wrote
+    assert ended(begun(*COMMANDS[name].words, cwd=folder))[0] == 0
+    assert files(folder / PLACE) == expected
+
+
+@each
+def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(
+    name: str, made: Path, folder: Path, full: bool
+) -> None:
+    draw, (_, _, largest) = random.Random(name), whole(name, made)
+    for _ in range(20 if full else 1):
+        room = draw.randrange(largest)
+        limited = begun(
+            *COMMANDS[name].words, cwd=folder,
+            first=lambda room=room: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),  # type: ignore[misc]
+        )  # fmt: skip
+        status, said = ended(limited)
+        assert (status, len(said)) == (1, 1), (room, said)
+        # The compiler of an FMU works in a temporary folder, and is killed there.
+        assert OUT in said[0] or (name == "export fmu" and "compiler" in said[0]), said
+        assert not list((folder / PLACE).iterdir())
+
+
+@each
+def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) -> None:
+    """Root may write in each folder but one of the kernel's own."""
+    (folder / PLACE).rmdir()
+    if os.getuid() == 0:
+        (folder / PLACE).symlink_to("/proc/self/fdinfo")
+    else:
+        (folder / PLACE).mkdir(mode=0o555)
+    status, said = ended(begun(*COMMANDS[name].words, cwd=folder))
+    assert status in (1, 2)
+    assert len(said) == 1
+    assert OUT in said[0], said
+    assert os.getuid() == 0 or not list((folder / PLACE).iterdir())
+
+
+@each
+def test_of_two_that_write_one_output_it_is_that_of_one(name: str, made: Path, folder: Path, full: bool) -> None:
+    if not full and name not in OF_EACH_KIND:
+        pytest.skip("only with --full")
+    expected = whole(name, made)[0]
+    twins = [begun(*COMMANDS[name].words, cwd=folder) for _ in range(2)]
+    found = [ended(one) for one in twins]
+    assert 0 in [status for status, _ in found]
+    assert all(status == 0 or len(said) == 1 for status, said in found), found
+    assert_whole_or_absent(name, folder, expected)
+    assert files(folder / PLACE) == expected
