@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.data import holdout, plain_rows
+from brickpilot.data import holdout
 from brickpilot.data.holdout import enough_to_fit
 from brickpilot.discover import readiness
 from brickpilot.discover.deadline import Span
-from synthetic import motor, write
 
 VOLTS = (3.0, 4.0, 5.0, 6.0, 7.0, -3.0, -4.0, -5.0, -6.0, -7.0)
 KNOWN = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0, "wheel_inertia": 7.5e-4}
@@ -64,18 +61,6 @@ def test_compare_fits_some_runs_shows_all_and_says_so(few: None) -> None:
     assert len(found.runs) == 10
     assert sum("fitted to 4 of 8 fit runs" in note for note in found.notes) == 1
     assert sum("held out" in note for note in found.notes) == 1
-
-
-def test_many_short_files_are_read_as_long_ones_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = write(tmp_path / "set", motor(), {"speed": 0.1}, "", manoeuvres={"one": (4.0, 0.0), "two": (-5.0, 0.0)})
-    cell_by_cell = bp.read(folder)
-    monkeypatch.setattr("brickpilot.data.reading.LONG_TEXT", 1000)
-    called = []
-    plain = plain_rows.read_plain
-    monkeypatch.setattr("brickpilot.data.rows.read_plain", lambda *given: called.append(1) or plain(*given))
-    for one, other in zip(bp.read(folder).runs, cell_by_cell.runs, strict=True):
-        pd.testing.assert_frame_equal(one.to_frame(), other.to_frame(), rtol=0, atol=0)
-    assert len(called) == 2
 
 
 @pytest.mark.usefixtures("few")

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.data.plain_rows import read_plain
 from brickpilot.data.reading import read
 from brickpilot.data.rows import CsvFormat, read_columns
+from brickpilot.errors import InputError
 from brickpilot.importers.counters import resets, unwrap
+from brickpilot.importers.formula import Place
 from brickpilot.importers.table import import_table
+from brickpilot.importers.text_table import read_table
 from brickpilot.importers.writer import Imported
 from command import brickpilot
 from serial_logs import COUNTS, HEADER, MAPPING, driven, lines_of, write_log
@@ -225,33 +227,67 @@ def test_a_first_row_whose_time_was_cut_is_left_out(tmp_path: Path) -> None:
     assert (run.time.size, run.time[0]) == (799, pytest.approx(123.02))
 
 
-def test_a_long_file_reads_as_a_short_one_does(tmp_path: Path) -> None:
+def test_numbers_of_a_file_are_those_that_python_reads(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     cells = [
         [repr(float(one)) for one in row] for row in (rng.normal(size=(500, 3)) * 10.0 ** rng.integers(-9, 9, (500, 3)))
     ]
     cells[7][1], cells[8][2], cells[9][0] = "", "+1.5E3", "17"
     text = "a,b,c\n" + "\n".join(map(",".join, cells)) + "\n"
-    (tmp_path / "a.csv").write_text(text)
     columns = {"x": "c", "y": "b"}
-    slow = read_columns(tmp_path / "a.csv", columns, CsvFormat()).values
-    fast = read_plain(text, columns, ",", True)
-    assert fast is not None
-    for name, values in slow.items():
-        np.testing.assert_array_equal(fast[name], values)
-    for bad in (
-        "1,2",
-        "1,2,3,4",
-        "1,x,2",
-        "1,2e,3",
-        "1,--2,3",
-        "1,2-3,3",
-        "1,nan,3",
-        '1,"2",3',
-        "",
-        "inf,1,2",
-        "1,-,2",
+    for written in (text, text.replace("\n17,", '\n"17",'), text.replace("\n", "\r\n")):
+        (tmp_path / "a.csv").write_bytes(written.encode())
+        found = read_columns(tmp_path / "a.csv", columns, CsvFormat())
+        for name, position in (("x", 2), ("y", 1)):
+            np.testing.assert_array_equal(found.values[name], [float(row[position] or "nan") for row in cells])
+        assert list(found.lines) == list(range(2, 502))
+    for bad, says in (
+        ("1,2", "has 2 cells instead of 3"),
+        ("1,2,3,4", "has 4 cells instead of 3"),
+        ("", "has 0 cells instead of 3"),
+        ("1,x,2", "y (column b): 'x' is not a number"),
+        ("1,2e,3", "y (column b): '2e' is not a number"),
+        ("1,--2,3", "y (column b): '--2' is not a number"),
+        ("1,+-2,3", "y (column b): '+-2' is not a number"),
+        ("1,2-3,3", "y (column b): '2-3' is not a number"),
+        ("1,2,nan", "x (column c): 'nan' is not a number"),
+        ("1,2,inf", "x (column c): 'inf' is not a number"),
+        ("1,-,2", "y (column b): '-' is not a number"),
+        ("1,\u0663,2", "y (column b): '\u0663' is not a number"),
     ):
-        assert read_plain(text + bad + "\n1,2,3\n", columns, ",", True) is None, bad
-    for head in ("a,b", "a,b,b", "a,b,x"):
-        assert read_plain(text.replace("a,b,c", head), columns, ",", True) is None, head
+        (tmp_path / "a.csv").write_text(text + bad + "\n1,2,3\n", encoding="utf-8")
+        with pytest.raises(InputError) as caught:
+            read_columns(tmp_path / "a.csv", columns, CsvFormat())
+        assert f"a.csv:502: {says}" in str(caught.value), bad
+
+
+def test_a_cell_of_a_column_with_decimal_commas_that_is_no_number_leaves_only_its_row_out(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f};{k},5;{k}.25" for k in range(10)]
+    rows[3] = "0.3;3,5,5;3.25"
+    rows[4] = "0.4;4.5;'.25"
+    table = read_table(write_log(tmp_path / "log.csv", ["t;u;w", *rows]))
+    (u, wrong), (w, damaged) = table.column("voltage", Place("u")), table.column("speed", Place("w"))
+    assert (np.flatnonzero(wrong).tolist(), np.flatnonzero(damaged).tolist()) == ([3, 4], [4])
+    np.testing.assert_array_equal(u[5:], np.arange(5, 10) + 0.5)
+    np.testing.assert_array_equal(w[5:], np.arange(5, 10) + 0.25)
+
+
+@pytest.mark.parametrize("text", ["t,u\n0,1", "0,1\n", "0 1"])
+def test_a_header_without_rows_holds_no_rows(tmp_path: Path, text: str) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(InputError, match=r"log\.csv: holds no rows of data"):
+        read_table(tmp_path / "log.csv", header=True)
+
+
+def test_a_row_that_lacks_the_delimiter_at_its_end_is_a_row(tmp_path: Path) -> None:
+    rows = [f"{k}\t1.5\t\t" for k in range(20)]
+    rows[7] = "7\t1.5\t2"
+    table = read_table(write_log(tmp_path / "log.txt", ["t\tu\tw\t", *rows]))
+    assert table.names == ("t", "u", "w")
+    np.testing.assert_array_equal(table.column("time", Place("t"))[0], np.arange(20))
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(table.column("speed", Place("w"))[0])), [7])
+
+
+def test_a_column_of_words_for_true_and_false_is_1_and_0(tmp_path: Path) -> None:
+    table = read_table(write_log(tmp_path / "log.csv", ["t,u,on", "0,1,True", "1,2,False", "2,3,True"]))
+    np.testing.assert_array_equal(table.column("voltage", Place("on"))[0], [1, 0, 1])

@@ -23,7 +23,6 @@ from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.input_timing import with_linear_inputs
-from brickpilot.data.plain_rows import LONG_TEXT
 from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.signals import SIGNALS, to_frd
 from brickpilot.errors import InputError
@@ -62,10 +61,8 @@ def read(folder: Path | str) -> Dataset:
         raise InputError("cannot be read", file=path) from error
     description = describe(path)
 
-    much = sum(entry.file.stat().st_size for entry in description.runs) > LONG_TEXT
-
     def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-        return read_columns(entry.file, wanted, description.layout, much=much)
+        return read_columns(entry.file, wanted, description.layout)
 
     return _checked(path, description, columns)
 

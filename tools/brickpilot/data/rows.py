@@ -1,19 +1,25 @@
-"""Reads columns of numbers from a run's text file. Anything that is not a plain number is refused with its line."""
+"""Reads columns of numbers from text files, parsed by pyarrow: of a run here, of logs in `importers.text_table`.
+
+In a run's file anything that is not a plain number is refused with its line.
+"""
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.plain_rows import LONG_TEXT, read_plain
 from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow
 
 SIZE_LIMIT = 256 * 2**20
 """Bytes; a larger run file is refused before it is read."""
@@ -21,7 +27,14 @@ SIZE_LIMIT = 256 * 2**20
 DELIMITERS = (",", ";", "\t", " ", "|")
 """A blank stands for any number of blanks and tabs; no cell can then be empty."""
 
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII).fullmatch
+NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
+"""The pattern of a plain number, for Python and pyarrow."""
+
+CUT = "\x1f"
+"""Stands between the cells of rows that are cut already (`joined`)."""
+
+_EMPTY = " "  # for an empty line, which pyarrow takes for a row of blank cells
+_NO_CUT = str.maketrans(f"{CUT}\n", "  ")
 
 
 @dataclass(frozen=True)
@@ -51,43 +64,118 @@ class Columns:
         return InputError(message, file=self.source, line=self.lines[row], field=field)
 
 
-def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat, *, much: bool = False) -> Columns:
+def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat) -> Columns:
     """Reads the named columns of a text file.
 
     Args:
         path: the file.
         columns: signal -> column name, or its number from 0 where the file has no header.
         layout: delimiter and header.
-        much: whether it is one of many files, so that what reads long ones pays for a short one too.
 
     Raises:
         InputError: no readable UTF-8 text, a missing or double column, rows of different length, a cell that is not a
             number, or no rows.
     """
-    text = _text(path)
-    if (much or len(text) > LONG_TEXT) and (
-        plain := read_plain(text, columns, layout.delimiter, layout.header)
-    ) is not None:
-        return Columns(plain, range(1 + layout.header, 1 + layout.header + len(next(iter(plain.values())))), path)
-    rows, lines = _rows(path, text, layout.delimiter)
-    names = _header(path, rows, lines) if layout.header else None
+    text, delimiter = read_text(path).rstrip("\n"), layout.delimiter
+    lines: Sequence[int] = range(1, text.count("\n") + 2)
+    first = text.partition("\n")[0].split(delimiter)
+    if delimiter == " " or '"' in text:
+        rows, lines = _cut(path, text, delimiter)
+        first = rows[0] if rows else []
+        text, delimiter = joined(rows).rstrip("\n"), CUT
+    names = None
     if layout.header:
-        del rows[0], lines[0]
-    if not rows:
+        if not text:
+            raise InputError("is empty", file=path)
+        names, text, lines = _header(path, first, lines[0]), text.partition("\n")[2], lines[1:]
+    if not text:
         raise InputError("holds no rows of data", file=path)
-    width = len(names) if names is not None else len(rows[0])
-    for cells, line in zip(rows, lines, strict=True):
-        if len(cells) != width:
-            raise InputError(f"has {len(cells)} cells instead of {width}", file=path, line=line)
-    table = list(zip(*rows, strict=True))
-    values = {}
+    width = max(len(first), 1)
+    table, others = parse_rows(text, delimiter, width)
+    if others:
+        row, count = others[0]
+        raise InputError(f"has {count} cells instead of {width}", file=path, line=lines[row])
+    found = Columns({}, lines, path)
     for signal, column in columns.items():
         position = _position(path, signal, column, names, width, lines[0])
-        values[signal] = _numbers(path, f"{signal} (column {column})", table[position], lines)
-    return Columns(values, lines, path)
+        found.values[signal], wrong = numbers(table.column(position))
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            cell = table.column(position)[row].as_py().lstrip(" ")[:40]
+            message = f"{cell!r} is not a number (leave the cell blank where there is no value)"
+            raise found.fault(message, row, f"{signal} (column {column})")
+    return found
 
 
-def _text(path: Path) -> str:
+def joined(rows: Iterable[Sequence[str]]) -> str:
+    """Returns rows as text that `parse_rows` reads with the delimiter `CUT`."""
+    return "\n".join(CUT.join([cell.translate(_NO_CUT) for cell in row]) for row in rows)
+
+
+def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
+    """Returns the cells as text, and the rows of another width, which the table lacks: (row from 0, its cells).
+
+    Args:
+        rows: a line each, without quotes. An empty line has no cells.
+        delimiter: one character.
+        width: how many cells a row has.
+    """
+    import pyarrow
+    from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
+
+    others: list[tuple[int, int]] = []
+
+    def left_out(row: pyarrow.csv.InvalidRow) -> str:
+        others.append((row.number - 1, row.actual_columns if row.text != _EMPTY else 0))
+        return "skip"
+
+    content = f"\n{rows}\n".replace("\n\n", f"\n{_EMPTY}\n").replace("\n\n", f"\n{_EMPTY}\n")[1:].encode()
+    names = [str(column) for column in range(width)]
+    table = read_csv(
+        pyarrow.BufferReader(content),
+        # One block, as a row has to end in its block; one thread, as rows are counted only then.
+        ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
+        ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
+        ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),
+    )
+    return table, others
+
+
+def numbers(
+    cells: pyarrow.ChunkedArray, blanks: Collection[str] = ("",), decimal: str = "."
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Returns the numbers in cells of text, NaN where there is none, and which cells are neither number nor blank.
+
+    A number that no double holds is infinite.
+
+    Args:
+        cells: blanks around a number do not count.
+        blanks: texts in lower case that stand for no value.
+        decimal: the decimal sign.
+    """
+    import pyarrow
+    from pyarrow import compute
+
+    text = compute.ascii_trim_whitespace(cells)
+    is_number = compute.match_substring_regex(text, f"^{NUMBER.replace('.', decimal)}$")
+    plain = text if decimal == "." else compute.replace_substring(text, decimal, ".")
+    values = compute.if_else(is_number, plain, None).cast(pyarrow.float64()).to_numpy().copy()
+    wrong = ~is_number.to_numpy()
+    words = compute.utf8_lower(compute.utf8_trim_whitespace(text.filter(compute.invert(is_number))))
+    wrong[wrong] = ~compute.is_in(words, value_set=pyarrow.array(sorted(blanks))).to_numpy()
+    return values, wrong
+
+
+def read_text(path: Path, *, damaged: bool = False) -> str:
+    """Returns the text of a file, in which each line end is one character.
+
+    Args:
+        path: UTF-8 text.
+        damaged: whether bytes that are no text may be in it, and whether it may be UTF-16.
+
+    Raises:
+        InputError: it cannot be read, is larger than `SIZE_LIMIT`, or is no text.
+    """
     try:
         if not path.is_file():
             raise InputError("no such file" if not path.exists() else "is not a file", file=path)
@@ -96,38 +184,32 @@ def _text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(error.strerror or "cannot be read", file=path) from error
+    wide = damaged and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return content.decode("utf-8-sig")
+        text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace" if damaged else "strict")
     except UnicodeDecodeError as error:
         raise InputError("is not UTF-8 text", file=path, line=error.object[: error.start].count(b"\n") + 1) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _rows(path: Path, text: str, delimiter: str) -> tuple[list[list[str]], list[int]]:
-    rows: list[list[str]] = []
-    lines: list[int] = []
+def _cut(path: Path, text: str, delimiter: str) -> tuple[list[list[str]], list[int]]:
+    """Returns the cells of each row and the line where it ends; a quoted cell may hold a delimiter or a line end."""
     if delimiter == " ":
-        rows = [line.split() for line in re.split(r"\r\n|\r|\n", text)]
-        lines = list(range(1, len(rows) + 1))
-    else:
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
-        try:
-            for cells in reader:
-                rows.append(cells)
-                lines.append(reader.line_num)
-        except csv.Error as error:
-            raise InputError(f"is not a table: {error}", file=path, line=max(reader.line_num, 1)) from error
-    while rows and not rows[-1]:
-        del rows[-1], lines[-1]
-    return rows, lines
+        rows = [line.split() for line in text.split("\n")]
+        return rows, list(range(1, len(rows) + 1))
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True, strict=True)
+    try:
+        numbered = [(cells, reader.line_num) for cells in reader]
+    except csv.Error as error:
+        raise InputError(f"is not a table: {error}", file=path, line=max(reader.line_num, 1)) from error
+    return [cells for cells, _ in numbered], [line for _, line in numbered]
 
 
-def _header(path: Path, rows: list[list[str]], lines: list[int]) -> list[str]:
-    if not rows:
-        raise InputError("is empty", file=path)
-    names = [name.strip() for name in rows[0]]
+def _header(path: Path, cells: Sequence[str], line: int) -> list[str]:
+    names = [name.strip() for name in cells]
     for name in names:
         if name and names.count(name) > 1:
-            raise InputError("column occurs more than once in the header", file=path, line=lines[0], field=name)
+            raise InputError("column occurs more than once in the header", file=path, line=line, field=name)
     return names
 
 
@@ -143,16 +225,3 @@ def _position(path: Path, signal: str, column: str | int, names: list[str] | Non
         known = ", ".join(names[:20])
         raise InputError(f"no column {column!r} among {known}", file=path, line=1, field=signal)
     return names.index(str(column))
-
-
-def _numbers(path: Path, field: str, cells: Sequence[str], lines: list[int]) -> NDArray[np.float64]:
-    values = np.empty(len(cells))
-    for row, cell in enumerate(cells):
-        if _NUMBER(cell):
-            values[row] = float(cell)
-        elif not cell or cell.isspace():
-            values[row] = np.nan
-        else:
-            message = f"{cell[:40]!r} is not a number (leave the cell blank where there is no value)"
-            raise InputError(message, file=path, line=lines[row], field=field)
-    return values

@@ -9,20 +9,34 @@ from __future__ import annotations
 import ast
 import difflib
 import math
+import operator
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+
+from brickpilot.data.rows import NUMBER
 
 Vector = NDArray[np.float64]
 
 _LONGEST = 300  # characters: a formula is typed by hand, and Python's parser has a limit of depth
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
 _INDEX = r"(?:\[(?P<index>\d{1,5})\])?"
 _INDEXED = re.compile(rf"(?P<name>[^\[\]]*[^\[\]\s])\s*{_INDEX}")
+_SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
 _ALIKE = 0.8  # of difflib: a text as like as this to a name like /drive/left is that name misspelt
 
 
@@ -100,13 +114,7 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
         places, tree = [Place(text)], ast.Name("_0")
     if not places:
         raise FormulaError("names no column; a fixed value stands in --nominal")
-    line = _line(tree)
-    scaling = None
-    if line is not None and len(places) == 1:
-        scaling = Scaling(line.get("_0", 0.0), line.get("", 0.0))
-        if scaling.scale == 0.0:
-            raise FormulaError("does not depend on any column")
-    return Formula(text, tuple(places), scaling, tree)
+    return Formula(text, tuple(places), _scaling(tree, len(places)), tree)
 
 
 def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
@@ -178,74 +186,45 @@ def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
     return tree
 
 
-_ALLOWED = (
-    ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.UAdd, ast.USub, ast.Constant, ast.Name, ast.Load,
-)  # fmt: skip
-
-
-def _constant(node: ast.Constant) -> float:
-    assert isinstance(node.value, float)
-    return node.value
-
-
-def _evaluated(node: ast.expr, named: Mapping[str, Vector]) -> Vector | np.float64:
-    if isinstance(node, ast.Name):
-        return named[node.id]
-    if isinstance(node, ast.UnaryOp):
-        value = _evaluated(node.operand, named)
-        return -value if isinstance(node.op, ast.USub) else value
-    if isinstance(node, ast.BinOp):
-        left, right = _evaluated(node.left, named), _evaluated(node.right, named)
-        match node.op:
-            case ast.Add():
-                return left + right
-            case ast.Sub():
-                return left - right
-            case ast.Mult():
-                return left * right
-        return left / right
-    assert isinstance(node, ast.Constant)
-    return np.float64(_constant(node))
-
-
-def _line(node: ast.expr) -> dict[str, float] | None:
-    """Returns name -> factor, and "" -> the constant, of a formula that is linear in its columns; else None.
+def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
+    """Returns the value of a tree of `_ALLOWED` nodes: of the type of the values in `named`, or a float without them.
 
     Raises:
         FormulaError: it divides by the constant 0, or a number in it is too large.
     """
     match node:
         case ast.Name():
-            return {node.id: 1.0}
+            return named[node.id]
         case ast.Constant():
-            return {"": _constant(node)}
+            return node.value
         case ast.UnaryOp():
-            inner = _line(node.operand)
-            return _times(inner, -1.0) if isinstance(node.op, ast.USub) else inner
-        case ast.BinOp():
-            return _joined(node.op, _line(node.left), _line(node.right))
-    raise AssertionError(node)
+            return _SIGNS[type(node.op)](_evaluated(node.operand, named))
+    assert isinstance(node, ast.BinOp)
+    left, right = _evaluated(node.left, named), _evaluated(node.right, named)
+    if isinstance(node.op, ast.Div) and isinstance(right, float) and right == 0.0:
+        raise FormulaError("divides by 0")
+    value = _SIGNS[type(node.op)](left, right)
+    return _finite(value) if isinstance(value, float) else value
 
 
-def _joined(
-    sign: ast.operator, left: dict[str, float] | None, right: dict[str, float] | None
-) -> dict[str, float] | None:
-    if isinstance(sign, ast.Div) and right is not None and not set(right) - {""}:
-        if right[""] == 0.0:
-            raise FormulaError("divides by 0")
-        return None if left is None else {name: _finite(factor / right[""]) for name, factor in left.items()}
-    if left is None or right is None or isinstance(sign, ast.Div):
-        return None
-    if isinstance(sign, ast.Mult):
-        if not set(left) - {""}:
-            return _times(right, left[""])
-        return _times(left, right[""]) if not set(right) - {""} else None
-    by = -1.0 if isinstance(sign, ast.Sub) else 1.0
-    return {name: _finite(left.get(name, 0.0) + by * right.get(name, 0.0)) for name in {**left, **right}}
+def _scaling(tree: ast.expr, places: int) -> Scaling | None:
+    """Returns the straight line of a formula with one place; None: it has another number of them, or is no line.
 
-
-def _times(line: dict[str, float] | None, factor: float) -> dict[str, float] | None:
-    return None if line is None else {name: _finite(value * factor) for name, value in line.items()}
+    Raises:
+        FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.
+    """
+    named = [f"_{number}" for number in range(places)]
+    with np.errstate(all="ignore"):
+        try:
+            factors = _evaluated(tree, dict.fromkeys(named, Polynomial([0.0, 1.0]))).coef
+        except TypeError:  # it divides by a polynomial
+            _evaluated(tree, dict.fromkeys(named, np.ones(1)))  # refuses wrong constants
+            return None
+    for factor in factors:
+        _finite(factor)
+    if places == 1 and factors.size == 1:
+        raise FormulaError("does not depend on any column")
+    return Scaling(float(factors[1]), float(factors[0]) + 0.0) if places == 1 and factors.size == 2 else None
 
 
 def _finite(value: float) -> float:

@@ -8,13 +8,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from brickpilot.data.rows import NUMBER
 from brickpilot.data.units import si_factor
 
 _MOST_LINES = 400  # that are looked at to find the layout
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII).fullmatch
-_COMMA_NUMBER = re.compile(r"\s*[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII).fullmatch
+_NUMBER = re.compile(NUMBER).fullmatch
 _NAME = re.compile(r"[^\W\d][^\ufffd\x00-\x1f]{0,60}").fullmatch
-BLANK_WORDS = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a"})
+BLANK_WORDS = frozenset(
+    ["", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>", "#na", "#n/a n/a", "1.#ind", "-1.#ind", "1.#qnan",
+     "-1.#qnan"]
+)  # fmt: skip
 """Cells, in lower case, that stand for a missing value."""
 
 
@@ -37,13 +40,13 @@ class Layout:
     def split(self, line: str) -> list[str]:
         """Returns the cells of a line, without blanks around them and without quotes."""
         if self.trailing:
-            line = line.rstrip().removesuffix(self.delimiter)
+            line = line.rstrip(" ").removesuffix(self.delimiter)
         return cells_of(line, self.delimiter)
 
     def is_number(self, cell: str) -> bool:
         """Returns whether a cell is a number, or stands for a missing one."""
-        number = _NUMBER(cell) or (_COMMA_NUMBER(cell) if self.decimal == "," else None)
-        return number is not None or cell.lower() in BLANK_WORDS
+        number = cell if self.decimal == "." else cell.replace(self.decimal, ".", 1)
+        return _NUMBER(number) is not None or cell.lower() in BLANK_WORDS
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -54,7 +57,12 @@ def cells_of(line: str, delimiter: str) -> list[str]:
         cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
         cells = line.split(delimiter)
-    return [cell.strip().strip("\"'") for cell in cells]
+    return [_unquoted(cell.strip()) for cell in cells]
+
+
+def _unquoted(cell: str) -> str:
+    """Returns a cell without quotes round it; a single one is damage, which makes the cell no number."""
+    return cell[1:-1] if len(cell) > 1 and cell[0] in "\"'" and cell[-1] == cell[0] else cell
 
 
 def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | None:

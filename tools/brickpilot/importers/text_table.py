@@ -1,32 +1,31 @@
 """Reads the table in a text file as loggers write it: with lines before the header, repeated headers and broken lines.
 
-What is left out is counted and said. The numbers are parsed by pandas.
+What is left out is counted and said. The numbers are parsed as those of a run's file (`data.rows`).
 """
 
 from __future__ import annotations
 
-import codecs
-import csv
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from brickpilot.data.rows import DELIMITERS, SIZE_LIMIT
+from brickpilot.data.rows import CUT, DELIMITERS, joined, numbers, parse_rows, read_text
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.text_layout import BLANK_WORDS, Layout, doubled, find_header, find_layout, is_row
+
+if TYPE_CHECKING:
+    import pyarrow
 
 Vector = NDArray[np.float64]
 
 _MOST_COLUMNS = 1000  # that have a number; a higher one is refused as a column that the file lacks
 _MOST_BROKEN = 0.2  # share of the rows; a file with more broken lines is not what it was taken for
-_LONGEST_NUMBER = 300  # characters; a double ends at 1.8e308
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
 assert set(_PREFERRED) == set(DELIMITERS)
@@ -51,7 +50,8 @@ class TextTable:
     first_line: int
     lines: NDArray[np.int64]
     notes: tuple[str, ...]
-    _cells: pd.DataFrame
+    _decimal: str
+    _cells: pyarrow.Table
 
     @property
     def formula_names(self) -> list[str]:
@@ -68,16 +68,17 @@ class TextTable:
             InputError: no such column, or one that mostly holds text.
         """
         position = self._position(signal, place)
-        cells = self._cells[position]
-        if pd.api.types.is_numeric_dtype(cells):
-            values = cells.to_numpy(dtype=np.float64, copy=True)
-            wrong = np.isinf(values)
-        else:
-            values = _numbers(cells)
-            wrong = np.isinf(values) | (np.isnan(values) & cells.notna().to_numpy())
+        cells = self._cells.column(position)
+        values, wrong = numbers(cells, BLANK_WORDS)
+        if self._decimal != "." and wrong.any():  # a file of decimal commas has columns with points as well
+            with_sign = numbers(cells, BLANK_WORDS, self._decimal)
+            values, wrong = min((values, wrong), with_sign, key=lambda found: np.count_nonzero(found[1]))
+        wrong |= np.isinf(values)
+        if wrong.all() and {word.lower() for word in cells.unique().to_pylist()} <= {"true", "false"}:
+            return np.array([word.lower() == "true" for word in cells.to_pylist()], dtype=np.float64), ~wrong
         if np.count_nonzero(wrong) > _MOST_BROKEN * values.size:
             row = int(np.argmax(wrong))
-            text = str(cells.iloc[row])[:40]
+            text = cells[row].as_py().strip(" ")[:40]
             message = f"{text!r} is not a number, and so it is in {np.count_nonzero(wrong)} of {values.size} rows"
             place_name = f"{signal} (column {self.names[position]})"
             raise InputError(message, file=self.file, line=int(self.lines[row]), field=place_name)
@@ -101,15 +102,6 @@ class TextTable:
         return int(number)
 
 
-def _numbers(cells: pd.Series) -> Vector:
-    """Returns the numbers of cells of text; NaN where one is blank, no number, or longer than `_LONGEST_NUMBER`."""
-    try:
-        found = pd.to_numeric(cells, errors="coerce")
-    except OverflowError:  # pandas reads a whole number of any length, and cannot make a double of it
-        found = pd.to_numeric(cells.mask(cells.astype(str).str.len() > _LONGEST_NUMBER), errors="coerce")
-    return np.array(found, dtype=np.float64)
-
-
 def read_table(file: Path, delimiter: str | None = None, header: bool = False) -> TextTable:
     """Returns the table in a text file.
 
@@ -121,7 +113,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     Raises:
         InputError: no such file, no table in it, a column's name twice, or too many broken lines.
     """
-    text = _text(file)
+    text = read_text(file, damaged=True)
     lines = text.split("\n")
     notes: list[str] = []
     if sum(_STAMP.match(line) is not None for line in lines[:400]) > min(len(lines), 400) / 2:
@@ -135,62 +127,51 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     names = found[1] if found else tuple(str(number) for number in range(layout.width))
     if found and (twice := doubled(names)):
         raise InputError("column occurs more than once in the header", file=file, line=found[0] + 1, field=twice)
-    start = next(index for index, line in enumerate(lines) if is_row(layout, line) and (not found or index != found[0]))
-    kept, left_out = _rows(lines, layout, start, found[0] if found else None)
-    rows = np.array(kept, dtype=np.int64)
+    data = (index for index, line in enumerate(lines) if is_row(layout, line) and (not found or index != found[0]))
+    start = next(data, len(lines) - 1)
+    rows, cells, left_out = _rows(lines, layout, start, found[0] if found else None)
     _check_broken(file, lines, rows.size, left_out["broken lines"])
-    cells = _parsed([lines[index] for index in kept], layout)
     before = [index for index in range(start) if lines[index].strip() and (not found or index != found[0])]
     notes += _notes(lines, before, left_out)
-    return TextTable(file, names, found is not None, (found[0] if found else start) + 1, rows + 1, tuple(notes), cells)
-
-
-def _text(file: Path) -> str:
-    try:
-        if not file.is_file():
-            raise InputError("no such file" if not file.exists() else "is not a file", file=file)
-        if file.stat().st_size > SIZE_LIMIT:
-            raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=file)
-        content = file.read_bytes()
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=file) from error
-    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return TextTable(
+        file,
+        names,
+        found is not None,
+        (found[0] if found else start) + 1,
+        rows + 1,
+        tuple(notes),
+        layout.decimal,
+        cells,
+    )
 
 
 def _rows(
     lines: Sequence[str], layout: Layout, start: int, header: int | None
-) -> tuple[list[int], dict[str, list[int]]]:
-    """Returns the lines that are rows, and what is left out: kind -> lines. Lines are counted from 0."""
-    wide = layout.width - 1 + layout.trailing
-    delimiter = layout.delimiter
+) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
+    """Returns the lines that are rows, their cells, and what is left out: kind -> lines. Lines are counted from 0.
+
+    The last line is no row, as it has no end.
+    """
     again = lines[header].strip() if header is not None else None
+    rows = ["" if line.strip() == again else line for line in lines[start:-1]]
+    rows.append("")
+    if layout.delimiter == " " or layout.trailing or any('"' in line for line in rows):
+        cells, others = parse_rows(joined(map(layout.split, rows)), CUT, layout.width)
+    else:
+        cells, others = parse_rows("\n".join(rows), layout.delimiter, layout.width)
     left_out: dict[str, list[int]] = {"repeated headers": [], "comments": [], "broken lines": [], "cut-off line": []}
-    kept = []
-    last = len(lines) - 1
-    for index in range(start, len(lines)):
-        line = lines[index]
-        cells = len(line.split()) - 1 if delimiter == " " else line.count(delimiter)
-        if cells == wide and '"' not in line and index not in (header, last):
-            kept.append(index)
-        elif not line.strip() or index == header:
+    for index in (start + row for row, _ in others):
+        line = lines[index].strip()
+        if not line or index == header:
             continue
-        elif line.strip() == again:
-            left_out["repeated headers"].append(index)
-        elif line.lstrip()[0] in "#%":
-            left_out["comments"].append(index)
-        elif index == last:
-            left_out["cut-off line"].append(index)
-        elif len(layout.split(line)) == layout.width:
-            kept.append(index)
+        if line == again:
+            kind = "repeated headers"
+        elif line[0] in "#%":
+            kind = "comments"
         else:
-            left_out["broken lines"].append(index)
-    if again is not None:
-        repeated = {index for index in kept if lines[index].strip() == again}
-        left_out["repeated headers"] = sorted({*left_out["repeated headers"], *repeated})
-        kept = [index for index in kept if index not in repeated]
-    return kept, left_out
+            kind = "cut-off line" if index == len(lines) - 1 else "broken lines"
+        left_out[kind].append(index)
+    return np.delete(np.arange(start, len(lines)), [row for row, _ in others]), cells, left_out
 
 
 def _check_broken(file: Path, lines: Sequence[str], rows: int, broken: Sequence[int]) -> None:
@@ -199,20 +180,6 @@ def _check_broken(file: Path, lines: Sequence[str], rows: int, broken: Sequence[
     if len(broken) > _MOST_BROKEN * (rows + len(broken)):
         message = f"is no row of the table, as {len(broken)} of {rows + len(broken)} lines: {lines[broken[0]][:40]!r}"
         raise InputError(message, file=file, line=broken[0] + 1)
-
-
-def _parsed(rows: list[str], layout: Layout) -> pd.DataFrame:
-    if layout.delimiter == " ":
-        rows = [" ".join(line.split()) for line in rows]
-    elif any('"' in line for line in rows):
-        joined = (layout.split(line) for line in rows)
-        rows = [layout.delimiter.join(cell.replace(layout.delimiter, " ") for cell in cells) for cells in joined]
-        layout = Layout(layout.delimiter, layout.decimal, layout.width, False)
-    return pd.read_csv(
-        io.StringIO("\n".join(rows)), sep=layout.delimiter, decimal=layout.decimal, header=None,
-        names=list(range(layout.width + layout.trailing)), index_col=False, quoting=csv.QUOTE_NONE, low_memory=False,
-        skipinitialspace=True, skip_blank_lines=False, na_values=sorted({*BLANK_WORDS, "-NaN"}),
-    )  # fmt: skip
 
 
 def _notes(lines: Sequence[str], before: Sequence[int], left_out: dict[str, list[int]]) -> list[str]:
