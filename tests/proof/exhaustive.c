@@ -6,6 +6,7 @@
 #include "core/fix.c"
 #include "core/trig.c"
 #include "mixer/mixer.c"
+#include "wire/frame.c"
 
 /* The largest root whose square is not above the value. */
 static unsigned long root(uint32_t value)
@@ -49,6 +50,21 @@ static unsigned long duties(uint32_t first, uint32_t last)
     return wrong;
 }
 
+/* fix_thousandth() against the formula in fix.h, in 64 bits. */
+static unsigned long thousandths(uint32_t first, uint32_t last)
+{
+    unsigned long wrong = 0;
+    for (uint32_t high = first; high < last; high++)
+        for (uint32_t low = 0; low < 65536; low++) {
+            const int32_t value = (int32_t)(high << 16 | low);
+            const int64_t magnitude = value < 0 ? -(int64_t)value : value;
+            const int64_t part = ((magnitude * 16777 >> 16) + 128) >> 8, most = part > 32767 ? 32767 : part;
+
+            wrong += fix_thousandth(value) != (value < 0 ? -most : most);
+        }
+    return wrong;
+}
+
 static unsigned long sines(uint32_t first, uint32_t last)
 {
     unsigned long wrong = 0;
@@ -56,7 +72,25 @@ static unsigned long sines(uint32_t first, uint32_t last)
         const uint16_t mirrored = (uint16_t)(0U - angle);
         wrong += trig_sin_q15(mirrored) != -trig_sin_q15((uint16_t)angle);
         wrong += trig_cos_q15(mirrored) != trig_cos_q15((uint16_t)angle);
+        wrong += trig_sin_q15((uint16_t)(angle + TURN_HALF)) != -trig_sin_q15((uint16_t)angle);
     }
+    return wrong;
+}
+
+/* COBS looks at a byte only to see whether it is 0, and copies it. So every pattern of zeros of every size stands for all contents. */
+static unsigned long cobs(uint32_t first, uint32_t last)
+{
+    unsigned long wrong = 0;
+    for (uint32_t zeros = first; zeros < last; zeros++)
+        for (uint8_t size = HEAD + TAIL; size <= RAW_MAX; size++) {
+            uint8_t raw[RAW_MAX], got[RAW_MAX], bytes[FRAME_SIZE_MAX];
+
+            for (uint8_t i = 0; i < size; i++)
+                raw[i] = zeros >> i & 1U ? 0 : (uint8_t)(255 - i);
+            const uint8_t coded = cobs_encode(raw, size, bytes);
+            wrong += coded != size + 1 || memchr(bytes, 0, coded) != NULL;
+            wrong += cobs_decode(bytes, coded, got) != size || memcmp(got, raw, size) != 0;
+        }
     return wrong;
 }
 
@@ -66,8 +100,8 @@ int main(int count, char **words)
         const char *name;
         unsigned long (*wrong)(uint32_t first, uint32_t last);
         uint32_t end; /* the work is split below it */
-    } ALL[] = {
-        {"roots", roots, 65536}, {"products", products, 65536}, {"duties", duties, 32001}, {"sines", sines, 65536}};
+    } ALL[] = {{"roots", roots, 65536}, {"products", products, 65536},       {"duties", duties, 32001},
+               {"sines", sines, 65536}, {"thousandths", thousandths, 65536}, {"cobs", cobs, 8192}};
     const uint32_t half = count > 2 ? (uint32_t)(words[2][0] - '0') : 0;
 
     for (unsigned i = 0; count > 1 && i < sizeof ALL / sizeof ALL[0]; i++)
