@@ -101,7 +101,7 @@ def answer(
         manoeuvre = next((one for one in found if straight and _turns(one)), found[0] if found else None)
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if apart is not None:
-        turn = catalogue.advice("gyro_scale", {"error": apart.size - 1})
+        turn = "Turn the robot by a known angle, such as ten full turns: that tells the gyro's scale."
         todo = [
             turn,
             "Roll it along a measured way, too: that tells the counts a turn and wheel_radius apart from both.",
