@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from brickpilot import catalogue
-from brickpilot.data import toml_file
 from brickpilot.errors import InputError
 from brickpilot.vehicle.model import Model, load, output_names, rcx, save
 
@@ -76,7 +75,7 @@ def test_a_model_the_plant_refuses_is_not_written(tmp_path: Path) -> None:
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "m.toml"
     target.write_text("before")
-    monkeypatch.setattr(toml_file.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         save(rcx(), target)
     assert [path.name for path in tmp_path.iterdir()] == ["m.toml"]
