@@ -72,6 +72,9 @@ OF_EACH_KIND = {"run", "import", "export mcap"}
 """Those that are killed, and have a twin, in the short form: the writers of a folder, a data set and files."""
 
 each = pytest.mark.parametrize("name", COMMANDS)
+of_each_kind = pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=() if one in OF_EACH_KIND else pytest.mark.campaign) for one in COMMANDS]
+)
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +155,10 @@ def assert_whole_or_absent(name: str, folder: Path, expected: frozenset[str]) ->
     return bool(there)
 
 
-@each
+@of_each_kind
 def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cleans_up(
     name: str, made: Path, folder: Path, full: bool
 ) -> None:
-    if not full and name not in OF_EACH_KIND:
-        pytest.skip("only with --full")
     draw, (expected, seconds, _) = random.Random(name), whole(name, made)
     for _ in range(100 if full else 3):
         # Most of the time nothing is written yet: in the short form the end is tried.
@@ -208,10 +209,8 @@ def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) 
     assert os.getuid() == 0 or not list((folder / PLACE).iterdir())
 
 
-@each
-def test_of_two_that_write_one_output_it_is_that_of_one(name: str, made: Path, folder: Path, full: bool) -> None:
-    if not full and name not in OF_EACH_KIND:
-        pytest.skip("only with --full")
+@of_each_kind
+def test_of_two_that_write_one_output_it_is_that_of_one(name: str, made: Path, folder: Path) -> None:
     expected = whole(name, made)[0]
     twins = [begun(*COMMANDS[name].words, cwd=folder) for _ in range(2)]
     found = [ended(one) for one in twins]
