@@ -145,16 +145,13 @@ def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     says, turns = expected * (left - right), motion.at[motion.yaw]
     known = np.isfinite(says) & np.isfinite(turns)
     says, turns = says[known] - says[known].mean(), turns[known] - turns[known].mean()
-    parts = [np.array([one @ two, one @ one]) for one, two in zip(*_blocks(says, turns), strict=True)]
+    blocks = zip(np.array_split(says, _BLOCKS), np.array_split(turns, _BLOCKS), strict=True)
+    parts = [np.array([one @ two, one @ one]) for one, two in blocks]
     whole = sum(parts, np.zeros(2))
     without = np.array([(whole - part)[0] / (whole - part)[1] for part in parts])  # the jackknife
     sd = math.sqrt((len(parts) - 1) / len(parts) * float(np.sum((without - without.mean()) ** 2)))
     size = float(whole[0] / whole[1])
     return Measure(size, size - 2 * sd, size + 2 * sd)
-
-
-def _blocks(*values: Array) -> tuple[list[Array], ...]:
-    return tuple(np.array_split(one, _BLOCKS) for one in values)
 
 
 def _reach(each: Array) -> float:

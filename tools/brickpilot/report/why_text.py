@@ -101,9 +101,8 @@ def answer(
         manoeuvre = next((one for one in found if straight and _turns(one)), found[0] if found else None)
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if apart is not None:
-        turn = "Turn the robot by a known angle, such as ten full turns: that tells the gyro's scale."
         todo = [
-            turn,
+            "Turn the robot by a known angle, such as ten full turns: that tells the gyro's scale.",
             "Roll it along a measured way, too: that tells the counts a turn and wheel_radius apart from both.",
         ]
     if wiring := finding.dataset.wiring:
@@ -179,6 +178,7 @@ def _apart(dataset: Dataset) -> Measure | None:
     ratio = yaw_over_wheels(dataset)
     lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
     shares = [(one.sd or 0.0) / one.value for one in lengths]
+    # A length that is stated without an sd has that of a ruler.
     limit = max(numbers.RULER, 2 * math.hypot(*(one for one in shares if one > 1.01 * numbers.RULER)))
     return ratio if ratio is not None and (ratio.low > 1 + limit or ratio.high < 1 - limit) else None
 
