@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import brickpilot as bp
@@ -10,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from brickpilot.data.feedback import follows_outputs
-from brickpilot.data.periods import own_period
+from brickpilot.data.periods import _power_at_multiples, own_period
 from brickpilot.discover.numbers import STRICT
 from brickpilot.fit.robust import noise_model, whitening
 from brickpilot.importers.wpilib import import_wpilib
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lombscargle
 
 DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 
@@ -248,6 +249,30 @@ def test_noise_has_no_period_of_its_own(memory):
         runs = [(np.cumsum(rng.uniform(0.014, 0.018, 400)), lfilter([1], [1, -memory], rng.standard_normal(400)))]
         found += own_period(runs, STRICT) is not None
     assert found <= 3
+
+
+@pytest.mark.parametrize("timing", ["even", "with a hole", "uneven"])
+def test_the_power_is_that_of_lomb_and_scargle(timing):
+    """As scipy computes it, which takes gigabytes for a long run; here a sample is moved by a 64th of a period."""
+    rng = np.random.default_rng(4)
+    time = np.linspace(0.0, 10.0, 1001) + (rng.uniform(-0.004, 0.004, 1001) if timing == "uneven" else 0.0)
+    time = np.delete(time, slice(300, 350)) if timing == "with a hole" else time - time[0]
+    left = rng.standard_normal(len(time))
+    fast = _power_at_multiples(time, left, 10.0, 499)
+    exact = lombscargle(time, left, 2 * np.pi * np.arange(1, 500) / 10.0) / np.mean(left**2)
+    assert fast == pytest.approx(exact, abs=0.25 if timing == "uneven" else 1e-9)
+    assert np.median(np.abs(fast - exact)) < 0.02
+
+
+def test_a_long_run_takes_little_memory():
+    """Some GB where each sample meets each frequency."""
+    time = np.arange(20_000) * 1e-3
+    left = np.random.default_rng(5).standard_normal(len(time))
+    tracemalloc.start()
+    own_period([(time, left)], STRICT)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6
 
 
 @measured
