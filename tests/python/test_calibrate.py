@@ -359,11 +359,18 @@ def test_a_vehicle_that_diverges_from_every_start_is_refused(tmp_path, monkeypat
         fitted(tmp_path / "set", robot())
 
 
-def test_a_page_without_a_parameter_that_is_known_alone_has_no_column_of_noes(tmp_path):
+def test_the_page_sets_apart_what_the_data_do_not_determine(tmp_path):
     found = fitted(tmp_path / "set", robot())
-    alone = {name: dataclasses.replace(one, ci95=None, identifiable=False) for name, one in found.parameters.items()}
-    assert not any(one.identifiable for one in alone.values())
-    page = calibrate_page(dataclasses.replace(found, parameters=alone))
-    assert "These data determine none of them alone" in page
-    assert ">identifiable</th>" not in page
-    assert ">identifiable</th>" in calibrate_page(found)
+    assert all(one.identifiable for one in found.parameters.values())
+    assert "not determined" not in calibrate_page(found)
+    first, *others = found.parameters
+    unknown = {name: dataclasses.replace(found.parameters[name], ci95=None, identifiable=False) for name in others}
+    page = calibrate_page(dataclasses.replace(found, parameters=found.parameters | unknown))
+    determined, rest = page.split("These data do not determine the following alone")
+    assert f"<td>{first}</td>" in determined
+    assert all(f"<td>{name}</td>" in rest for name in others)
+    assert not any(f"<td>{name}</td>" in determined for name in others)
+    none = dataclasses.replace(found.parameters[first], ci95=None, identifiable=False)
+    page = calibrate_page(dataclasses.replace(found, parameters={**unknown, first: none}))
+    assert "These data do not determine any of them alone" in page
+    assert '95 % from</th><th>to</th><th class="left">unit</th><th class="left">basis' not in page

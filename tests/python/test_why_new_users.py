@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import brickpilot as bp
@@ -14,7 +15,7 @@ import pytest
 from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.facts import weaker_side
 from brickpilot.data.gap import Gap
-from brickpilot.report import why_text
+from brickpilot.report import discover_text, why_text
 from brickpilot.report.quantities import in_words
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from command import brickpilot
@@ -83,13 +84,28 @@ def test_a_gyro_that_the_wheels_contradict_is_not_nothing(robot: str, error: flo
     """The fit takes it for another wheel_radius and half_track, each within a ruler's error."""
     write_log(tmp_path / "log.csv", robot, MANY, {"gyro_scale": {"error": error}})
     nominal = {name: getattr(ROBOTS[robot], name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
-    found = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0}).answer
+    answered = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0})
+    found = answered.answer
     assert found.ending == "contradiction", found.what
+    assert found.what in discover_text.verdict(answered.finding)  # `discover` says it of the same data
     which = "more" if error > 0 else "less"
     begins = rf"These data contradict themselves: the gyro turns {said}\d* % {which} than the wheels do \("
     assert re.match(begins, plain(found.what)), found.what
     assert "Its scale, the counts a turn, wheel_radius or half_track is wrong by as much" in found.what
     assert found.todo[0].startswith("Turn the robot by a known angle")
+
+
+def test_straight_runs_without_a_fault_ask_for_a_turn(tmp_path: Path) -> None:
+    """A gyro with a wrong scale shows in turns alone."""
+    write_log(tmp_path / "log.csv", "mujoco", STRAIGHT, {"gyro_scale": {"error": 0.05}})
+    nominal = {name: getattr(ROBOTS["mujoco"], name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
+    found = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0}, out=tmp_path / "found").answer
+    assert found.ending == "nothing"
+    assert "as far as straight runs show" in found.what
+    assert found.todo[0].startswith("Drive ")
+    assert "What shows in turns alone, such as the gyro's scale or slip, was not tested." in found.todo
+    driven = tomllib.loads((tmp_path / "found/next_experiment.toml").read_text())
+    assert driven
 
 
 def test_one_run_two_runs_and_all_give_one_answer_that_gets_surer(tmp_path: Path) -> None:

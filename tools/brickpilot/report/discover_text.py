@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from brickpilot import catalogue
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.facts import yaw_over_wheels
 from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
-from brickpilot.report.quantities import Shown, gap_text, percent, quantity
+from brickpilot.report.quantities import Shown, gap_text, in_words, percent, quantity
 from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
@@ -143,7 +146,31 @@ def verdict(finding: Finding) -> str:
     """Returns the verdict in a few sentences that stand alone."""
     by_run = "".join(f" {one.sentence()}" for one in finding.run_values)
     own = shown_finding(finding)
-    return told(finding.dataset, _verdict(own) + _rest(own) + _moved_values(own)) + by_run
+    apart = contradiction(finding.dataset) if finding.verdict in ("none", "unknown") else None
+    first = f"{apart} " if apart else ""
+    return told(finding.dataset, first + _verdict(own) + _rest(own) + _moved_values(own)) + by_run
+
+
+def contradiction(dataset: Dataset) -> str | None:
+    """Returns how far the yaw turns over what the wheels say, where they contradict each other; None: they do not.
+
+    A fit hides it in lengths that move within a ruler's error. A larger error that is stated of them excuses more.
+    """
+    ratio = yaw_over_wheels(dataset)
+    lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
+    shares = [(one.sd or 0.0) / one.value for one in lengths]
+    # A length that is stated without an sd has that of a ruler.
+    limit = max(numbers.RULER, 2 * math.hypot(*(one for one in shares if one > 1.01 * numbers.RULER)))
+    if ratio is None or (ratio.low <= 1 + limit and ratio.high >= 1 - limit):
+        return None
+    size, *ends = (abs(one - 1) for one in (ratio.size, ratio.low, ratio.high))
+    text, interval = in_words(size, "1", (min(ends), max(ends)))
+    gyro = "the gyro" if "yaw_rate" in dataset.signals else "yaw_angle"
+    return (
+        f"These data contradict themselves: {gyro} turns {text} {'more' if ratio.size > 1 else 'less'} than the wheels "
+        f"do{interval}. Its scale, the counts a turn, wheel_radius or half_track is wrong by as much, and the logs "
+        "cannot tell which."
+    )
 
 
 def leaves_more_than_noise(finding: Finding) -> bool:

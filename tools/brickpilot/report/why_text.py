@@ -11,14 +11,14 @@ from typing import Literal
 import numpy as np
 
 from brickpilot import catalogue
-from brickpilot.data.dataset import Dataset
-from brickpilot.data.facts import Measure, WeakerSide, bend, drives_straight_alone, weaker_side, yaw_over_wheels
+from brickpilot.data.facts import WeakerSide, bend, drives_straight_alone, weaker_side
 from brickpilot.data.holdout import kind_of
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import Finding
 from brickpilot.report import discover_fit, experiment_files
 from brickpilot.report.discover_text import (
     alternatives,
+    contradiction,
     explanation,
     found_names,
     leaves_more_than_noise,
@@ -80,10 +80,11 @@ def answer(
         advised: returns the manoeuvres that would tell most, where the finding asks for none; it is called only then.
     """
     ending, what = _what(finding)
-    apart = _apart(finding.dataset) if ending == "nothing" else None
+    apart = contradiction(finding.dataset) if ending == "nothing" else None
     if apart is not None:
-        ending, what = "contradiction", f"These data contradict themselves: {_contradicted(finding.dataset, apart)}"
-    straight = drives_straight_alone(finding.dataset) and ending != "nothing"
+        ending, what = "contradiction", apart
+    is_straight = drives_straight_alone(finding.dataset)
+    straight = is_straight and ending != "nothing"
     is_sided = straight or (ending == "missing" and finding.verdict == "ambiguous" and _is_of_sides(finding))
     sided = _sided(finding) if is_sided else None
     if sided is not None:
@@ -96,9 +97,10 @@ def answer(
         what = f"Something is missing, and straight runs cannot tell what: {alike}. Of all, {best} fits best."
     asked = None if ending == "nothing" or apart is not None else finding.next_experiment
     manoeuvre = None if asked is None else asked.manoeuvre
-    if ending == "missing" and manoeuvre is None:
+    if manoeuvre is None and (ending == "missing" or (is_straight and ending == "nothing")):
         found = advised()
-        manoeuvre = next((one for one in found if straight and _turns(one)), found[0] if found else None)
+        any_kind = found[0] if found and ending == "missing" else None
+        manoeuvre = next((one for one in found if is_straight and _turns(one)), any_kind)
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if apart is not None:
         todo = [
@@ -167,29 +169,6 @@ def _side(one: WeakerSide) -> str:
     return (
         f"The {one.side} side is {size} weaker than the {other}{interval}: under equal commands its wheel turns that "
         "much less"
-    )
-
-
-def _apart(dataset: Dataset) -> Measure | None:
-    """Returns how far the yaw turns over what the wheels say, where they contradict each other; None: they do not.
-
-    A fit hides it in lengths that move within a ruler's error. A larger error that is stated of them excuses more.
-    """
-    ratio = yaw_over_wheels(dataset)
-    lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
-    shares = [(one.sd or 0.0) / one.value for one in lengths]
-    # A length that is stated without an sd has that of a ruler.
-    limit = max(numbers.RULER, 2 * math.hypot(*(one for one in shares if one > 1.01 * numbers.RULER)))
-    return ratio if ratio is not None and (ratio.low > 1 + limit or ratio.high < 1 - limit) else None
-
-
-def _contradicted(dataset: Dataset, apart: Measure) -> str:
-    sizes = [abs(one - 1) for one in (apart.size, apart.low, apart.high)]
-    size, interval = in_words(sizes[0], "1", (min(sizes[1:]), max(sizes[1:])))
-    gyro = "the gyro" if "yaw_rate" in dataset.signals else "yaw_angle"
-    return (
-        f"{gyro} turns {size} {'more' if apart.size > 1 else 'less'} than the wheels do{interval}. Its scale, the "
-        "counts a turn, wheel_radius or half_track is wrong by as much, and the logs cannot tell which."
     )
 
 
@@ -344,7 +323,9 @@ def _todo(finding: Finding, undone: Compensation | None, ending: Ending) -> list
         found.append(f"Measure {one.parameter} again: {stated} is stated, and the logs fit {fitted}.")
     if ending == "cause" and undone is not None and undone.undone:
         found.append(f"Or let the firmware undo it: compensation.toml does so for {listed(undone.undone)}.")
-    if ending == "nothing":
+    if ending == "nothing" and drives_straight_alone(finding.dataset):
+        found.append("What shows in turns alone, such as the gyro's scale or slip, was not tested.")
+    elif ending == "nothing":
         found.append("Nothing needs to be done.")
     found += _lengths(finding)
     return found or ["Nothing. Drive more manoeuvres if you still doubt it: `brickpilot check` says which."]
