@@ -12,6 +12,7 @@ from pathlib import Path
 import brickpilot as bp
 import numpy as np
 import pytest
+from brickpilot import catalogue
 from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.facts import weaker_side
 from brickpilot.data.gap import Gap
@@ -252,6 +253,17 @@ def test_who_says_so_keeps_the_wiring_as_it_is_stated(tmp_path: Path) -> None:
     assert mended.wiring[0].is_mended
     for one, other in zip(kept.runs, mended.runs, strict=True):
         np.testing.assert_allclose(one.raw_outputs["wheel_angle_left"], other.raw_outputs["wheel_angle_right"])
+
+
+def test_straight_runs_alone_name_no_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fits them best is another effect in four of twenty logs once the robot turns (`tests/lab/surer.py`)."""
+    made = finding(measured(tmp_path / "set"), "named")
+    monkeypatch.setattr(why_text, "drives_straight_alone", lambda dataset: True)
+    found = why_text.answer(made, None, "", lambda: [RAMP])
+    assert found.ending == "missing"
+    assert "straight runs cannot tell what" in found.what
+    assert not any(one.name in found.what or one.words in found.what for one in catalogue.effects())
+    assert found.todo[0].startswith("Drive ")
 
 
 def test_the_three_endings_and_a_cause(tmp_path: Path) -> None:

@@ -92,9 +92,8 @@ def answer(
         ending, what = "missing", f"{sided.what} {which}"
     elif straight and finding.verdict == "named" and ending == "cause":
         ending = "missing"
-        best = listed([explanation(one) for one in found_names(finding)])
         alike = "friction, motors, the battery, slip and the gyro look much alike in them"
-        what = f"Something is missing, and straight runs cannot tell what: {alike}. Of all, {best} fits best."
+        what = f"Something is missing, and straight runs cannot tell what: {alike}."
     asked = None if ending == "nothing" or apart is not None else finding.next_experiment
     manoeuvre = None if asked is None else asked.manoeuvre
     if manoeuvre is None and (ending == "missing" or (is_straight and ending == "nothing")):
