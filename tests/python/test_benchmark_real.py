@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,10 @@ from brickpilot.fit.comparison import compare
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 from command import lab
-from lab import real_logs, real_results, real_run, real_score, real_table
+from lab import measured, real_logs, real_results, real_run, real_score, real_table
 from lab.peers import PEERS, Peer, grid
 
-README = Path(__file__).parents[2] / "tools" / "README.md"
+PAGE = Path(__file__).parents[2] / "tools/README.md"
 STEP = 0.01
 
 
@@ -292,13 +293,25 @@ def test_table_of_the_manual_is_that_of_the_kept_results():
     kept = real_results.load(real_results.KEPT)
     assert len(kept) >= 10
     wanted = list(real_table.lines(kept, real_logs.by_name()))
-    assert real_table.between_marks(README) == wanted, (
+    assert real_table.between_marks(PAGE) == wanted, (
         "run: sh tests/lab/run real --part none --results tests/lab/real_results.json --write tools/README.md"
     )
     changed = {name: dict(one) for name, one in kept.items()}
     first = next(iter(changed))
     changed[first]["discover"] = {}
     assert list(real_table.lines(changed, real_logs.by_name())) != wanted
+
+
+def test_a_table_says_of_which_commits_its_results_are():
+    if (PAGE.parents[1] / ".git").exists():
+        assert re.fullmatch(r"`[0-9a-f]{7,}`(, changed,)? of \d{4}-\d\d-\d\d", measured.state())
+    assert (
+        measured.told(["`a` of d", "`b` of d", "`a` of d"], "logs")
+        == "measured at `a` of d (2 logs), `b` of d (1 logs)"
+    )
+    assert measured.told(["`a` of d", "`a` of d"], "logs") == "measured at `a` of d"
+    assert measured.told([None], "logs") == f"measured at {measured.UNKNOWN}"
+    assert measured.UNKNOWN not in "\n".join(real_table.lines(real_results.load(real_results.KEPT), {}))
 
 
 def test_damaged_results_are_refused(tmp_path):
