@@ -34,17 +34,8 @@ from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
 _TOP_KEYS = (
-    "name",
-    "vehicle",
-    "profile",
-    "parameters",
-    "effects",
-    "robot",
-    "rates",
-    "sensors",
-    "estimator",
-    "controller",
-)
+    "name", "vehicle", "profile", "parameters", "effects", "robot", "rates", "sensors", "estimator", "controller",
+)  # fmt: skip
 _ENTRY_KEYS = ("value", "unit", "basis")
 
 # Of an effect with more parameters a file holds only those that are not at their presets.

@@ -11,22 +11,15 @@ packaged ones are in `sim_host/run/scenarios`.
     profile    = "coupled"            # profile, sensors and seed are used where the command line gives none
     sensors    = "imu"
     seed       = 0
-
     waypoints_m = [[0.5, 0], [0.5, 0.5]]    # a mission needs 1 to 32 within 30 m
     cruise_m_s  = 0.3                       # or one for each profile; default: the firmware's
     start_at_s  = 1                         # rest before the start; default 1 if a gyro's bias is estimated, else 0
-
+    faults      = [{ kind = "drop", from_s = 5, to_s = 6, rate = 0.1 }]    # of a link: hal/README.md lists them
     # segments  = [{ from_s = 1, left_V = 5, right_V = "float" }]    of a manoeuvre
     # stop_at_m = 1.0                       of a manoeuvre: path length after which both motors are shorted
 
     [parameters]                      # of the plant alone, as [effects.NAME]; the controller does not know them
     mass = 0.9
-
-    [[faults]]                        # of a link between plant and controller: hal/README.md lists them
-    kind = "drop"
-    from_s = 5
-    to_s = 6
-    rate = 0.1
 """
 
 from __future__ import annotations
