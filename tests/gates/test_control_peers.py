@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120
 
 # Of all 500 steps: typical and worst step, bytes of flash. A figure that changes by more than TOLERANCE is corrected
-# here and in tools/README.md.
+# here and in tools/docs/benchmarks.md.
 TOLERANCE = 0.03
 MEASURED = {
     ("h8", "ours"): (29706, 35276, 3922),

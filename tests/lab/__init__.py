@@ -18,7 +18,7 @@
     real_score.py      the figure: fit percent of a free run
     real_run.py        runs discovery and its peers on one data set
     real_results.py    the kept results
-    real_table.py      the table in tools/README.md, from the kept results alone
+    real_table.py      the table in tools/docs/benchmarks.md, from the kept results alone
 
 Both write a page, page.py. `parts.py` and `surer.py` are programs by themselves: whether parts of a log give one
 answer, and whether more runs give a surer one.

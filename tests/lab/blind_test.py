@@ -23,6 +23,7 @@ from brickpilot.discover.finding import verdict_json
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import Progress
 
+from lab import measured
 from lab.result import RESULTS, append, held_out_gap, load, put_in_order, truth_fields, verdict_fields
 from lab.sets import Maker, Task, truth_of
 
@@ -124,6 +125,7 @@ def run_one(task: Task, folder: Path, further: Path, maker: Maker | None, jobs: 
         "suite": task.suite,
         "seed_offset": task.seed_offset,
         "version": __version__,
+        "measured": measured.state(),
         "error": None,
     }
     try:

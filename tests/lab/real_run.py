@@ -26,7 +26,7 @@ from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 
-from lab import real_results
+from lab import measured, real_results
 from lab.peers import PEERS, Peer
 from lab.peers.grid import signals_of
 from lab.real_logs import HiddenTest, RealLog
@@ -148,12 +148,14 @@ def run_log(
     }
     if work.discover:
         result["discover"], own = _discovered(data, roles, work, progress)
+        result["measured"] = {**result.get("measured", {}), "discover": measured.state()}
         roles = own or roles
     result["roles"] = {role: len([one for one in roles.by_run.values() if one == role]) for role in ("fit", "held_out")}
     peers = dict(before.get("peers", {}))
     for peer in work.peers:
         progress(0, 1, f"{data.name}: {peer.name}")
         peers[peer.name] = _peer(peer, data, roles, signals_of(data))
+        result["measured"] = {**result.get("measured", {}), peer.name: measured.state()}
     result["peers"] = peers
     if log is not None and log.test is not None:
         result["test"] = _tested(data, log.test, work, dict(before.get("test", {})), progress)

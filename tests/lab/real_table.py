@@ -9,6 +9,7 @@ from typing import Any
 
 from brickpilot.errors import InputError
 
+from lab import measured
 from lab.peers import PEERS
 from lab.real_logs import RealLog
 from lab.real_results import judged_on, models, pooled
@@ -147,6 +148,10 @@ def summary(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str
     """Returns what the table sums up to, a sentence each."""
     ran = [one for one in results if "after" in models(one)]
     said = [f"{len(results)} logs; fit percent over {_roles(ran)}."]
+    kept = [one.get("measured", {}) for one in results]
+    said.append(f"Discovery: {measured.told((one.get('discover') for one in kept), 'logs')}.")
+    peers = [state for one in kept for name, state in sorted(one.items()) if name != "discover"]
+    said.append(f"Peers: {measured.told(peers, 'results')}.")
     if about_the_mean := [one for one in results if one.get("figure") != FIGURE]:
         said.append(f"The figures of {len(about_the_mean)} logs are still of an older kind: about the signal's mean.")
     said.append(f"The written model of `discover` is better than {_DELAYED} on {_wins(ran, (_DELAYED,))}.")

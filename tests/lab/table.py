@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from lab import measured
 from lab.claims import SENSORS, claims
 from lab.law_claims import by_suite
 from lab.score import (
@@ -97,6 +98,7 @@ def table(results: Sequence[Result]) -> dict[str, Any]:
         "engines": engines,
         "seed_offsets": sorted({one["seed_offset"] for one in results if one["seed_offset"] is not None}),
         "versions": sorted({one["version"] for one in results}),
+        "measured": measured.told((one.get("measured") for one in results), "sets"),
         "visible_from_noise_sd": VISIBLE,
         "claims": {group: [claim.to_json() for claim in claims(among)] for group, among in groups.items()},
         "suites": {name: [claim.to_json() for claim in made] for name, made in by_suite(results).items()},
@@ -160,7 +162,9 @@ def _claim_line(one: Mapping[str, Any]) -> str:
 
 
 def markdown(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the lines of the quick suites' table for a page."""
+    """Yields the lines of the quick suites' table for a page, after what was run and of which state it is."""
+    yield f"{headline(table)}; {table['measured']}."
+    yield ""
     yield "| suite | figure | result | 95 % interval | of | asked for |"
     yield "|---|---|---|---|---|---|"
     for name, made in table["suites"].items():

@@ -6,7 +6,7 @@ The planar engine of `tests/hidden`, which shares no code with the plant, drives
 through eight runs. `brickpilot discover` reads the log and nominal values that are 5 % off. `brickpilot tune` starts
 from the gains that `brickpilot firmware` gives that model, and flies robots that the log allows. 1,000 fresh ones fly
 before and after; then the robot as it truly is does, which neither the log nor the tuning knew. Prints the table of
-tools/README.md, and writes the figures to tuned.json beside this file.
+tools/docs/benchmarks.md, and writes the figures to tuned.json beside this file.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from brickpilot.vehicle.model import Model, rcx
 from hidden import folder
 from hidden.manoeuvre import short
 from hidden.recipe import Hidden, Recipe, Vehicle
+from lab import real_table
 
 FIGURES = Path(__file__).with_name("tuned.json")
 ROOT = Path(__file__).parents[2]
@@ -229,6 +230,7 @@ def shown(row: dict[str, Any]) -> str:
     )
 
 
+MARKS = ("<!-- gains -->", "<!-- end of gains -->")
 HEAD = (
     "| robot, board, sensors | hidden: verdict | success before | success after | only after, only before; p "
     "| cross-track rms | time | the true robot |\n|---|---|---|---|---|---|---|---|"
@@ -242,11 +244,19 @@ def main() -> None:
     options.add_argument("--budget", default="88", help="of `brickpilot tune`")
     options.add_argument("--robots", type=int, default=16, help="of `brickpilot tune`")
     options.add_argument("--robot", choices=ROBOTS, action="append", help="this one alone; repeatable")
+    options.add_argument("--write", metavar="FILE.md", type=Path, help="write the table between its marks, too")
     chosen = options.parse_args()
     parent = chosen.out.resolve()
     for name in chosen.robot or ROBOTS:
         keep(study(name, parent, chosen.jobs, chosen.budget, chosen.robots))
-    print("\n".join([HEAD, *map(shown, kept().values())]))
+    print("\n".join(table()))
+    if chosen.write is not None:
+        real_table.write_between_marks(chosen.write, table(), MARKS)
+
+
+def table() -> list[str]:
+    """Returns the lines of the table of the kept figures."""
+    return [*HEAD.split("\n"), *map(shown, kept().values())]
 
 
 def kept() -> dict[str, dict[str, Any]]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tune_study
 from brickpilot import catalogue
 from brickpilot.data import holdout, reading
 from brickpilot.data.holdout import Roles
@@ -17,10 +19,10 @@ from brickpilot.fit.comparison import compare
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
 from command import lab
-from lab import real_logs, real_results, real_run, real_score, real_table
+from lab import measured, real_logs, real_results, real_run, real_score, real_table
 from lab.peers import PEERS, Peer, grid
 
-README = Path(__file__).parents[2] / "tools" / "README.md"
+PAGE = Path(__file__).parents[2] / "tools/docs/benchmarks.md"
 STEP = 0.01
 
 
@@ -292,13 +294,31 @@ def test_table_of_the_manual_is_that_of_the_kept_results():
     kept = real_results.load(real_results.KEPT)
     assert len(kept) >= 10
     wanted = list(real_table.lines(kept, real_logs.by_name()))
-    assert real_table.between_marks(README) == wanted, (
-        "run: sh tests/lab/run real --part none --results tests/lab/real_results.json --write tools/README.md"
+    assert real_table.between_marks(PAGE) == wanted, (
+        "run: sh tests/lab/run real --part none --results tests/lab/real_results.json --write tools/docs/benchmarks.md"
     )
     changed = {name: dict(one) for name, one in kept.items()}
     first = next(iter(changed))
     changed[first]["discover"] = {}
     assert list(real_table.lines(changed, real_logs.by_name())) != wanted
+
+
+def test_a_table_says_of_which_commits_its_results_are():
+    if (PAGE.parents[2] / ".git").exists():
+        assert re.fullmatch(r"`[0-9a-f]{7,}`(, changed,)? of \d{4}-\d\d-\d\d", measured.state())
+    assert (
+        measured.told(["`a` of d", "`b` of d", "`a` of d"], "logs")
+        == "measured at `a` of d (2 logs), `b` of d (1 logs)"
+    )
+    assert measured.told(["`a` of d", "`a` of d"], "logs") == "measured at `a` of d"
+    assert measured.told([None], "logs") == f"measured at {measured.UNKNOWN}"
+    assert measured.UNKNOWN not in "\n".join(real_table.lines(real_results.load(real_results.KEPT), {}))
+
+
+def test_the_page_has_the_table_of_the_kept_gains():
+    begin, end = tune_study.MARKS
+    shown = PAGE.read_text(encoding="utf-8").partition(f"{begin}\n")[2].partition(f"\n{end}")[0]
+    assert shown.splitlines() == tune_study.table()
 
 
 def test_damaged_results_are_refused(tmp_path):

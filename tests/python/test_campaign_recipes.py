@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 TOOLS = Path(__file__).parents[2] / "tools"
-PAGE = TOOLS / "brickpilot/campaign/README.md"
+PAGE = TOOLS / "docs/guides/campaign.md"
 EXAMPLES = TOOLS / "examples/cluster"
 
 
@@ -32,7 +32,7 @@ def test_the_job_of_slurm_is_the_one_of_the_page(tmp_path: Path, monkeypatch: py
     with slurm.SLURMCluster(**slurm.JOB) as cluster:
         script = cluster.job_script().strip()
         script = script.replace(sys.executable, "PYTHON").replace(cluster.scheduler_address, "SCHEDULER")
-    (shown,) = re.findall(r"```sh\n(#!/usr/bin/env bash\n.*?)\n```", PAGE.read_text(), re.DOTALL)
+    (shown,) = re.findall(r"```text\n(#!/usr/bin/env bash\n.*?)\n```", PAGE.read_text(), re.DOTALL)
     assert re.sub(r" +$", "", script, flags=re.MULTILINE) == shown
 
 

@@ -49,7 +49,8 @@ def test_the_readme_asks_about_each_example() -> None:
 
 
 def test_every_command_has_a_line_of_shell_in_a_manual() -> None:
-    manuals = "\n".join((ROOT / place).read_text() for place in ("README.md", "tools/README.md", "hal/README.md"))
+    places = ("README.md", "tools/README.md", "hal/README.md", "tools/docs/guides/*.md")
+    manuals = "\n".join(path.read_text() for place in places for path in ROOT.glob(place))
     shown = re.findall(r"brickpilot ([a-z][a-z ]*[a-z])", manuals)
     names = [one.name or "" for one in COMMAND_LINE if one is not export]
     names += [f"export {kind}" for kind in export.commands]

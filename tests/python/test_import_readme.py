@@ -13,7 +13,7 @@ from brickpilot.importers import CHANNELS, IMPORTERS
 from command import brickpilot
 from other_logs import STAMP
 
-README = Path(__file__).resolve().parents[2] / "tools/README.md"
+README = Path(__file__).resolve().parents[2] / "tools/docs/guides/my_log.md"
 
 
 def logs_of_the_readme(folder: Path) -> None:

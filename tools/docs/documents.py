@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-OWN = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "tools/docs/data_recipe.md")
+OWN = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")
+PAGES = "tools/docs"
+CONTENTS = "contents.md"
 FOLDERS = ("firmware", "hal", "sim_host", "tests", "tools")
 NOT_OURS = {"uplot", "build"}
 TOP = "README.md"
 """It becomes the front page, index.md, with the contents below it."""
+
+REFERENCE = "tools/docs/reference.py"
+"""A link to it leads to the pages that it makes."""
 
 _LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -22,15 +28,16 @@ def stage(root: Path, pages: Path) -> None:
         text = path.read_text(encoding="utf-8")
         for target in _files(text):
             _copy(root, pages, (path.parent / target).resolve())
-        _write(pages / path.relative_to(root), _to_front_page(root, path, text))
+        _write(pages / path.relative_to(root), _to_pages(root, path, text))
     front = (pages / TOP).read_text(encoding="utf-8")
     _write(pages / "index.md", f"{front}\n{_contents(root)}")
     (pages / TOP).unlink()
 
 
 def documents(root: Path) -> Iterator[Path]:
-    """Yields the documents: those at the top, and every README and notebook of the project's folders."""
+    """Yields the documents: those at the top, the pages of `tools/docs`, and every README and notebook."""
     yield from (root / name for name in OWN)
+    yield from (path for path in sorted((root / PAGES).rglob("*.md")) if path.name != CONTENTS)
     for folder in FOLDERS:
         for path in sorted([*(root / folder).rglob("README.md"), *(root / folder).rglob("*.ipynb")]):
             parts = path.relative_to(root).parts
@@ -40,7 +47,7 @@ def documents(root: Path) -> Iterator[Path]:
 
 def _contents(root: Path) -> str:
     """Returns the contents of the site: contents.md, and below it the documents that it does not list."""
-    listed = Path(__file__).with_name("contents.md").read_text(encoding="utf-8")
+    listed = Path(__file__).with_name(CONTENTS).read_text(encoding="utf-8")
     names = [path.relative_to(root).with_suffix("").as_posix() for path in documents(root)]
     others = [
         name for name in names if f"{name}{TOP[-3:]}" != TOP and not re.search(rf"(^|<){name}(>|$)", listed, re.M)
@@ -63,10 +70,12 @@ def _copy(root: Path, pages: Path, file: Path) -> None:
         shutil.copyfile(file, place)
 
 
-def _to_front_page(root: Path, path: Path, text: str) -> str:
-    """Returns the text with its links to the top README leading to the front page."""
+def _to_pages(root: Path, path: Path, text: str) -> str:
+    """Returns the text with its links to the top README and to the reference leading to their pages."""
     up = "../" * (len(path.relative_to(root).parts) - 1)
-    return text.replace(f"]({up}{TOP}", f"]({up}index.md")
+    text = text.replace(f"]({up}{TOP}", f"]({up}index.md")
+    to_reference = os.path.relpath(root / REFERENCE, path.parent)
+    return text.replace(f"]({to_reference})", f"]({up}reference/index.md)")
 
 
 def _write(path: Path, text: str) -> None:

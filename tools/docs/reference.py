@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import json
+import pkgutil
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import brickpilot
 import click
 from brickpilot import catalogue
 from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.cli import main
+from brickpilot.data.signals import SIGNALS
+from brickpilot.importers import IMPORTERS
 from brickpilot.vehicle.setting_defaults import defaults
 from brickpilot.vehicle.settings import settings
 
@@ -18,9 +26,24 @@ MANY = 12
 """An effect with more parameters shows them on demand."""
 
 
+FILES = (
+    "data.description",
+    "vehicle.model",
+    "vehicle.scenario",
+    "campaign.file",
+    "vehicle.gains",
+    "vehicle.compensation",
+)
+"""The readers of the files that a user writes: the docstring of each is the manual of its file."""
+
+
 def stage(root: Path, pages: Path) -> None:
     """Writes the reference pages below `pages`."""
     written = {
+        "index.md": index_page(),
+        "files.md": files_page(),
+        "verdict.md": verdict_page(),
+        "rooms.md": rooms_page(),
         "python.md": python_page(),
         "effects.md": effects_page(),
         "settings.md": settings_page(),
@@ -31,6 +54,78 @@ def stage(root: Path, pages: Path) -> None:
         path = pages / "reference" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
+
+
+def index_page() -> str:
+    """Returns the page that leads to the others."""
+    pages = ("commands/index", "python", "files", "verdict", "effects", "settings", "c/index", "rooms")
+    intro, entries = "Each page is made from the code, where what it says stands once.", "\n".join(pages)
+    return f"# Reference\n\n{intro}\n\n```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```\n"
+
+
+def files_page() -> str:
+    """Returns the page of the files that a user writes, with the signals, the nominal values and the kinds of log."""
+    parts = ["# Files\n\nWhat stands in each file that you write, as its reader says it."]
+    for name in FILES:
+        title, _, text = (inspect.getdoc(importlib.import_module(f"brickpilot.{name}")) or "").partition("\n")
+        heading, _, more = title.rstrip(".").partition(": ")
+        parts += [f"## {heading}", f"{more[:1].upper()}{more[1:]}.", _fenced(text)]
+    signals = ((f"`{name}`", one.kind, one.unit, ", ".join(sorted(one.vehicles))) for name, one in SIGNALS.items())
+    parts += ["## Signals", table(("signal", "kind", "SI unit", "vehicle"), signals)]
+    nominal = ((f"`{one.name}`", one.unit, f"{one.minimum:g} to {one.maximum:g}", _plain(one.meaning))
+               for one in catalogue.parameters())  # fmt: skip
+    parts += ["## Nominal values", table(("parameter", "unit", "range", "meaning"), nominal)]
+    logs = ((f"`{one.kind}`", " ".join(one.suffixes), _plain(one.help)) for one in IMPORTERS)
+    parts += ["## Logs", table(("kind", "endings", "what"), logs)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _fenced(manual: str) -> str:
+    """Returns a manual with its indented lines as a block of TOML."""
+    block = re.compile(r"(?:^ {4}.*\n(?:\n+(?= {4}))?)+", re.MULTILINE)
+    return block.sub(lambda found: f"```toml\n{inspect.cleandoc(found[0])}\n```\n", f"{manual}\n").strip()
+
+
+def verdict_page() -> str:
+    """Returns the page of `verdict.json`, made of its schema: every key that the schema describes."""
+    schema = json.loads(resources.files("brickpilot").joinpath("report/verdict.schema.json").read_text("utf-8"))
+    parts = [f"# `verdict.json`\n\n{_plain(schema['description'])} `discover --json` prints the same."]
+    apart = {name: part for name, part in schema["$defs"].items() if any(_keys(part, ()))}
+    parts.append(table(("key", "means"), _keys(schema, apart)))
+    for name, part in apart.items():
+        parts += [f"## {name}", _plain(part.get("description")), table(("key", "means"), _keys(part, apart))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _keys(part: Any, apart: Collection[str], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yields the described keys of a part of a schema, and what each means; those `apart` have tables of their own."""
+    for key, one in part.get("properties", {}).items():
+        forms = [one, *one.get("oneOf", ()), *one.get("anyOf", ())]
+        held = [form for each in forms for form in (each, each.get("items"), each.get("additionalProperties"))]
+        name = f"{above}{key}"
+        shown = sorted({form["$ref"].rpartition("/")[2] for form in held if isinstance(form, dict) and "$ref" in form})
+        see = "".join(f" See [{other}](#{other})." for other in shown if other in apart)
+        if one.get("description") or see:
+            yield f"`{name}`", f"{_plain(one.get('description'))}{see}".strip()
+        for form in held:
+            if isinstance(form, dict):
+                yield from _keys(form, apart, f"{name}.")
+
+
+def rooms_page() -> str:
+    """Returns the page of the rooms of the package: what each says of itself."""
+    parts = ["# Rooms of the package\n\nWhat each folder of `tools/brickpilot` says of itself."]
+    for room in pkgutil.walk_packages(brickpilot.__path__, "brickpilot."):
+        if room.ispkg:
+            parts += [f"## `{room.name}`", _room(room.name)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _room(name: str) -> str:
+    """Returns the docstring of a room, from its file, as some names are a function's, too; a list of files is code."""
+    source = Path(brickpilot.__path__[0], *name.split(".")[1:], "__init__.py").read_text(encoding="utf-8")
+    text = inspect.cleandoc(source.split('"""')[1])
+    return re.sub(r"^(\w+\.py +)", r"    \1", text, flags=re.MULTILINE)
 
 
 def command_pages() -> Iterator[tuple[str, str]]:

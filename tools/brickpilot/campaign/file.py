@@ -1,4 +1,4 @@
-"""The campaign file.
+"""A campaign: many flights, and what differs between them. `brickpilot campaign` reads it.
 
     [campaign]
     name     = "tolerances"

@@ -1,4 +1,48 @@
-"""Reads and checks `dataset.toml`: the signals with their units, the nominal values and the list of runs."""
+"""A data set: a folder with `dataset.toml` and a table of columns for each run.
+
+    name    = "bench-7"
+    vehicle = "diff_drive"       # or "motor": one motor and its load
+    frame   = "FLU"              # y left, yaw counter-clockwise positive; or "FRD", the default
+    csv     = { delimiter = ",", header = true }    # or semicolon, tab, blank, bar; header = false: columns from 0
+    gap_s   = 0                  # pause between runs in s: charge and heat carry over from one to the next
+    input_timing = "held"        # what an input does between two rows: "held" (the default), "linear" or "unknown"
+    as_wired = false             # true: nothing is mended that looks swapped, reversed or scaled wrongly
+    guessed = []                 # what an importer guessed and nobody stated, in words
+
+    [signals]                    # column and unit; optional, in unit: scale and offset (value = scale * cell
+    time          = { column = "t_s", unit = "s" }                       # + offset), noise_sd, resolution, range
+    voltage_left  = { column = "v_left", unit = "V" }
+    voltage_right = { column = "v_right", unit = "V" }
+    yaw_rate      = { column = "yaw_rate", unit = "deg/s", noise_sd = 0.8, range = [-300, 300] }
+
+    [nominal]                    # known parameters in SI: a value, or { value, sd }; absent parameters are fitted
+    mass = 0.6
+    wheel_radius = { value = 0.028, sd = 0.0003 }
+
+    [nominal.effects]            # effects that the model already contains, in the same form
+
+    [[runs]]
+    name = "straight_half"
+    file = "straight_half.csv"   # name and file are needed; the other keys are optional:
+    role = "fit"                 # or "held_out"; without any the program chooses, and says so
+    gap_s = 2.5                  # before this run
+    initial = { surge = 0.2 }    # replicate_of = "name" marks a repeat
+
+- Units are written as usual: `mm`, `ft`, `deg/s`, `rpm`, `mV`, `ms`, `rotation`, and `g0` for gravity. Inside the
+  program all values are in SI and FRD.
+- A blank voltage means that the motor floats. 0 V means that it is shorted. A blank output is a missing sample.
+  Sampling may be irregular.
+- Duty is a share of the battery voltage, -1 to 1. The program takes the measured battery voltage; without one,
+  `battery_voltage` of `[nominal]`; without that, 9 V, and says so. `duty_mean` is (left + right) / 2, and `duty_diff`
+  is left - right.
+- `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
+  acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
+  which of the two the data show. The wrong one moves the inductance and the resistance of the fit.
+- Rows closer than the plant's motor step of 0.3 ms are taken together, which is said: inputs as means, outputs as
+  readings. A channel that is logged faster than it is sampled holds each sample for some rows; each sample is used
+  once, in the first row that has it. Inputs stay as logged, and so do the files.
+- A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +92,7 @@ class Signal:
     noise_sd: float | None
     resolution: float | None
     range: tuple[float, float] | None
-    sampling: Sampling | None = None  # of an accelerometer: what a sample is; see tools/README.md
+    sampling: Sampling | None = None  # of an accelerometer: what a sample is
 
     @property
     def to_si(self) -> float:

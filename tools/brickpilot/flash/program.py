@@ -25,7 +25,6 @@ from brickpilot.flash.tally import Progress, Tally
 from brickpilot.link import lnp
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
-SLOTS = 8
 HOST = 8
 """The host address of this end; it is the one that dll uses."""
 PRIORITY = 10

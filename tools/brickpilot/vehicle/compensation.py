@@ -1,7 +1,20 @@
-"""The compensation of a robot: what the firmware knows of it and undoes, in fixed point, and the file that holds it.
+"""A compensation: what the firmware knows of one robot and undoes, in fixed point.
 
 The firmware's constants are those of the packaged robot. A compensation converts its voltages into those that another
-robot's motors need, and that robot's readings into those of the packaged robot (`firmware/app/parameters`).
+robot's motors need, and that robot's readings into those of the packaged robot (`firmware/app/parameters`). It works in
+the profile `coupled`. `discover` writes `compensation.toml`, and so does `from_model(model).save(path)`:
+
+    name      = "bench-7"
+    left_out  = []      # effects, or EFFECT.PARAMETER, that the firmware cannot compensate
+    limited   = []      # parameters that their format limits
+    remarks   = []      # a line for each difference that no setting carries: which value, and how far off it is
+
+    [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent one is 0
+    left_friction_mv = { raw = 564, format = "mV", value = 0.564, unit = "V", from = ["nominal values"] }
+
+`raw` is used; `value` is the same in SI and has to agree. `from` names the effects that each ask for this parameter, or
+says that nominal values differ from the packaged robot's. The comment at the end is the same in C. `summary.json` of a
+flight repeats the file as `compensation`. firmware/README.md shows what it improves.
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
-"""A gain set: settings that tune the controller, as the raw integers that fly, and the file that holds them.
+"""A gain set: settings that tune the controller, as the raw integers that fly.
 
 `brickpilot tune` writes one. `run` and `hil` write it to the firmware as settings, `firmware` compiles it into
-an image.
+an image. Each entry has value, unit and raw integer; `hal/wire/settings.toml` has the names and ranges.
+
+    name = "bench-7"
+
+    [gains]
+    heading_kp = { value = 10.0, unit = "V/rad", raw = 982 }
 """
 
 from __future__ import annotations

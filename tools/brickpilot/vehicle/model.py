@@ -1,4 +1,17 @@
-"""Vehicle models and their files: nominal values, each with unit and basis, and the effects that are switched on."""
+"""A model: nominal values, each with unit and basis, and the effects that are switched on.
+
+`calibrate` and `discover` write `model.toml`, and `--model` takes it. The packaged one is `sim_host/models/rcx.toml`;
+for `brickpilot firmware` its tables `[robot]`, `[rates]`, `[sensors]`, `[estimator]` and `[controller]` may stand in
+yours.
+
+    name    = "bench-7"
+    vehicle = "diff_drive"            # or "motor"
+    profile = "coupled"               # or "paper"
+
+    [parameters]                      # a value in SI, or with unit and basis; what is absent keeps its preset
+    mass = { value = 0.9, unit = "kg", basis = "weighed" }
+    wheel_radius = 0.0408             # and [effects.NAME] with the parameters of an effect in the same form
+"""
 
 from __future__ import annotations
 
@@ -21,17 +34,8 @@ from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
 _TOP_KEYS = (
-    "name",
-    "vehicle",
-    "profile",
-    "parameters",
-    "effects",
-    "robot",
-    "rates",
-    "sensors",
-    "estimator",
-    "controller",
-)
+    "name", "vehicle", "profile", "parameters", "effects", "robot", "rates", "sensors", "estimator", "controller",
+)  # fmt: skip
 _ENTRY_KEYS = ("value", "unit", "basis")
 
 # Of an effect with more parameters a file holds only those that are not at their presets.

@@ -1,6 +1,25 @@
-"""Scenario files, which describe the flights of `brickpilot run`.
+"""A scenario: what `brickpilot run` and `hil` fly.
 
-A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out.
+A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out. The
+packaged ones are in `sim_host/run/scenarios`.
+
+    name       = "square"
+    title      = "Round the table"    # optional, as all that follows but what its kind needs
+    kind       = "mission"            # or "manoeuvre"
+    duration_s = 60                   # up to an hour
+    start      = { x_m = 0, y_m = 0, heading_deg = 0 }
+    profile    = "coupled"            # profile, sensors and seed are used where the command line gives none
+    sensors    = "imu"
+    seed       = 0
+    waypoints_m = [[0.5, 0], [0.5, 0.5]]    # a mission needs 1 to 32 within 30 m
+    cruise_m_s  = 0.3                       # or one for each profile; default: the firmware's
+    start_at_s  = 1                         # rest before the start; default 1 if a gyro's bias is estimated, else 0
+    faults      = [{ kind = "drop", from_s = 5, to_s = 6, rate = 0.1 }]    # of a link: hal/README.md lists them
+    # segments  = [{ from_s = 1, left_V = 5, right_V = "float" }]    of a manoeuvre
+    # stop_at_m = 1.0                       of a manoeuvre: path length after which both motors are shorted
+
+    [parameters]                      # of the plant alone, as [effects.NAME]; the controller does not know them
+    mass = 0.9
 """
 
 from __future__ import annotations
