@@ -193,34 +193,30 @@ class Replay:
         if len(self._begun) > _MOST_BEGUN:
             self._begun = {}  # another thread may still read the old one
         parts = {id(model): _start_key(model) for _, _, model in wanted}
-        keys = [(run.name, *part) if (part := parts[id(model)]) else () for run, _, model in wanted]
+        keys = [(run.name, *_own_values(run, model), *parts[id(model)]) for run, _, model in wanted]
         begun = self._begun
-        new = [k for k, key in enumerate(keys) if key not in begun]
-        readings = [
-            Reading(self._first_samples[run.name], run.initial or {}, model)
-            for run, _, model in (wanted[k] for k in new)
-        ]
-        own = {}
-        for k, state in zip(new, start_state.states(readings), strict=True):
-            run, age, model = wanted[k]
-            own[k] = OpenLoopRun(
+        new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in begun}
+        readings = [Reading(self._first_samples[run.name], run.initial or {}, model) for run, _, model in new.values()]
+        made = {}
+        for (key, (run, age, model)), state in zip(new.items(), start_state.states(readings), strict=True):
+            made[key] = OpenLoopRun(
                 time=run.time,
                 inputs=self._driven(run, model),
                 initial=dataclasses.replace(state, age=age, rest=run.gap_s),
                 motor_step=min([self.motor_step, *_needs(tuple(model.effects))[1]]),
                 body_step=self.body_step,
             )
-        begun |= {key: own[k] for k in new if (key := keys[k])}
-        return [own[k] if k in own else begun[key] for k, key in enumerate(keys)]
+        found = [made[key] if key in made else begun[key] for key in keys]
+        begun |= made
+        return found
 
     def _driven(self, run: Run, model: Model) -> Array:
         """Returns (n, columns) V: the inputs of a run, with what values of its own make of them."""
-        name = run_of(run.name)
-        own = {kind: one[name] for kind, one in model.by_run.items() if one.get(name)}
+        own = _own_values(run, model)
         if not own:
             return self.inputs[run.name]
         time, driven = self.whole[run.name]
-        for kind, value in own.items():
+        for kind, value in own:
             driven = RUN_KINDS[kind].change(time, driven, value)
         return mean_over_steps(time, driven, run.time)
 
@@ -232,11 +228,17 @@ def _needs(effects: tuple[str, ...]) -> tuple[bool, tuple[float, ...]]:
     return any(one.carries_over for one in infos), tuple(one.motor_step for one in infos if one.motor_step > 0)
 
 
+def _own_values(run: Run, model: Model) -> tuple[tuple[str, float], ...]:
+    """Returns (kind, value) of each value that a run has of its own."""
+    name = run_of(run.name)
+    return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
+
+
 def _start_key(model: Model) -> tuple[object, ...]:
-    """Returns what the start of a run depends on; empty: on more than is worth keeping."""
-    if model.by_run or start_state.has_sensor_effect(model):
-        return ()
-    return model.vehicle, _needs(tuple(model.effects))[1], *(model.parameters.get(name) for name in GEOMETRY)
+    """Returns what the start of a run depends on, but for the run and its own values."""
+    sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
+    steps = _needs(tuple(model.effects))[1]
+    return model.vehicle, steps, sensors, *(model.parameters.get(name) for name in GEOMETRY)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,8 @@ _SECANT_STEPS = 4
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters that a state made of measured values depends on: see `Reading.state`."""
+"""The nominal parameters that a state made of measured values depends on: see `Reading.state`. Beside them it depends
+on `sensor_effects` alone."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Reading:
     @cached_property
     def read(self) -> tuple[str, ...]:
         """The known signals that a sensor effect of the model may have changed; empty: it has no such effect."""
-        if not has_sensor_effect(self.model):
+        if not sensor_effects(self.model):
             return ()
         return tuple(name for name in self.known if name in _SENSOR_SIGNALS and name not in self.stated)
 
@@ -85,9 +86,9 @@ def first_sample(run: Run) -> dict[str, float]:
     return measured
 
 
-def has_sensor_effect(model: Model) -> bool:
-    """Whether an effect of the model changes what sensors give of the state."""
-    return any(_changes_readings(name, model.vehicle) for name in model.effects)
+def sensor_effects(model: Model) -> tuple[str, ...]:
+    """Returns the effects of the model that change what sensors give of the state."""
+    return tuple(name for name in model.effects if _changes_readings(name, model.vehicle))
 
 
 def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]:
