@@ -61,8 +61,8 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .accel_gain_q15 = 6553,
             .slowest_weight_bits = 10,
             .count_travel_um_q2 = 21363,
-            .behind_to_travel_q15 = 786,
-            .behind_to_speed_q15 = 6442,
+            .travel_gain_q15 = 786,
+            .speed_gain_q15 = 6442,
             .accel_filter_q15 = 4564,
         },
         .mixer = {
@@ -156,8 +156,8 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .accel_gain_q15 = 6553,
             .slowest_weight_bits = 8,
             .count_travel_um_q2 = 21363,
-            .behind_to_travel_q15 = 2359,
-            .behind_to_speed_q15 = 19327,
+            .travel_gain_q15 = 2359,
+            .speed_gain_q15 = 19327,
             .accel_filter_q15 = 11874,
         },
         .mixer = {
@@ -259,8 +259,8 @@ static const FLASH loop_config_t PARAMS_PAPER = {
             .accel_gain_q15 = 1638,
             .slowest_weight_bits = 10,
             .count_travel_um_q2 = 21363,
-            .behind_to_travel_q15 = 0,
-            .behind_to_speed_q15 = 0,
+            .travel_gain_q15 = 0,
+            .speed_gain_q15 = 0,
             .accel_filter_q15 = 4564,
         },
         .mixer = {

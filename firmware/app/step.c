@@ -17,7 +17,7 @@ static void take_battery(const step_config_t *config, step_state_t *state, const
 /* What the model knows a voltage as. */
 static inline int16_t of_model(int16_t voltage_mv)
 {
-    return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_fraction(voltage_mv, MOTOR_VOLTAGE_BITS);
+    return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_trunc_shift(voltage_mv, MOTOR_VOLTAGE_BITS);
 }
 
 /* Moves the model on to now, with the voltages of the step before. */
@@ -26,8 +26,8 @@ static void predict(const step_config_t *config, step_state_t *state, const sign
 {
     const signals_drive_t *const drive = &state->mixer.drive;
 
-    state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
-    for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
+    state->lag_ms = (uint8_t)(state->lag_ms + sensors->period_ms);
+    for (; state->lag_ms >= BODY_PERIOD_MS; state->lag_ms = (uint8_t)(state->lag_ms - BODY_PERIOD_MS))
         body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
     bytes_copy(&output->predicted.motion, &state->model.motion, sizeof output->predicted.motion);
     output->predicted.driven = drive->left_mv != 0 || drive->right_mv != 0;
@@ -56,7 +56,7 @@ static void control(const step_config_t *config, step_state_t *state, step_outpu
         input.period_ms = output->estimate.period_ms;
         input.error = fix_sub16(output->demand.speed_mm_s_q4, output->estimate.speed_mm_s_q4);
         input.rate = output->estimate.accel_mm_s2;
-        input.feedforward_mv = fix_gain16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
+        input.feedforward_mv = fix_mul16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
         input.saturated = state->mixer.drive.surge_saturated;
         pid_step(&config->speed_pid, &state->speed_pid, &input, &output->speed_pid);
 

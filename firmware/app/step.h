@@ -44,7 +44,7 @@ typedef struct {
     pid_state_t speed_pid;
     pid_state_t heading_pid;
     mixer_state_t mixer;
-    uint8_t ahead_ms; /* time by which the model is behind, below its period */
+    uint8_t lag_ms; /* the model's lag: time by which it is behind the sensors, below its period */
 } step_state_t;
 
 /* The signals of one step, as its stages have written them. */

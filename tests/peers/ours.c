@@ -48,7 +48,7 @@ static void control(const signals_estimate_t *estimate, const signals_demand_t *
     input.period_ms = STEP_MS;
     input.error = fix_sub16(demand->speed_mm_s_q4, estimate->speed_mm_s_q4);
     input.rate = estimate->accel_mm_s2;
-    input.feedforward_mv = fix_gain16_q10(config.feedforward_mv_q10, demand->speed_mm_s_q4);
+    input.feedforward_mv = fix_mul16_q10(config.feedforward_mv_q10, demand->speed_mm_s_q4);
     input.saturated = mixer.drive.surge_saturated;
     pid_step(&config.speed_pid, &speed_pid, &input, &output);
     effort->surge_mv = output.output_mv;

@@ -1,5 +1,5 @@
 #include "abstract.h"
-#define fix_share16_q15 open_share16_q15
+#define fix_mul16_q15 open_share16_q15
 #define fix_div_u32 open_div_u32
 #define fix_mul_u16 open_mul_u16
 #define fix_mul open_mul

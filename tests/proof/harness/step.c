@@ -118,7 +118,7 @@ static bool step_holds(const step_state_t *of, const route_t *route)
 {
     return heading_holds(&of->heading) && speed_holds(&of->speed) && pose_holds(&of->pose) &&
            mode_holds(&of->mode, route) && pid_holds(&of->speed_pid) && pid_holds(&of->heading_pid) &&
-           mixer_holds(&of->mixer) && of->ahead_ms < BODY_PERIOD_MS;
+           mixer_holds(&of->mixer) && of->lag_ms < BODY_PERIOD_MS;
 }
 
 void step_keeps(void)

@@ -54,7 +54,7 @@ static void test_step_moves_the_model_by_whole_periods(void)
     (void)driven_with(4500, 4500);
     const int32_t once = state.model.motor[0].current_ua_q7;
     TEST_ASSERT_GREATER_THAN_INT32(0, once);
-    TEST_ASSERT_EQUAL_UINT8(0, state.ahead_ms);
+    TEST_ASSERT_EQUAL_UINT8(0, state.lag_ms);
     setUp();
     (void)driven_with(4500, 4500);
     TEST_ASSERT_EQUAL_INT32(once, state.model.motor[0].current_ua_q7);

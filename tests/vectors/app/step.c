@@ -68,7 +68,7 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s32(state->model.motion.surge_mm_s_q17);
     hash_s32(state->model.motion.sway_mm_s_q17);
     hash_s32(state->model.motion.yaw_rate_mrad_s_q12);
-    hash_s32(state->speed.behind_um_q5);
+    hash_s32(state->speed.residual_um_q5);
     hash_u8((uint8_t)state->mode.mode);
     hash_u8((uint8_t)state->mode.fault);
     hash_demand(&output->demand);
@@ -85,7 +85,7 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
     hash_drive(&output->drive);
-    hash_u8(state->ahead_ms);
+    hash_u8(state->lag_ms);
     hash_u16(state->mixer.battery_mv);
 }
 
