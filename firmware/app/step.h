@@ -30,8 +30,6 @@ typedef struct {
     int16_t
         feedforward_mv_q10; /* mV per 1/16 mm/s of demanded speed: the voltage that holds it on level ground, 0..32767 */
     mixer_config_t mixer;
-    uint16_t battery_nominal_mv; /* used before the first battery reading */
-    bool battery_sags;           /* the model gets the voltages corrected by the next battery reading */
 } step_config_t;
 
 /* All zero at the start: at rest at the origin, heading along x. */

@@ -39,7 +39,7 @@ static void guide(const native_t *input, const signals_estimate_t *estimate, sig
     demand->heading_bam16 = brakes ? los.hold_heading_bam16 : los.bearing_bam16;
 }
 
-/* As control() of firmware/app/step.c. */
+/* As step_run() of firmware/app/step.c. */
 static void control(const signals_estimate_t *estimate, const signals_demand_t *demand, signals_effort_t *effort)
 {
     pid_input_t input;

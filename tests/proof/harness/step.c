@@ -92,12 +92,12 @@ void pid_stop(pid_state_t *state, pid_output_t *output)
     *output = off;
 }
 
-void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv)
+void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors)
 {
     mixer_state_t after;
-    (void)config, (void)battery_mv;
+    (void)config, (void)sensors;
     ASSERT(mixer_holds(state));
-    ASSUME(mixer_holds(&after) && after.battery_mv == state->battery_mv);
+    ASSUME(mixer_holds(&after));
     *state = after;
 }
 

@@ -125,7 +125,7 @@ static void test_step_takes_the_nominal_battery_until_the_first_reading(void)
 {
     state.mixer.battery_mv = 0;
     (void)driven_with(0, 0);
-    TEST_ASSERT_EQUAL_UINT16(config.battery_nominal_mv, state.mixer.battery_mv);
+    TEST_ASSERT_EQUAL_UINT16(config.mixer.battery_nominal_mv, state.mixer.battery_mv);
     sensors.have |= SENSOR_BATTERY;
     sensors.battery_mv = 7777;
     (void)driven_with(0, 0);

@@ -27,7 +27,7 @@ static void begin(run_t *run, step_output_t *output)
     if (draw_rarely(1)) {
         draw_drive_config(&run->config.mixer.drive);
         run->config.mixer.drive.reserve_mv = (int16_t)draw_up_to(4000);
-        run->config.battery_sags = draw_rarely(1);
+        run->config.mixer.battery_sags = draw_rarely(1);
         run->config.heading.gyro_bias_mrad_s = draw_s16();
         run->config.heading.gyro_scale_q15 = draw_between(-32767, 32767);
         run->config.speed.count_mismatch_q15 = draw_between(-32767, 32767);

@@ -124,8 +124,10 @@ def _loop(
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
             "speed": _speed(common, estimator, rolls_like, counts, step),
-            "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor")},
-            "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
+            "mixer": {
+                "battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor"),
+                "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
+            },
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, LONGEST_STEP_MS, "watchdog_time"),
     }
