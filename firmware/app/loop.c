@@ -121,7 +121,7 @@ static mode_command_t guard(const loop_config_t *config, loop_state_t *state, ui
         command = MODE_CUT_LATE;
     else
         return command;
-    state->aborted = fix_count_u16(state->aborted);
+    state->aborted = fix_increment_u16(state->aborted);
     return command;
 }
 
@@ -133,7 +133,7 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
         take_time(state);
     elapsed_ms = elapse(state);
     if (elapsed_ms >= 2 * STEP_MS)
-        state->late_ticks = fix_count_u16(state->late_ticks);
+        state->late_ticks = fix_increment_u16(state->late_ticks);
     state->sensors.period_ms = period_ms(elapsed_ms);
     read_sensors(state);
     command = guard(config, state, elapsed_ms, command);

@@ -38,7 +38,7 @@ void parameters_start(parameters_t *parameters, const FLASH loop_config_t *const
 /* The travel per count that is `scale_q15` of itself more than `believed`; saturates. */
 static uint16_t scaled_travel_um_q2(uint16_t believed, int16_t scale_q15)
 {
-    const int32_t more = fix_share_q15(believed, scale_q15);
+    const int32_t more = fix_mul_q15(believed, scale_q15);
 
     return more < 0 ? (uint16_t)(believed + (uint16_t)more) : fix_add_u16(believed, (uint16_t)more);
 }

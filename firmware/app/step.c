@@ -3,52 +3,39 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
-static void take_battery(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors)
-{
-    if (SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
-        if (config->battery_sags)
-            mixer_correct(&config->mixer, &state->mixer, sensors->battery_mv);
-        state->mixer.battery_mv = sensors->battery_mv;
-    } else if (state->mixer.battery_mv == 0) {
-        state->mixer.battery_mv = config->battery_nominal_mv;
-    }
-}
-
 /* What the model knows a voltage as. */
 static inline int16_t of_model(int16_t voltage_mv)
 {
-    return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_fraction(voltage_mv, MOTOR_VOLTAGE_BITS);
+    return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_trunc_shift(voltage_mv, MOTOR_VOLTAGE_BITS);
 }
 
-/* Moves the model on to now, with the voltages of the step before. */
-static void predict(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
-                    step_output_t *output)
+void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
+              mode_command_t command, step_output_t *output)
 {
-    const signals_drive_t *const drive = &state->mixer.drive;
+    const signals_drive_t *const drive = &state->mixer.drive; /* of the step before */
+    pid_input_t input;
+    int32_t correction_mm_s_q17;
 
-    state->ahead_ms = (uint8_t)(state->ahead_ms + sensors->period_ms);
-    for (; state->ahead_ms >= BODY_PERIOD_MS; state->ahead_ms = (uint8_t)(state->ahead_ms - BODY_PERIOD_MS))
+    mixer_take_battery(&config->mixer, &state->mixer, sensors);
+
+    /* The model, with the voltages of the step before. */
+    state->lag_ms = (uint8_t)(state->lag_ms + sensors->period_ms);
+    for (; state->lag_ms >= BODY_PERIOD_MS; state->lag_ms = (uint8_t)(state->lag_ms - BODY_PERIOD_MS))
         body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
     bytes_copy(&output->predicted.motion, &state->model.motion, sizeof output->predicted.motion);
     output->predicted.driven = drive->left_mv != 0 || drive->right_mv != 0;
-}
 
-static void estimate(const step_config_t *config, step_state_t *state, const signals_sensors_t *sensors,
-                     step_output_t *output)
-{
-    int32_t correction_mm_s_q17;
-
+    /* The estimator. */
     output->estimate.period_ms = sensors->period_ms;
     heading_step(&config->heading, &state->heading, sensors, &output->predicted, &output->estimate);
     correction_mm_s_q17 = speed_step(&config->speed, &state->speed, sensors, &output->predicted, &output->estimate);
     body_correct_surge(config->model, &state->model, correction_mm_s_q17);
     pose_step(&state->pose, sensors, &output->estimate);
-}
 
-static void control(const step_config_t *config, step_state_t *state, step_output_t *output)
-{
-    pid_input_t input;
+    /* The autopilot. */
+    mode_step(&config->mode, route, &state->mode, &output->estimate, command, &output->demand);
 
+    /* The controllers. */
     if (!output->demand.drive) {
         pid_stop(&state->speed_pid, &output->speed_pid);
         pid_stop(&state->heading_pid, &output->heading_pid);
@@ -56,27 +43,18 @@ static void control(const step_config_t *config, step_state_t *state, step_outpu
         input.period_ms = output->estimate.period_ms;
         input.error = fix_sub16(output->demand.speed_mm_s_q4, output->estimate.speed_mm_s_q4);
         input.rate = output->estimate.accel_mm_s2;
-        input.feedforward_mv = fix_gain16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
-        input.saturated = state->mixer.drive.surge_saturated;
+        input.feedforward_mv = fix_mul16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
+        input.saturated = drive->surge_saturated;
         pid_step(&config->speed_pid, &state->speed_pid, &input, &output->speed_pid);
 
         input.error = fix_angle_diff_bam16(output->demand.heading_bam16, output->estimate.heading_bam16);
         input.rate = output->estimate.yaw_rate_mrad_s;
         input.feedforward_mv = 0;
-        input.saturated = state->mixer.drive.yaw_saturated;
+        input.saturated = drive->yaw_saturated;
         pid_step(&config->heading_pid, &state->heading_pid, &input, &output->heading_pid);
     }
     output->effort.surge_mv = output->speed_pid.output_mv;
     output->effort.yaw_mv = output->heading_pid.output_mv;
-}
 
-void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
-              mode_command_t command, step_output_t *output)
-{
-    take_battery(config, state, sensors);
-    predict(config, state, sensors, output);
-    estimate(config, state, sensors, output);
-    mode_step(&config->mode, route, &state->mode, &output->estimate, command, &output->demand);
-    control(config, state, output);
     mixer_step(&config->mixer, &state->mixer, &output->effort, &output->estimate, &output->drive);
 }

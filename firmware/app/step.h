@@ -30,8 +30,6 @@ typedef struct {
     int16_t
         feedforward_mv_q10; /* mV per 1/16 mm/s of demanded speed: the voltage that holds it on level ground, 0..32767 */
     mixer_config_t mixer;
-    uint16_t battery_nominal_mv; /* used before the first battery reading */
-    bool battery_sags;           /* the model gets the voltages corrected by the next battery reading */
 } step_config_t;
 
 /* All zero at the start: at rest at the origin, heading along x. */
@@ -44,7 +42,7 @@ typedef struct {
     pid_state_t speed_pid;
     pid_state_t heading_pid;
     mixer_state_t mixer;
-    uint8_t ahead_ms; /* time by which the model is behind, below its period */
+    uint8_t lag_ms; /* the model's lag: time by which it is behind the sensors, below its period */
 } step_state_t;
 
 /* The signals of one step, as its stages have written them. */

@@ -17,8 +17,8 @@ static void look(const route_t *route, los_state_t *los, const signals_estimate_
 
     los->to_x_um = to_waypoint_um(waypoint->x_mm, estimate->x_um);
     los->to_y_um = to_waypoint_um(waypoint->y_mm, estimate->y_um);
-    los->to_mm.x = fix_thousandth(los->to_x_um);
-    los->to_mm.y = fix_thousandth(los->to_y_um);
+    los->to_mm.x = fix_div_1000(los->to_x_um);
+    los->to_mm.y = fix_div_1000(los->to_y_um);
     los->distance_squared_mm2 = fix_dot(&los->to_mm, &los->to_mm);
 }
 
@@ -28,7 +28,7 @@ static void sight(los_state_t *los)
     los->sight_bam16 = trig_atan2_bam16(los->to_y_um, los->to_x_um);
 }
 
-static void set_direction(fix_pair_t *direction_q15, uint16_t bearing_bam16)
+static void set_direction(fix_vector_t *direction_q15, uint16_t bearing_bam16)
 {
     direction_q15->x = trig_cos_q15(bearing_bam16);
     direction_q15->y = trig_sin_q15(bearing_bam16);
@@ -113,8 +113,8 @@ static void leave_leg(const los_config_t *config, const route_t *route, los_stat
         begin_leg(config, route, los, estimate);
         line_bam16 = los->sight_bam16;
         if (status == LOS_UNDERWAY)
-            line_bam16 = trig_atan2_bam16(fix_sum(from[1].y_mm, (int16_t)-from->y_mm),
-                                          fix_sum(from[1].x_mm, (int16_t)-from->x_mm));
+            line_bam16 = trig_atan2_bam16(fix_add(from[1].y_mm, (int16_t)-from->y_mm),
+                                          fix_add(from[1].x_mm, (int16_t)-from->x_mm));
         else
             los->skipped++;
         set_line(los, line_bam16);
@@ -130,10 +130,10 @@ static void leave_leg(const los_config_t *config, const route_t *route, los_stat
 /* Counts when the robot passes the plane through the waypoint. True when it has done so too often on this leg. */
 static bool overshoots(const los_config_t *config, los_state_t *los, const signals_estimate_t *estimate)
 {
-    if (!los->passing || fix_along(&los->to_mm, &los->pass_q15) >= -(int16_t)config->overshoot_mm)
+    if (!los->passing || fix_project(&los->to_mm, &los->pass_q15) >= -(int16_t)config->overshoot_mm)
         return false;
     los->passing = false;
-    los->overshoots = fix_count_u16(los->overshoots);
+    los->overshoots = fix_increment_u16(los->overshoots);
     los->leg_overshoots++;
     if (los->phase == LOS_DRIVE)
         enter_brake(los, estimate);
@@ -235,6 +235,6 @@ void los_step(const los_config_t *config, const route_t *route, los_state_t *los
 
     demand->speed_mm_s_q4 = los->phase == LOS_DRIVE ? (int16_t)approach_speed_mm_s_q4(config, los) : 0;
     demand->heading_bam16 = los->phase == LOS_BRAKE ? los->hold_heading_bam16 : los->bearing_bam16;
-    los->cross_track_mm = fix_along(&los->to_mm, &los->left_q15);
+    los->cross_track_mm = fix_project(&los->to_mm, &los->left_q15);
     (void)heading_error_bam16(los, estimate);
 }

@@ -45,8 +45,8 @@ typedef uint8_t los_status_t;
 
 /* All zero: the next step begins the route at its first waypoint, wherever the robot is. */
 typedef struct {
-    fix_pair_t to_mm; /* from the robot to the waypoint */
-    int32_t to_x_um;  /* the same */
+    fix_vector_t to_mm; /* from the robot to the waypoint */
+    int32_t to_x_um;    /* the same */
     int32_t to_y_um;
     int32_t distance_squared_mm2;
     uint16_t sight_bam16; /* direction to the waypoint; not updated where a leg fails, or after the end */
@@ -62,8 +62,9 @@ typedef struct {
     uint16_t bearing_bam16;      /* to the waypoint, held near it */
     int16_t heading_error_bam16; /* bearing minus heading */
     int16_t cross_track_mm;      /* from the leg's line, right of it positive */
-    fix_pair_t pass_q15;         /* direction ahead when DRIVE began: normal to the plane that counts overshoots */
-    fix_pair_t left_q15; /* direction to the left of the leg's line, which runs from the waypoint before to this one */
+    fix_vector_t pass_q15;       /* direction ahead when DRIVE began: normal to the plane that counts overshoots */
+    fix_vector_t
+        left_q15; /* direction to the left of the leg's line, which runs from the waypoint before to this one */
     uint16_t hold_heading_bam16; /* heading when BRAKE began */
     uint16_t quiet_ms;           /* for so long has the condition held that ends the phase */
     uint32_t leg_ms;             /* time on this leg */

@@ -23,7 +23,7 @@ int32_t fix_sub32(int32_t a, int32_t b)
     return difference == BIT31 ? -FIX_INT32_MAX : (int32_t)difference;
 }
 
-int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with)
+int32_t fix_dot(const fix_vector_t *of, const fix_vector_t *with)
 {
     return fix_mul(of->x, with->x) + fix_mul(of->y, with->y);
 }
@@ -39,33 +39,33 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit)
     return fix_clamp32(value, limit * 65536L);
 }
 
-int16_t fix_round16(int32_t value, uint8_t bits)
+int16_t fix_round_shift16(int32_t value, uint8_t bits)
 {
     return fix_sat16(fix_round_shift(value, bits));
 }
 
-int16_t fix_gain16_q10(int16_t gain_q10, int16_t value)
+int16_t fix_mul16_q10(int16_t gain_q10, int16_t value)
 {
-    return fix_sat16(fix_gain_q10(gain_q10, value));
+    return fix_sat16(fix_mul_q10(gain_q10, value));
 }
 
-int32_t fix_q8(int16_t value)
+int32_t fix_to_q8(int16_t value)
 {
     return (int32_t)value * 256;
 }
 
-int32_t fix_times(int32_t value, uint8_t factor)
+int32_t fix_mul32_u8(int32_t value, uint8_t factor)
 {
     return (int32_t)((uint32_t)value * factor);
 }
 
-int16_t fix_inverse_q15(uint8_t value)
+int16_t fix_reciprocal_q15(uint8_t value)
 {
     const uint16_t inverse = (uint16_t)((32768U + value / 2U) / value);
     return inverse > 32767U ? (int16_t)32767 : (int16_t)inverse;
 }
 
-uint8_t fix_bits(uint16_t count, uint8_t most)
+uint8_t fix_bit_length(uint16_t count, uint8_t most)
 {
     uint8_t bits = 0;
     for (; count > 0 && bits < most; count >>= 1)
@@ -97,36 +97,36 @@ uint16_t fix_sqrt_u32(uint32_t value)
     return (uint16_t)root;
 }
 
-int32_t fix_share_q15(int32_t value, int16_t factor_q15)
+int32_t fix_mul_q15(int32_t value, int16_t factor_q15)
 {
     const uint32_t whole = fix_abs_u32(value);
     const uint16_t factor = fix_abs_u16(factor_q15);
     const uint32_t high = fix_mul_u16((uint16_t)(whole >> 16), factor);
     const uint32_t low = fix_mul_u16((uint16_t)whole, factor);
-    const uint32_t share = (high << 1) + (uint16_t)((low << 1) >> 16);
-    const int32_t magnitude = share < BIT31 ? (int32_t)share : FIX_INT32_MAX;
+    const uint32_t product = (high << 1) + (uint16_t)((low << 1) >> 16);
+    const int32_t magnitude = product < BIT31 ? (int32_t)product : FIX_INT32_MAX;
     return (value < 0) != (factor_q15 < 0) ? -magnitude : magnitude;
 }
 
-int8_t fix_excess(int16_t asked, int16_t given)
+int8_t fix_compare16(int16_t a, int16_t b)
 {
-    if (asked == given)
+    if (a == b)
         return 0;
-    return asked > given ? 1 : -1;
+    return a > b ? 1 : -1;
 }
 
-int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+int16_t fix_mul16_q15(int16_t value, int16_t factor_q15)
 {
-    return fix_sat16(fix_share_q15(value, factor_q15));
+    return fix_sat16(fix_mul_q15(value, factor_q15));
 }
 
-int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+int32_t fix_mul_q16(int32_t value, uint16_t factor_q16)
 {
     const uint32_t magnitude = fix_mul_u32_q16(fix_abs_u32(value), factor_q16);
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
-int32_t fix_fraction(int32_t value, uint8_t bits)
+int32_t fix_trunc_shift(int32_t value, uint8_t bits)
 {
     const uint32_t magnitude = fix_abs_u32(value) >> bits;
     return (int32_t)(value < 0 ? 0U - magnitude : magnitude);
@@ -138,12 +138,12 @@ uint16_t fix_round_bam16(uint32_t angle_bam32)
 }
 #endif
 
-int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15)
+int16_t fix_project(const fix_vector_t *of, const fix_vector_t *direction_q15)
 {
-    return fix_round16(fix_dot(of, direction_q15), 15);
+    return fix_round_shift16(fix_dot(of, direction_q15), 15);
 }
 
-int16_t fix_thousandth(int32_t value)
+int16_t fix_div_1000(int32_t value)
 {
-    return fix_round16(fix_share_q16(value, 16777), 8);
+    return fix_round_shift16(fix_mul_q16(value, 16777), 8);
 }

@@ -25,11 +25,11 @@
 #define FIX_INT16_MAX 32767
 #define FIX_INT32_MAX 2147483647L
 
-/* Two coordinates, or a direction's cosine and sine. */
+/* A vector of the plane, or a direction's unit vector in q15: its cosine and sine. */
 typedef struct {
     int16_t x;
     int16_t y;
-} fix_pair_t;
+} fix_vector_t;
 
 /* Exact product of unsigned numbers; any operands. */
 FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
@@ -39,13 +39,13 @@ FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 
 /* Exact signed product and sum. Any operands: the product is at most 2^30 in magnitude. */
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
-FIX_INLINE int32_t fix_sum(int16_t a, int16_t b);
+FIX_INLINE int32_t fix_add(int16_t a, int16_t b);
 
-/* Exact scalar product; no coordinate is -32768. */
-int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with);
+/* Exact scalar product; no component is -32768. */
+int32_t fix_dot(const fix_vector_t *of, const fix_vector_t *with);
 
-/* The part of `of` in a direction: the scalar product / 2^15, to the nearest, halves away from zero, saturated. */
-int16_t fix_along(const fix_pair_t *of, const fix_pair_t *direction_q15);
+/* The projection of `of` on a direction: the scalar product / 2^15, to the nearest, halves away from zero, saturated. */
+int16_t fix_project(const fix_vector_t *of, const fix_vector_t *direction_q15);
 
 /* Compares `value`, 0..2^31-1, with the square of `root`, 0..32768: less than 0, 0, or more. */
 int16_t fix_compare_square(int32_t value, uint16_t root);
@@ -69,50 +69,50 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit);
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
 /* The same as 16 bits, saturated; bits 8..30. */
-int16_t fix_round16(int32_t value, uint8_t bits);
+int16_t fix_round_shift16(int32_t value, uint8_t bits);
 
-/* gain * value, rounded to the nearest, halves away from zero; fix_gain16_q10() also saturates. gain 0..32767, value any. */
-FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value);
-int16_t fix_gain16_q10(int16_t gain_q10, int16_t value);
+/* gain * value, rounded to the nearest, halves away from zero; fix_mul16_q10() also saturates. gain 0..32767, value any. */
+FIX_INLINE int32_t fix_mul_q10(int16_t gain_q10, int16_t value);
+int16_t fix_mul16_q10(int16_t gain_q10, int16_t value);
 
 /* value * 256. */
-int32_t fix_q8(int16_t value);
+int32_t fix_to_q8(int16_t value);
 
 /* value * factor; must fit into 32 bits. */
-int32_t fix_times(int32_t value, uint8_t factor);
+int32_t fix_mul32_u8(int32_t value, uint8_t factor);
 
-/* 32768 / value to the nearest, at most 32767; value 1..255. */
-int16_t fix_inverse_q15(uint8_t value);
+/* 1 / value: 32768 / value to the nearest, at most 32767; value 1..255. */
+int16_t fix_reciprocal_q15(uint8_t value);
 
 /* The number of bits of `count`, 0..16, but at most `most`. The newest of `count` samples gets the weight 2^-bits. */
-uint8_t fix_bits(uint16_t count, uint8_t most);
+uint8_t fix_bit_length(uint16_t count, uint8_t most);
 
-/* count + 1, at most 65535. */
-FIX_INLINE uint16_t fix_count_u16(uint16_t count);
+/* count + 1, saturated at 65535. */
+FIX_INLINE uint16_t fix_increment_u16(uint16_t count);
 
-/* Returns 1 where less is given than asked, -1 where more, 0 where both are equal. */
-int8_t fix_excess(int16_t asked, int16_t given);
+/* Returns the sign of a - b: 1, 0 or -1. */
+int8_t fix_compare16(int16_t a, int16_t b);
 
-/* a + b, at most 65535. */
+/* a + b, saturated at 65535. */
 FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 
 /* (a * b) >> 16 with the full 48-bit product, rounded down. Any operands: the result always fits. */
 uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 
 /* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
-int32_t fix_share_q15(int32_t value, int16_t factor_q15);
+int32_t fix_mul_q15(int32_t value, int16_t factor_q15);
 
 /* The same, saturated at +-32767. */
-int16_t fix_share16_q15(int16_t value, int16_t factor_q15);
+int16_t fix_mul16_q15(int16_t value, int16_t factor_q15);
 
 /* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
-int32_t fix_share_q16(int32_t value, uint16_t factor_q16);
+int32_t fix_mul_q16(int32_t value, uint16_t factor_q16);
 
 /* value / 1000, as value * 16777 / 2^24, too small by 13 parts in a million; to the nearest, halves away from zero, saturated. */
-int16_t fix_thousandth(int32_t value);
+int16_t fix_div_1000(int32_t value);
 
 /* value / 2^bits rounded towards zero; bits 0..31. */
-int32_t fix_fraction(int32_t value, uint8_t bits);
+int32_t fix_trunc_shift(int32_t value, uint8_t bits);
 
 /* Rounds an angle in 2^32ths of a turn to the nearest 65536th, halves away from zero. */
 uint16_t fix_round_bam16(uint32_t angle_bam32);

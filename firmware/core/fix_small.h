@@ -18,7 +18,7 @@ FIX_INLINE int32_t fix_mul(int16_t a, int16_t b)
     return (int32_t)a * b;
 }
 
-FIX_INLINE int32_t fix_sum(int16_t a, int16_t b)
+FIX_INLINE int32_t fix_add(int16_t a, int16_t b)
 {
     return (int32_t)a + b;
 }
@@ -49,7 +49,7 @@ FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits)
     return value < 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
-FIX_INLINE int32_t fix_gain_q10(int16_t gain_q10, int16_t value)
+FIX_INLINE int32_t fix_mul_q10(int16_t gain_q10, int16_t value)
 {
     return fix_round_shift(fix_mul(gain_q10, value), 10);
 }
@@ -64,7 +64,7 @@ FIX_INLINE int16_t fix_clamp16(int16_t value, int16_t limit)
     return value > limit ? limit : value < -limit ? (int16_t)-limit : value;
 }
 
-FIX_INLINE uint16_t fix_count_u16(uint16_t count)
+FIX_INLINE uint16_t fix_increment_u16(uint16_t count)
 {
     return count < 65535U ? (uint16_t)(count + 1U) : count;
 }

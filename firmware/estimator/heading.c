@@ -9,8 +9,8 @@ enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980 };
 static int16_t measured_mrad_s(const heading_config_t *config, int16_t gyro_mrad_s)
 {
     const int16_t rate_mrad_s = fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s);
-    const int32_t rate_q8 = fix_q8(rate_mrad_s);
-    return fix_round16(rate_q8 + fix_share_q15(rate_q8, config->gyro_scale_q15), 8);
+    const int32_t rate_q8 = fix_to_q8(rate_mrad_s);
+    return fix_round_shift16(rate_q8 + fix_mul_q15(rate_q8, config->gyro_scale_q15), 8);
 }
 
 /* True when rotation sensors and model say that the robot stands still. */
@@ -25,7 +25,7 @@ static bool stands(const heading_config_t *config, heading_state_t *state, const
         state->rotation_right = right;
     }
     return !counted && !predicted->driven &&
-           fix_abs_u16(fix_round16(predicted->motion.surge_mm_s_q17, 13)) <= config->rest_speed_mm_s_q4;
+           fix_abs_u16(fix_round_shift16(predicted->motion.surge_mm_s_q17, 13)) <= config->rest_speed_mm_s_q4;
 }
 
 /* Adds a rate to the block. True while all rates of the block are alike. */
@@ -53,7 +53,7 @@ static void watch_rest(const heading_config_t *config, heading_state_t *state, c
             return; /* a missing sample says nothing about the rest: the block goes on with the next one */
         if (quiet(config, state, rate)) {
             if (++state->block_steps == HEADING_BLOCK_STEPS) {
-                bias_learn(&state->bias, fix_times(state->block_sum_mrad_s, 256 / HEADING_BLOCK_STEPS),
+                bias_learn(&state->bias, fix_mul32_u8(state->block_sum_mrad_s, 256 / HEADING_BLOCK_STEPS),
                            config->slowest_weight_bits, HEADING_BIAS_LIMIT_MRAD_S * 256L);
                 state->block_steps = 0;
                 state->at_rest = true;
@@ -68,11 +68,11 @@ static void watch_rest(const heading_config_t *config, heading_state_t *state, c
 /* Turns the heading by the mean of this rate and the one before, without bias. Returns this rate, without bias. */
 static int16_t integrate(heading_state_t *state, uint8_t period_ms, int16_t rate_mrad_s)
 {
-    const int32_t twice_q8 = fix_sum(rate_mrad_s, state->raw_rate_mrad_s) * 256 - 2 * state->bias.value;
-    const int32_t angle_urad_q9 = fix_times(twice_q8, period_ms);
-    state->heading_bam32 += (uint32_t)(angle_urad_q9 + fix_share_q15(angle_urad_q9, BAM32_PER_MRAD_Q9_LESS_1_Q15));
+    const int32_t twice_q8 = fix_add(rate_mrad_s, state->raw_rate_mrad_s) * 256 - 2 * state->bias.value;
+    const int32_t angle_urad_q9 = fix_mul32_u8(twice_q8, period_ms);
+    state->heading_bam32 += (uint32_t)(angle_urad_q9 + fix_mul_q15(angle_urad_q9, BAM32_PER_MRAD_Q9_LESS_1_Q15));
     state->raw_rate_mrad_s = rate_mrad_s;
-    return fix_round16(fix_q8(rate_mrad_s) - state->bias.value, 8);
+    return fix_round_shift16(fix_to_q8(rate_mrad_s) - state->bias.value, 8);
 }
 
 /* The yaw rate of this step with the gyro's bias: the gyro's, or else the model's. */
@@ -83,11 +83,12 @@ static int16_t take_rate(const heading_config_t *config, heading_state_t *state,
         const int16_t gyro_mrad_s = sensors->yaw_rate_mrad_s;
         state->blind_ms = 0;
         if (!SIGNALS_HAVE(sensors, SENSOR_REFERENCE) && fix_abs_u16(gyro_mrad_s) >= config->gyro_full_mrad_s)
-            state->full_steps = fix_count_u16(state->full_steps);
+            state->full_steps = fix_increment_u16(state->full_steps);
         return measured_mrad_s(config, gyro_mrad_s);
     }
     state->blind_ms = fix_add_u16(state->blind_ms, sensors->period_ms);
-    return fix_add16(fix_round16(predicted->motion.yaw_rate_mrad_s_q12, 12), fix_round16(state->bias.value, 8));
+    return fix_add16(fix_round_shift16(predicted->motion.yaw_rate_mrad_s_q12, 12),
+                     fix_round_shift16(state->bias.value, 8));
 }
 
 void heading_step(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,

@@ -12,9 +12,9 @@ static uint16_t middle_bam16(uint16_t before_bam16, uint16_t after_bam16)
 /* Moves along an axis by the share of the travel along it and that of the sway. Returns the new place, um. */
 static int32_t move_axis(pose_axis_t *axis, const signals_estimate_t *estimate, int16_t along_q15, int16_t across_q15)
 {
-    const int32_t sum = axis->rest_um_q5 + fix_share_q15(estimate->travel_um_q5, along_q15) +
-                        (SIGNALS_SWAY ? fix_share_q15(estimate->sway_travel_um_q5, across_q15) : 0);
-    const int32_t whole = fix_fraction(sum, 5);
+    const int32_t sum = axis->rest_um_q5 + fix_mul_q15(estimate->travel_um_q5, along_q15) +
+                        (SIGNALS_SWAY ? fix_mul_q15(estimate->sway_travel_um_q5, across_q15) : 0);
+    const int32_t whole = fix_trunc_shift(sum, 5);
     axis->rest_um_q5 = (int16_t)((uint16_t)sum - (uint16_t)((uint16_t)whole << 5));
     axis->um = fix_add32(axis->um, whole);
     return axis->um;

@@ -13,11 +13,11 @@ enum {
 };
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
-#define UNREAD_LIMIT_UM_Q5 536870912L /* 16.8 m: 2^29, so that the travel behind fits into 32 bits */
+#define UNREAD_LIMIT_UM_Q5 536870912L /* 16.8 m: 2^29, so that the residual fits into 32 bits */
 
 static inline int16_t to_q4(int32_t speed_mm_s_q17)
 {
-    return fix_round16(speed_mm_s_q17, 13);
+    return fix_round_shift16(speed_mm_s_q17, 13);
 }
 
 static inline int16_t sway_mm_s_q4(const signals_predicted_t *predicted)
@@ -26,21 +26,21 @@ static inline int16_t sway_mm_s_q4(const signals_predicted_t *predicted)
 }
 
 /* Acceleration by eq. 2's Coriolis term, sway times yaw rate. */
-static int16_t turning_mm_s2(const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
+static int16_t coriolis_mm_s2(const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
     const int32_t product_q4 = fix_mul(sway_mm_s_q4(predicted), yaw_rate_mrad_s);
-    return product_q4 == 0 ? 0 : fix_round16(fix_share_q15(product_q4, PER_1000_Q24), 13);
+    return product_q4 == 0 ? 0 : fix_round_shift16(fix_mul_q15(product_q4, PER_1000_Q24), 13);
 }
 
 /* The accelerometer's reading without its bias, plus the Coriolis term. */
 static int16_t forward_mm_s2(const speed_state_t *state, const signals_sensors_t *sensors,
                              const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
-    const int16_t felt_mm_s2 = sensors->accel_surge_mm_s2;
-    const int16_t bias_mm_s2 = fix_round16(state->bias.value, 12);
+    const int16_t specific_force_mm_s2 = sensors->accel_surge_mm_s2;
+    const int16_t bias_mm_s2 = fix_round_shift16(state->bias.value, 12);
     if (!SIGNALS_SWAY)
-        return fix_sub16(felt_mm_s2, bias_mm_s2);
-    return fix_sat16((int32_t)felt_mm_s2 - bias_mm_s2 + turning_mm_s2(predicted, yaw_rate_mrad_s));
+        return fix_sub16(specific_force_mm_s2, bias_mm_s2);
+    return fix_sat16((int32_t)specific_force_mm_s2 - bias_mm_s2 + coriolis_mm_s2(predicted, yaw_rate_mrad_s));
 }
 
 /* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force for X - D_u. */
@@ -48,10 +48,10 @@ static int32_t accel_correction(const speed_config_t *config, const speed_state_
                                 const signals_sensors_t *sensors, const signals_predicted_t *predicted,
                                 int16_t yaw_rate_mrad_s)
 {
-    const int32_t accel_mm_s2_q8 = fix_q8(forward_mm_s2(state, sensors, predicted, yaw_rate_mrad_s));
-    const int32_t felt_change = fix_share_q15(fix_times(accel_mm_s2_q8, sensors->period_ms), Q17_PER_UM_S_Q8_Q15);
+    const int32_t accel_mm_s2_q8 = fix_to_q8(forward_mm_s2(state, sensors, predicted, yaw_rate_mrad_s));
+    const int32_t measured_change = fix_mul_q15(fix_mul32_u8(accel_mm_s2_q8, sensors->period_ms), Q17_PER_UM_S_Q8_Q15);
     const int32_t predicted_change = fix_sub32(predicted->motion.surge_mm_s_q17, state->speed_mm_s_q17);
-    return fix_share_q15(fix_sub32(felt_change, predicted_change), config->accel_gain_q15);
+    return fix_mul_q15(fix_sub32(measured_change, predicted_change), config->accel_gain_q15);
 }
 
 static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
@@ -75,7 +75,7 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
         return 0;
     const int32_t mean = travel_of_counts_um_q5(config, fix_add16(left, right));
     const int32_t turned = travel_of_counts_um_q5(config, fix_sub16(left, right));
-    return fix_clamp_q16(mean + fix_share_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
+    return fix_clamp_q16(mean + fix_mul_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
 /* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. A step without a reading gets no
@@ -83,17 +83,17 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
 static int32_t rotation_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                    signals_estimate_t *estimate)
 {
-    int32_t behind = state->behind_um_q5 - estimate->travel_um_q5, made_up;
+    int32_t residual = state->residual_um_q5 - estimate->travel_um_q5, correction;
     if (!SIGNALS_HAVE(sensors, SENSOR_ROTATION)) {
         if (state->rotation_known)
-            state->behind_um_q5 = fix_clamp32(behind, UNREAD_LIMIT_UM_Q5);
+            state->residual_um_q5 = fix_clamp32(residual, UNREAD_LIMIT_UM_Q5);
         return 0;
     }
-    behind += counted_travel_um_q5(config, state, sensors);
-    made_up = fix_share_q15(behind, config->behind_to_travel_q15);
-    estimate->travel_um_q5 += made_up;
-    state->behind_um_q5 = fix_clamp32(behind - made_up, SPEED_BEHIND_LIMIT_UM_Q5);
-    return fix_share_q15(state->behind_um_q5, config->behind_to_speed_q15);
+    residual += counted_travel_um_q5(config, state, sensors);
+    correction = fix_mul_q15(residual, config->travel_gain_q15);
+    estimate->travel_um_q5 += correction;
+    state->residual_um_q5 = fix_clamp32(residual - correction, SPEED_RESIDUAL_LIMIT_UM_Q5);
+    return fix_mul_q15(state->residual_um_q5, config->speed_gain_q15);
 }
 
 /* The filtered rate of change of speed, after a change of `jump_mm_s_q17` in this step. */
@@ -102,16 +102,16 @@ static int16_t filter_accel(const speed_config_t *config, speed_state_t *state, 
 {
     const int32_t jump = fix_clamp_q16(jump_mm_s_q17, JUMP_LIMIT_MM_S_Q1);
     const int32_t accel_mm_s2_q9 =
-        fix_share_q15(fix_share_q15(jump, fix_inverse_q15(period_ms)), MM_S2_Q8_PER_Q17_MS_Q14);
+        fix_mul_q15(fix_mul_q15(jump, fix_reciprocal_q15(period_ms)), MM_S2_Q8_PER_Q17_MS_Q14);
     const int32_t change = 2 * accel_mm_s2_q9 - state->accel_mm_s2_q8;
-    state->accel_mm_s2_q8 += fix_share_q15(change, config->accel_filter_q15);
-    return fix_round16(state->accel_mm_s2_q8, 8);
+    state->accel_mm_s2_q8 += fix_mul_q15(change, config->accel_filter_q15);
+    return fix_round_shift16(state->accel_mm_s2_q8, 8);
 }
 
 /* Travel at the mean of two speeds. */
 static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4, uint8_t period_ms)
 {
-    return fix_times(fix_sum(before_mm_s_q4, after_mm_s_q4), period_ms);
+    return fix_mul32_u8(fix_add(before_mm_s_q4, after_mm_s_q4), period_ms);
 }
 
 /* The speed by prediction and sensors, mm/s q17. Sets the forward travel. */
@@ -135,7 +135,7 @@ static int32_t observe(const speed_config_t *config, speed_state_t *state, const
         observed = 0;
         estimate->travel_um_q5 = 0;
         if (SIGNALS_HAVE(sensors, SENSOR_ROTATION))
-            state->behind_um_q5 = 0;
+            state->residual_um_q5 = 0;
     }
     if (SIGNALS_HAVE(sensors, SENSOR_REFERENCE))
         observed = fix_mul(sensors->reference_speed_mm_s_q4, 8192);

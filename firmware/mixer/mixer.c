@@ -45,15 +45,24 @@ static void drive_motors(const drive_config_t *config, const supply_t *supply, c
     drive->right_q15 = duty_q15(supply, drive_voltage_mv(config, &config->right, drive->right_mv, right_mm_s_q4));
 }
 
-void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv)
+void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors)
 {
     const uint16_t floor_mv = config->battery_floor_mv;
     const uint16_t believed_mv = state->battery_mv < floor_mv ? floor_mv : state->battery_mv;
-    const int16_t change_mv = (int16_t)(battery_mv - believed_mv);
+    int16_t change_mv;
     signals_drive_t *const drive = &state->drive;
 
-    drive->left_mv = fix_add16(drive->left_mv, fix_share16_q15(change_mv, drive->left_q15));
-    drive->right_mv = fix_add16(drive->right_mv, fix_share16_q15(change_mv, drive->right_q15));
+    if (!SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
+        if (state->battery_mv == 0)
+            state->battery_mv = config->battery_nominal_mv;
+        return;
+    }
+    state->battery_mv = sensors->battery_mv;
+    if (!config->battery_sags)
+        return;
+    change_mv = (int16_t)(state->battery_mv - believed_mv);
+    drive->left_mv = fix_add16(drive->left_mv, fix_mul16_q15(change_mv, drive->left_q15));
+    drive->right_mv = fix_add16(drive->right_mv, fix_mul16_q15(change_mv, drive->right_q15));
 }
 
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
@@ -69,8 +78,8 @@ void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signal
     state->drive.right_mv = (int16_t)(surge_mv - yaw_mv);
     state->drive.left_q15 = 0;
     state->drive.right_q15 = 0;
-    state->drive.surge_saturated = fix_excess(effort->surge_mv, surge_mv);
-    state->drive.yaw_saturated = fix_excess(effort->yaw_mv, yaw_mv);
+    state->drive.surge_saturated = fix_compare16(effort->surge_mv, surge_mv);
+    state->drive.yaw_saturated = fix_compare16(effort->yaw_mv, yaw_mv);
     if (surge_mv != 0 || yaw_mv != 0)
         drive_motors(&config->drive, &supply, estimate, &state->drive);
     bytes_copy(drive, &state->drive, sizeof *drive);

@@ -11,20 +11,22 @@
 #include "mixer/drive.h"
 
 typedef struct {
-    uint16_t battery_floor_mv; /* a lower reading counts as this, 1000..32000 */
-    int16_t max_duty_q15;      /* 1..32767 = all of the battery voltage */
-    drive_config_t drive;      /* all zero: the motors are those of the model */
+    uint16_t battery_floor_mv;   /* a lower reading counts as this, 1000..32000 */
+    int16_t max_duty_q15;        /* 1..32767 = all of the battery voltage */
+    drive_config_t drive;        /* all zero: the motors are those of the model */
+    uint16_t battery_nominal_mv; /* used before the first reading, 1..32000 */
+    bool battery_sags;           /* the next reading corrects the voltages that the model gets */
 } mixer_config_t;
 
 /* All zero at the start. */
 typedef struct {
-    signals_drive_t drive; /* of the newest step, as mixer_correct() has corrected it */
-    uint16_t battery_mv;   /* the newest reading: the duty is computed for it */
+    signals_drive_t drive; /* of the newest step, as mixer_take_battery() has corrected it */
+    uint16_t battery_mv;   /* the newest reading, or the nominal voltage: the duty is computed for it */
 } mixer_state_t;
 
-/* Corrects the voltages of state->drive. Their duty was computed for state->battery_mv; the new reading `battery_mv` says what the
- * motors really had. */
-void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv);
+/* Takes the battery's reading, if this step has one. Where the battery sags, corrects the voltages of state->drive: their duty was
+ * computed for the reading before, and this one says what the motors really had. */
+void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors);
 
 /* Sets `drive`, and keeps a copy in state->drive. state->battery_mv any; above 32000 counts as 32000. Efforts any. Reads
  * speed and yaw rate of `estimate`.

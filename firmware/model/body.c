@@ -85,9 +85,9 @@ static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
     if (!moves(state->motion.surge_mm_s_q17, state->motion.sway_mm_s_q17))
         return heading_bam16;
     const uint16_t course_bam16 = trig_atan2_bam16(state->velocity_y_mm_s_q17, state->velocity_x_mm_s_q17);
-    const int16_t astray_bam16 = fix_angle_diff_bam16(course_bam16, heading_bam16);
-    return fix_abs_u16(astray_bam16) <= TURN_QUARTER ? course_bam16
-                                                     : (uint16_t)(2U * heading_bam16 + 32768U - course_bam16);
+    const int16_t sideslip_bam16 = fix_angle_diff_bam16(course_bam16, heading_bam16);
+    return fix_abs_u16(sideslip_bam16) <= TURN_QUARTER ? course_bam16
+                                                       : (uint16_t)(2U * heading_bam16 + 32768U - course_bam16);
 }
 
 static void push(body_state_t *state, direction_t along, direction_t ahead, int32_t thrust_mm_s_q24, int32_t drag_surge,

@@ -1,7 +1,10 @@
-# Makes the compiler's assembly smaller: the beginnings and ends that many functions have in common become jumps to
-# firmware/core/h8/frames.S, and a call followed by a return becomes a jump.
-# Registers at these places: arguments are in r0 to r2 and results in r0 and r1, so that r3 is free at a beginning, r2 and
-# r3 at an end.
+# shared_parts.awk: makes the compiler's assembly smaller, by three rewrites and no others. A function's beginning that makes room for
+# locals and saves r4 to r6 becomes a call of firmware/core/h8/frames.S; its end that takes this back and returns becomes a jump there;
+# and a call followed by a return becomes a jump. Only these exact lines are rewritten, at a function's label and at an rts. They may be,
+# because the compiler passes arguments in r0 to r2 and results in r0 and r1: r3 is free at a beginning, r2 and r3 at an end. The RCX needs
+# it: without these bytes the autopilot with rotation sensors leaves less of the brick's memory than it has to spare.
+# tests/gates/test_h8_shared_parts.py writes every rewrite out again and finds the compiler's text, line by line, and it counts the
+# bytes that are saved; tests/vectors and the missions run the result.
 { line[NR] = $0 }
 
 END {

@@ -42,7 +42,8 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* Give the newest reading. They write `out` only if they return HAL_OK; with HAL_PARTLY, only its yaw rate. */
+/* Give the newest reading, and the same one again if they are called twice in a step. They write `out` only if they return HAL_OK; with
+ * HAL_PARTLY, only its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);
@@ -55,7 +56,8 @@ hal_status_t hal_battery_read(uint16_t *out_mv);
 void hal_motors_write(int16_t left_q15, int16_t right_q15);
 
 /* Send and receive one message of hal/wire/brickpilot.dbc. The port decides how messages travel. Return false if there is
- * no room, or no message. A received message is undamaged, but messages may be lost or come twice. */
+ * no room, or no message. hal_link_write() has room for eight messages in a step. A received message is undamaged, but
+ * messages may be lost or come twice. */
 bool hal_link_write(const message_t *message);
 bool hal_link_read(message_t *message);
 

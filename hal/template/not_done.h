@@ -1,4 +1,4 @@
-/* not_done.h: marks what a new port does not do yet. Delete this file when the port does everything. */
+/* not_done.h: marks what a new port does not do yet. The recipe's step 3 removes it when port and main program do everything. */
 #ifndef BRICKPILOT_TEMPLATE_NOT_DONE_H
 #define BRICKPILOT_TEMPLATE_NOT_DONE_H
 

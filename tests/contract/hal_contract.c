@@ -12,6 +12,17 @@ static const port_world_t ENDS = {.imu = {32767, -32767, 32767},
                                   .battery_mv = 20000,
                                   .reference = {2000000000, -2000000000, 65535, -32767, 32767}};
 
+/* RULE says what hal.h demands, before the checks of it. A check that fails is printed with its rule. On an AVR chip, whose RAM
+ * has no room for the texts, its line stands below the rule. */
+#ifdef __AVR__
+#define RULE(text)
+#elif defined(UNITY_FRAMEWORK_H)
+static const char *rule;
+#define RULE(text) (rule = (text))
+#else
+#define RULE(text) (unity_rule = (text))
+#endif
+
 void setUp(void)
 {
     port_begin();
@@ -19,6 +30,13 @@ void setUp(void)
 void tearDown(void)
 {
     port_end();
+#ifdef UNITY_FRAMEWORK_H
+    if (Unity.CurrentTestFailed && rule != NULL) {
+        UnityPrint(". Broken rule: ");
+        UnityPrint(rule);
+    }
+    rule = NULL;
+#endif
 }
 
 enum { ALL = PORT_IMU | PORT_ROTATION | PORT_BATTERY | PORT_REFERENCE };
@@ -92,9 +110,12 @@ static void ignore_what_it_cannot_tell(hal_status_t status)
 
 static void test_readings_are_what_the_world_shows_to_the_last_unit(void)
 {
+    RULE("a read gives the newest value, in the unit and the range of hal.h");
     port_step(3, port_devices(), 0, &WORLD);
     gives(&WORLD, port_devices());
-    gives(&WORLD, port_devices()); /* again in the same step */
+    RULE("a second read in the same step gives the same value again");
+    gives(&WORLD, port_devices());
+    RULE("a read gives the newest value, up to the ends of its range");
     port_step(3, port_devices(), 0, &ENDS);
     gives(&ENDS, port_devices());
 }
@@ -102,8 +123,10 @@ static void test_readings_are_what_the_world_shows_to_the_last_unit(void)
 static void test_a_silent_device_is_stale_and_recovers(void)
 {
     port_step(3, port_devices(), 0, &WORLD);
+    RULE("without a new value a read returns HAL_STALE and leaves its argument as it was");
     port_step(3, 0, port_devices(), &WORLD);
     gives_nothing(HAL_STALE, port_tells(HAL_STALE));
+    RULE("after HAL_STALE a read gives the next new value");
     port_step(3, port_devices(), 0, &ENDS);
     gives(&ENDS, port_devices());
     ignore_what_it_cannot_tell(HAL_STALE);
@@ -114,6 +137,7 @@ static void test_one_silent_device_does_not_silence_the_others(void)
     for (unsigned device = 1; device <= PORT_GYRO; device <<= 1) {
         if ((device & port_tells(HAL_STALE)) == 0)
             continue;
+        RULE("a device without a new value leaves the other devices as they are");
         port_step(3, port_devices() & ~device, device, &WORLD);
         gives(&WORLD, port_devices() & ~device);
         gives_nothing(HAL_STALE, device);
@@ -126,6 +150,7 @@ static void test_a_device_that_is_not_there_is_absent(void)
 
     if (port_devices() & PORT_GYRO)
         never &= ~(unsigned)PORT_IMU;
+    RULE("a device that is not there returns HAL_ABSENT and leaves its argument as it was");
     port_step(3, 0, 0, &WORLD);
     gives_nothing(HAL_ABSENT, port_tells(HAL_ABSENT) | never);
     ignore_what_it_cannot_tell(HAL_ABSENT);
@@ -135,6 +160,7 @@ static void test_the_clock_follows_the_time_that_passes(void)
 {
     port_step(3, port_devices(), 0, &WORLD);
     const uint32_t began_ms = hal_clock_ms();
+    RULE("the clock counts milliseconds and never goes back");
     uint32_t before_ms = began_ms;
     for (int i = 0; i < 100; i++) {
         port_step(3, port_devices(), 0, &WORLD);
@@ -149,6 +175,7 @@ static void test_the_motors_get_what_is_written_and_hold_it(void)
     static const int16_t DUTIES[][2] = {{0, 0}, {1, -1}, {32767, -32767}, {-32767, 32767}, {-12345, 6789}, {0, 0}};
     int16_t left, right;
 
+    RULE("a duty, -32767..32767 for -1..1, acts at once and holds until the next call");
     port_step(3, port_devices(), 0, &WORLD);
     for (size_t i = 0; i < sizeof DUTIES / sizeof *DUTIES; i++) {
         hal_motors_write(DUTIES[i][0], DUTIES[i][1]);
@@ -179,10 +206,12 @@ static void same(const message_t *wanted, const message_t *got)
 static void test_messages_leave_whole_in_order_and_once(void)
 {
     message_t got;
+    RULE("hal_link_write() has room for eight messages in a step");
     for (uint8_t i = 0; i < 8; i++) {
         const message_t message = numbered(i);
         TEST_ASSERT_TRUE(hal_link_write(&message));
     }
+    RULE("messages leave whole, in order and once");
     for (uint8_t i = 0; i < 8; i++) {
         const message_t message = numbered(i);
         TEST_ASSERT_TRUE(port_host_receive(&got));
@@ -194,7 +223,9 @@ static void test_messages_leave_whole_in_order_and_once(void)
 static void test_messages_come_whole_in_order_and_once(void)
 {
     message_t got;
+    RULE("hal_link_read() returns false where there is no message");
     TEST_ASSERT_FALSE(hal_link_read(&got));
+    RULE("messages come whole, in order and once");
     TEST_ASSERT_TRUE(port_room() > 0);
     for (uint8_t first = 0; first < 8; first = (uint8_t)(first + port_room())) {
         for (uint8_t i = 0; i < port_room(); i++) {
@@ -216,10 +247,12 @@ static void test_a_link_that_is_full_refuses_and_recovers(void)
     message_t got;
     int written = 0, received = 0;
 
+    RULE("hal_link_write() returns false where there is no room");
     while (written < 10000 && hal_link_write(&message))
         written++;
     TEST_ASSERT_LESS_THAN_INT(10000, written);
     TEST_ASSERT_FALSE(hal_link_write(&message));
+    RULE("a link that was full has lost nothing that it took, and takes messages again");
     while (port_host_receive(&got)) {
         same(&message, &got);
         received++;

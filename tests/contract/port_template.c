@@ -7,7 +7,7 @@
 #include "template/not_done.h"
 #include "unity.h"
 
-/* Only these lines are of no use to a finished port: not_done(), list_what_is_not_done() and its call. */
+/* Marks begin: of no use to a finished port, whose recipe removes them. */
 static bool listing, listed;
 
 void not_done(const char *function, const char *what)
@@ -20,7 +20,7 @@ void not_done(const char *function, const char *what)
     puts(line);
 }
 
-/* Prints a line for each function that is not done yet. */
+/* Prints a line for each function that is not done yet, once. */
 static void list_what_is_not_done(void)
 {
     hal_imu_t imu;
@@ -29,7 +29,9 @@ static void list_what_is_not_done(void)
     uint16_t battery_mv;
     message_t message = {.size = 0};
 
-    listing = true;
+    if (listed)
+        return;
+    listed = listing = true;
     (void)hal_clock_ms();
     (void)hal_imu_read(&imu);
     (void)hal_rotation_read(&rotation);
@@ -40,14 +42,12 @@ static void list_what_is_not_done(void)
     (void)hal_link_read(&message);
     listing = false;
 }
+/* Marks end. */
 
 /* Put all devices and queues into the state after power-on. */
 void port_begin(void)
 {
-    if (!listed) {
-        listed = true;
-        list_what_is_not_done();
-    }
+    list_what_is_not_done();
 }
 
 /* Release what port_begin() took. */

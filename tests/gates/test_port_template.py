@@ -96,3 +96,88 @@ def test_the_recipe_makes_a_main_program_for_this_machine_and_for_another_chip(t
     sizes = {line.split()[0]: [int(one) for one in line.split()[1:]] for line in run(there)[1:]}
     assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # what the README says of RAM
     assert 12_000 < sizes["brickpilot"][0] < 20_480  # and of flash
+
+
+def test_the_recipe_leads_to_a_port_without_marks_whose_contract_holds(copy: Path) -> None:
+    """Steps 1 to 3, word for word; the drivers are those of hal/sil, and their world that of port_sil.c."""
+    readme = (ROOT / "hal/template/README.md").read_text()
+    first, main, last = (
+        re.search(rf"^```{kind}\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)[1]  # type: ignore[index]
+        for kind in ("sh", "shell", "bash")
+    )
+
+    def run(script: str) -> str:
+        done = subprocess.run(["sh", "-ec", script], cwd=copy, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    run("".join(first.splitlines(keepends=True)[:6]))  # copies, names and its word in hal/CMakeLists.txt
+    port, world = copy / "hal/mybrick/mybrick.c", copy / "tests/contract/port_mybrick.c"
+    marks = world.read_text().partition("/* Put all devices")[0]
+    shutil.copy(ROOT / "hal/sil/sil.h", copy / "hal/mybrick/sil.h")
+    port.write_text(
+        '#include "mybrick/not_done.h"\n' + (ROOT / "hal/sil/sil.c").read_text().replace("sil/", "mybrick/")
+    )
+    bound = "    sil_bind(&port);\n}"
+    drivers = (ROOT / "tests/contract/port_sil.c").read_text().replace("sil/", "mybrick/")
+    assert drivers.count(bound) == 1
+    world.write_text(marks + drivers.replace(bound, bound.replace("}", "    list_what_is_not_done();\n}")))
+    copies, build = main.splitlines()[:2], main.splitlines()[2]
+    assert build.startswith("firmware/targets/mybrick/build")
+    run("\n".join(copies))
+    program = copy / "firmware/targets/mybrick/main.c"
+    text, count = re.subn(r"    NOT_DONE\(.*\);\n", "", program.read_text())
+    assert count == 1
+    program.write_text(text)
+    run("cmake --preset release\n" + last)
+    assert run("build/release/tests/contract_mybrick").count(":PASS") == 9
+    left = run(
+        "grep -rlE 'NOT_DONE|not_done' hal/mybrick firmware/targets/mybrick tests/contract/port_mybrick.c || true"
+    )
+    assert left == ""
+
+
+@pytest.mark.parametrize(
+    ("of", "to", "rule"),
+    [
+        (
+            "*out = bound->rotation;",
+            "out->left = 0;",
+            "a read gives the newest value, in the unit and the range of hal.h",
+        ),
+        ("return bound->rotation_status;", "return HAL_OK;", "without a new value a read returns HAL_STALE and leaves"),
+        (
+            "    return bound->imu_status;",
+            "    hal_status_t was = bound->imu_status;\n    bound->imu_status = HAL_STALE;\n    return was;",
+            "a second read in the same step gives the same value again",
+        ),
+        (
+            "bound->left_q15 = left_q15;",
+            "bound->left_q15 = right_q15;",
+            "a duty, -32767..32767 for -1..1, acts at once",
+        ),
+        (
+            "SIL_LINK_SIZE)\n        return false;",
+            "SIL_LINK_SIZE)\n        return true;",
+            "returns false where there is no",
+        ),
+        ("bound->link_out_size == SIL_LINK_SIZE", "bound->link_out_size == 7", "has room for eight messages in a step"),
+        ("*message = bound->link_in[0];", "*message = bound->link_in[1];", "messages come whole, in order and once"),
+        ("return bound->clock_ms;", "return bound->clock_ms / 2;", "the clock counts milliseconds and never goes back"),
+    ],
+)
+def test_a_failure_names_the_rule_that_is_broken(tmp_path: Path, of: str, to: str, rule: str) -> None:
+    text = (ROOT / "hal/sil/sil.c").read_text()
+    assert of in text
+    (tmp_path / "sil.c").write_text(text.replace(of, to, 1))
+    (unity,) = (BUILD / "unity").rglob("unity.c")
+    folders = (unity.parent, ROOT / "hal", ROOT / "hal/include", ROOT / "tests/contract")
+    sources = (tmp_path / "sil.c", ROOT / "tests/contract/hal_contract.c", ROOT / "tests/contract/port_sil.c", unity)
+    program = tmp_path / "contract"
+    subprocess.run(["cc", *(f"-I{folder}" for folder in folders), *sources, "-o", program], check=True)
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode > 0
+    broken = re.findall(r":FAIL: .* Broken rule: (.*)$", done.stdout, re.MULTILINE)
+    assert broken, done.stdout
+    assert any(rule in line for line in broken), broken
+    assert len(broken) == done.stdout.count(":FAIL")

@@ -39,7 +39,7 @@ static void guide(const native_t *input, const signals_estimate_t *estimate, sig
     demand->heading_bam16 = brakes ? los.hold_heading_bam16 : los.bearing_bam16;
 }
 
-/* As control() of firmware/app/step.c. */
+/* As step_run() of firmware/app/step.c. */
 static void control(const signals_estimate_t *estimate, const signals_demand_t *demand, signals_effort_t *effort)
 {
     pid_input_t input;
@@ -48,7 +48,7 @@ static void control(const signals_estimate_t *estimate, const signals_demand_t *
     input.period_ms = STEP_MS;
     input.error = fix_sub16(demand->speed_mm_s_q4, estimate->speed_mm_s_q4);
     input.rate = estimate->accel_mm_s2;
-    input.feedforward_mv = fix_gain16_q10(config.feedforward_mv_q10, demand->speed_mm_s_q4);
+    input.feedforward_mv = fix_mul16_q10(config.feedforward_mv_q10, demand->speed_mm_s_q4);
     input.saturated = mixer.drive.surge_saturated;
     pid_step(&config.speed_pid, &speed_pid, &input, &output);
     effort->surge_mv = output.output_mv;

@@ -50,7 +50,7 @@ static unsigned long duties(uint32_t first, uint32_t last)
     return wrong;
 }
 
-/* fix_thousandth() against the formula in fix.h, in 64 bits. */
+/* fix_div_1000() against the formula in fix.h, in 64 bits. */
 static unsigned long thousandths(uint32_t first, uint32_t last)
 {
     unsigned long wrong = 0;
@@ -60,7 +60,7 @@ static unsigned long thousandths(uint32_t first, uint32_t last)
             const int64_t magnitude = value < 0 ? -(int64_t)value : value;
             const int64_t part = ((magnitude * 16777 >> 16) + 128) >> 8, most = part > 32767 ? 32767 : part;
 
-            wrong += fix_thousandth(value) != (value < 0 ? -most : most);
+            wrong += fix_div_1000(value) != (value < 0 ? -most : most);
         }
     return wrong;
 }

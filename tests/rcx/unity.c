@@ -1,5 +1,7 @@
 #include "unity.h"
 
+const char *unity_rule;
+
 static const char *running;
 static const char *ignored;
 
@@ -10,6 +12,10 @@ void unity_check(bool holds, uint16_t line)
     world_say(running);
     world_say(": FAIL: line ");
     world_say_number(line);
+    if (unity_rule != 0) {
+        world_say(". Broken rule: ");
+        world_say(unity_rule);
+    }
     world_say("\n");
     world_exit(1);
 }
@@ -34,6 +40,7 @@ void unity_run(void (*test)(void), const char *name)
 {
     running = name;
     ignored = 0;
+    unity_rule = 0;
     setUp();
     test();
     tearDown();

@@ -5,6 +5,8 @@
 
 #include "world.h"
 
+extern const char *unity_rule; /* what the checks that follow are of; 0: not said */
+
 void setUp(void);
 void tearDown(void);
 void unity_check(bool holds, uint16_t line);

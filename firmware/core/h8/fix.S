@@ -42,10 +42,10 @@ _fix_mul:
 .Lfirst_positive:
 	rts
 
-; int32_t fix_sum(int16_t a, int16_t b): the signs of both, and the carry, make the high word's two bytes.
+; int32_t fix_add(int16_t a, int16_t b): the signs of both, and the carry, make the high word's two bytes.
 	.align 1
-	.global _fix_sum
-_fix_sum:
+	.global _fix_add
+_fix_add:
 	bld	#7,r0h
 	subx	r2l,r2l
 	bld	#7,r1h
@@ -65,12 +65,12 @@ _fix_mul_u32_q16:
 	mov.w	r2,r6
 	mov.w	r1,r2
 	mov.w	r0,r5
-	bra	.Lend_share
+	bra	.Lend_mul
 
-; int32_t fix_share_q15(int32_t value, int16_t factor_q15)
+; int32_t fix_mul_q15(int32_t value, int16_t factor_q15)
 	.align 1
-	.global _fix_share_q15
-_fix_share_q15:
+	.global _fix_mul_q15
+_fix_mul_q15:
 	SAVE
 	mov.b	r0h,r4l
 	xor	r2h,r4l		; the sign
@@ -90,7 +90,7 @@ _fix_share_q15:
 	subx	r0h,r5h
 .Lvalue:
 	add.w	r6,r6
-	bcc	.Lend_share
+	bcc	.Lend_mul
 	mov.w	r5,r1		; the factor is 2^15: the whole value, but at most 2^31 - 1
 	bpl	.Lfits
 	subs	#1,r1
@@ -101,7 +101,7 @@ _fix_share_q15:
 
 ; Inner routine, the end of a function that began with SAVE: returns r5:r2 * r6 / 2^16 (all without sign), cut, with the
 ; sign of r4l.
-.Lend_share:
+.Lend_mul:
 	mov.b	#0x80,r4h
 	bsr	_fix_inner_multiply
 
@@ -137,10 +137,10 @@ _fix_inner_round:
 	subx	r3h,r0h
 	rts
 
-; int32_t fix_fraction(int32_t value, uint8_t bits)
+; int32_t fix_trunc_shift(int32_t value, uint8_t bits)
 	.align 1
-	.global _fix_fraction
-_fix_fraction:
+	.global _fix_trunc_shift
+_fix_trunc_shift:
 	bsr	.Lmagnitude_shift
 	bra	.Lcut
 
@@ -255,7 +255,7 @@ _fix_inner_multiply:
 	mov.b	r3l,r1h
 	rts
 
-; int32_t fix_dot(const fix_pair_t *of, const fix_pair_t *with)
+; int32_t fix_dot(const fix_vector_t *of, const fix_vector_t *with)
 	.align 1
 	.global _fix_dot
 _fix_dot:
@@ -395,10 +395,10 @@ _fix_clamp_q16:
 .Lwithin_q16:
 	rts
 
-; int32_t fix_q8(int16_t value)
+; int32_t fix_to_q8(int16_t value)
 	.align 1
-	.global _fix_q8
-_fix_q8:
+	.global _fix_to_q8
+_fix_to_q8:
 	sub.b	r1l,r1l
 	mov.b	r0l,r1h
 	mov.b	r0h,r0l
@@ -406,10 +406,10 @@ _fix_q8:
 	subx	r0h,r0h
 	rts
 
-; int32_t fix_times(int32_t value, uint8_t factor): byte by byte, the lowest first
+; int32_t fix_mul32_u8(int32_t value, uint8_t factor): byte by byte, the lowest first
 	.align 1
-	.global _fix_times
-_fix_times:
+	.global _fix_mul32_u8
+_fix_mul32_u8:
 	mov.b	r1l,r3l
 	mulxu.b	r2l,r3
 	mov.b	r1h,r1l
@@ -427,10 +427,10 @@ _fix_times:
 	add.b	r3l,r0h
 	rts
 
-; int16_t fix_inverse_q15(uint8_t value)
+; int16_t fix_reciprocal_q15(uint8_t value)
 	.align 1
-	.global _fix_inverse_q15
-_fix_inverse_q15:
+	.global _fix_reciprocal_q15
+_fix_reciprocal_q15:
 	mov.b	r0l,r1l
 	shlr	r0l
 	sub.b	r2h,r2h
@@ -444,10 +444,10 @@ _fix_inverse_q15:
 .Linverse:
 	rts
 
-; uint8_t fix_bits(uint16_t count, uint8_t most)
+; uint8_t fix_bit_length(uint16_t count, uint8_t most)
 	.align 1
-	.global _fix_bits
-_fix_bits:
+	.global _fix_bit_length
+_fix_bit_length:
 	sub.b	r2l,r2l
 .Lcount_bits:
 	mov.w	r0,r0
@@ -462,17 +462,17 @@ _fix_bits:
 	mov.b	r2l,r0l
 	rts
 
-; int16_t fix_gain16_q10(int16_t gain_q10, int16_t value)
+; int16_t fix_mul16_q10(int16_t gain_q10, int16_t value)
 	.align 1
-	.global _fix_gain16_q10
-_fix_gain16_q10:
-	jsr	@_fix_gain_q10
+	.global _fix_mul16_q10
+_fix_mul16_q10:
+	jsr	@_fix_mul_q10
 	jmp	@_fix_sat16
 
-; int16_t fix_round16(int32_t value, uint8_t bits)
+; int16_t fix_round_shift16(int32_t value, uint8_t bits)
 	.align 1
-	.global _fix_round16
-_fix_round16:
+	.global _fix_round_shift16
+_fix_round_shift16:
 	jsr	@_fix_round_shift
 	jmp	@_fix_sat16
 
@@ -543,10 +543,10 @@ _fix_clamp16:
 .Lwithin16:
 	rts
 
-; uint16_t fix_count_u16(uint16_t count): goes on as fix_add_u16(count, 1)
+; uint16_t fix_increment_u16(uint16_t count): goes on as fix_add_u16(count, 1)
 	.align 1
-	.global _fix_count_u16
-_fix_count_u16:
+	.global _fix_increment_u16
+_fix_increment_u16:
 	mov.w	#1,r1
 
 ; uint16_t fix_add_u16(uint16_t a, uint16_t b)
@@ -594,18 +594,18 @@ _fix_abs_u32:
 .Labsolute:
 	rts
 
-; int32_t fix_gain_q10(int16_t gain_q10, int16_t value)
+; int32_t fix_mul_q10(int16_t gain_q10, int16_t value)
 	.align 1
-	.global _fix_gain_q10
-_fix_gain_q10:
+	.global _fix_mul_q10
+_fix_mul_q10:
 	jsr	@_fix_mul
 	mov.b	#10,r2l
 	jmp	@_fix_round_shift
 
-; int32_t fix_share_q16(int32_t value, uint16_t factor_q16)
+; int32_t fix_mul_q16(int32_t value, uint16_t factor_q16)
 	.align 1
-	.global _fix_share_q16
-_fix_share_q16:
+	.global _fix_mul_q16
+_fix_mul_q16:
 	mov.w	r0,@-r7
 	jsr	@_fix_abs_u32
 	jsr	@_fix_mul_u32_q16
@@ -615,10 +615,10 @@ _fix_share_q16:
 .Lpositive_share:
 	rts
 
-; int16_t fix_share16_q15(int16_t value, int16_t factor_q15)
+; int16_t fix_mul16_q15(int16_t value, int16_t factor_q15)
 	.align 1
-	.global _fix_share16_q15
-_fix_share16_q15:
+	.global _fix_mul16_q15
+_fix_mul16_q15:
 	mov.w	r1,r2
 	beq	.Lno_share
 	mov.w	r0,r1
@@ -626,16 +626,16 @@ _fix_share16_q15:
 	add.b	r0l,r0l
 	subx	r0l,r0l
 	mov.b	r0l,r0h
-	jsr	@_fix_share_q15
+	jsr	@_fix_mul_q15
 	jmp	@_fix_sat16
 .Lno_share:
 	sub.w	r0,r0
 	rts
 
-; int8_t fix_excess(int16_t asked, int16_t given)
+; int8_t fix_compare16(int16_t a, int16_t b)
 	.align 1
-	.global _fix_excess
-_fix_excess:
+	.global _fix_compare16
+_fix_compare16:
 	cmp.w	r1,r0
 	beq	.Lin_full
 	bgt	.Lmore

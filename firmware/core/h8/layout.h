@@ -7,13 +7,13 @@
 #define BRICKPILOT_CORE_H8_LAYOUT_H
 
 /* core/fix.h, core/curve.h */
-#define PAIR_X 0
-#define PAIR_Y 2
+#define VECTOR_X 0
+#define VECTOR_Y 2
 #define CURVE_EVERY_8TH 0
 #define CURVE_BENDS 66
 #define LAYOUT_OF_CORE(X)                                                                                              \
-    X(fix_pair_t, x, PAIR_X)                                                                                           \
-    X(fix_pair_t, y, PAIR_Y)                                                                                           \
+    X(fix_vector_t, x, VECTOR_X)                                                                                       \
+    X(fix_vector_t, y, VECTOR_Y)                                                                                       \
     X(curve_t, every_8th, CURVE_EVERY_8TH)                                                                             \
     X(curve_t, bends, CURVE_BENDS)
 

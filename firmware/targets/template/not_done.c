@@ -1,4 +1,4 @@
-/* not_done.c: what a port and its main program do not do yet, on this machine's screen. Delete this file with hal/template/not_done.h. */
+/* not_done.c: what a port and its main program do not do yet, on this machine's screen. The recipe's step 3 removes it. */
 #include "template/not_done.h"
 
 #include <stdio.h>

@@ -7,7 +7,7 @@
 #include "contracts.h"
 #include "core/fix.h"
 
-/* fix_share_q15() of a factor of at most 32767: fix_share_q15_bounds() in fix.c. */
+/* fix_mul_q15() of a factor of at most 32767: fix_mul_q15_bounds() in fix.c. */
 static int32_t open_share_q15(int32_t value, int16_t factor_q15)
 {
     const uint32_t whole = fix_abs_u32(value);

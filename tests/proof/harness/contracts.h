@@ -49,8 +49,8 @@ static bool constants_hold(const loop_config_t *of)
            WITHIN(heading_config_t_slowest_weight_bits, of->step.heading.slowest_weight_bits) &&
            WITHIN(speed_config_t_accel_gain_q15, of->step.speed.accel_gain_q15) &&
            WITHIN(speed_config_t_slowest_weight_bits, of->step.speed.slowest_weight_bits) &&
-           WITHIN(speed_config_t_behind_to_travel_q15, of->step.speed.behind_to_travel_q15) &&
-           WITHIN(speed_config_t_behind_to_speed_q15, of->step.speed.behind_to_speed_q15) &&
+           WITHIN(speed_config_t_travel_gain_q15, of->step.speed.travel_gain_q15) &&
+           WITHIN(speed_config_t_speed_gain_q15, of->step.speed.speed_gain_q15) &&
            WITHIN(speed_config_t_accel_filter_q15, of->step.speed.accel_filter_q15);
 }
 
@@ -102,7 +102,7 @@ static bool heading_holds(const heading_state_t *of)
 static bool speed_holds(const speed_state_t *of)
 {
     return UP_TO(BODY_SPEED_LIMIT_MM_S_Q17, of->speed_mm_s_q17) && UP_TO(PROOF_ACCEL_MOST, of->accel_mm_s2_q8) &&
-           UP_TO(536870912L, of->behind_um_q5) && UP_TO(4096000L, of->bias.value);
+           UP_TO(536870912L, of->residual_um_q5) && UP_TO(4096000L, of->bias.value);
 }
 
 static bool pose_holds(const pose_state_t *of)
@@ -110,7 +110,7 @@ static bool pose_holds(const pose_state_t *of)
     return UP_TO(31, of->x.rest_um_q5) && UP_TO(31, of->y.rest_um_q5);
 }
 
-static bool pair_holds(const fix_pair_t *of)
+static bool pair_holds(const fix_vector_t *of)
 {
     return of->x >= -32767 && of->y >= -32767;
 }

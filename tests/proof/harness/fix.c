@@ -52,7 +52,7 @@ void fix_sums(void)
     ASSERT(fix_sub32(a, b) == saturated((wide_t)a - b, 2147483647L));
     ASSERT(fix_add16(c, d) == saturated((wide_t)c + d, 32767));
     ASSERT(fix_sub16(c, d) == saturated((wide_t)c - d, 32767));
-    ASSERT(fix_sum(c, d) == (wide_t)c + d);
+    ASSERT(fix_add(c, d) == (wide_t)c + d);
     ASSERT(fix_sat16(a) == saturated(a, 32767));
     ASSUME(most >= 0 && least >= 0);
     ASSERT(fix_clamp32(a, most) == saturated(a, most));
@@ -61,9 +61,9 @@ void fix_sums(void)
     ASSERT(fix_abs_u16(c) == magnitude(c));
     ASSERT(fix_abs_u32(a) == magnitude(a));
     ASSERT(fix_add_u16(e, f) == ((wide_t)e + f > 65535 ? 65535 : (wide_t)e + f));
-    ASSERT(fix_count_u16(e) == (e == 65535U ? 65535 : (wide_t)e + 1));
-    ASSERT(fix_excess(c, d) == (c > d) - (c < d));
-    ASSERT(fix_q8(c) == (wide_t)c * 256);
+    ASSERT(fix_increment_u16(e) == (e == 65535U ? 65535 : (wide_t)e + 1));
+    ASSERT(fix_compare16(c, d) == (c > d) - (c < d));
+    ASSERT(fix_to_q8(c) == (wide_t)c * 256);
     END();
 }
 
@@ -77,13 +77,13 @@ void fix_shifts(void)
 
     ASSUME(bits >= 1 && bits <= 30);
     ASSERT(fix_round_shift(value, bits) == rounded(value, bits));
-    ASSERT(fix_round16(value, bits) == saturated(rounded(value, bits), 32767));
+    ASSERT(fix_round_shift16(value, bits) == saturated(rounded(value, bits), 32767));
     ASSUME(less <= 31);
-    ASSERT(fix_fraction(value, less) == (value < 0 ? -(magnitude(value) >> less) : magnitude(value) >> less) ||
+    ASSERT(fix_trunc_shift(value, less) == (value < 0 ? -(magnitude(value) >> less) : magnitude(value) >> less) ||
            (value == -2147483647L - 1 && less == 0));
     ASSERT(fix_round_bam16(angle) ==
            (uint16_t)rounded(angle < 0x80000000UL ? (wide_t)angle : (wide_t)angle - 0x100000000LL, 16));
-    const uint8_t length = fix_bits(count, most);
+    const uint8_t length = fix_bit_length(count, most);
     ASSERT(length <= most && length <= 16 && ((wide_t)count >> length == 0 || length == most));
     ASSERT(length == 0 || (wide_t)count >> (length - 1) != 0);
     END();
@@ -96,7 +96,7 @@ void fix_products(void)
 
     (void)fix_mul(a, b); /* no overflow; exhaustive.c compares all products */
     ASSUME(c >= 1);
-    ASSERT(fix_inverse_q15(c) == (c == 1 ? 32767 : (32768L + c / 2) / c));
+    ASSERT(fix_reciprocal_q15(c) == (c == 1 ? 32767 : (32768L + c / 2) / c));
     END();
 }
 
@@ -118,11 +118,11 @@ static wide_t product_of(uint32_t whole)
     return (wide_t)products[0] * 65536 + products[1];
 }
 
-void fix_share_q15_exact(void)
+void fix_mul_q15_exact(void)
 {
     int32_t value;
     int16_t factor;
-    const int32_t share = fix_share_q15(value, factor);
+    const int32_t share = fix_mul_q15(value, factor);
     const wide_t whole = saturated(product_of(magnitude(value)) >> 15, 2147483647L);
 
     ASSERT(with == magnitude(factor));
@@ -131,8 +131,8 @@ void fix_share_q15_exact(void)
     END();
 }
 
-/* What open_share_q15() of abstract.h says, where |factor| <= 32767: the product, of which fix_share_q15_exact() is the share, is then at most 32767 |value|. */
-void fix_share_q15_bounds(void)
+/* What open_share_q15() of abstract.h says, where |factor| <= 32767: the product, of which fix_mul_q15_exact() is the share, is then at most 32767 |value|. */
+void fix_mul_q15_bounds(void)
 {
     uint32_t whole;
     wide_t product;
@@ -142,11 +142,11 @@ void fix_share_q15_bounds(void)
     END();
 }
 
-void fix_share_q16_exact(void)
+void fix_mul_q16_exact(void)
 {
     int32_t value;
     uint16_t factor;
-    const int32_t share = fix_share_q16(value, factor);
+    const int32_t share = fix_mul_q16(value, factor);
     const wide_t whole = product_of(magnitude(value)) >> 16;
 
     ASSERT(with == factor);
@@ -166,13 +166,13 @@ void fix_mul_u32_exact(void)
 
 void fix_pairs(void)
 {
-    fix_pair_t of, with_;
+    fix_vector_t of, with_;
     uint16_t root;
     int32_t value;
 
     ASSUME(pair_holds(&of) && pair_holds(&with_));
     (void)fix_dot(&of, &with_); /* no overflow */
-    (void)fix_along(&of, &with_);
+    (void)fix_project(&of, &with_);
     ASSUME(value >= 0 && root <= 32768U);
     made = 0;
     const int16_t compared = fix_compare_square(value, root);
@@ -181,10 +181,10 @@ void fix_pairs(void)
     END();
 }
 
-void fix_thousandth_bounds(void)
+void fix_div_1000_bounds(void)
 {
     int32_t value;
-    const wide_t part = fix_thousandth(value);
+    const wide_t part = fix_div_1000(value);
 
     ASSERT(part >= -32767 && part <= 32767);
     END();

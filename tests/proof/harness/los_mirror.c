@@ -21,14 +21,14 @@ static int32_t odd_mul(int16_t a, int16_t b)
     return (a < 0) != (b < 0) ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
-static int32_t odd_dot(const fix_pair_t *of, const fix_pair_t *with)
+static int32_t odd_dot(const fix_vector_t *of, const fix_vector_t *with)
 {
     return odd_mul(of->x, with->x) + odd_mul(of->y, with->y);
 }
 
-static int16_t odd_along(const fix_pair_t *of, const fix_pair_t *direction_q15)
+static int16_t odd_along(const fix_vector_t *of, const fix_vector_t *direction_q15)
 {
-    return fix_round16(odd_dot(of, direction_q15), 15);
+    return fix_round_shift16(odd_dot(of, direction_q15), 15);
 }
 
 static int16_t odd_thousandth(int32_t value)
@@ -81,8 +81,8 @@ static int16_t same_compare_square(int32_t value, uint16_t root)
 
 #define fix_mul odd_mul
 #define fix_dot odd_dot
-#define fix_along odd_along
-#define fix_thousandth odd_thousandth
+#define fix_project odd_along
+#define fix_div_1000 odd_thousandth
 #define trig_sin_q15 odd_sine
 #define trig_cos_q15 odd_cosine
 #define trig_atan2_bam16 odd_angle

@@ -1,5 +1,5 @@
 #include "abstract.h"
-#define fix_share16_q15 open_share16_q15
+#define fix_mul16_q15 open_share16_q15
 #define fix_div_u32 open_div_u32
 #define fix_mul_u16 open_mul_u16
 #define fix_mul open_mul
@@ -42,15 +42,15 @@ void mixer_off(void)
     END();
 }
 
-void mixer_correct_safe(void)
+void mixer_take_battery_safe(void)
 {
     parameters_t parameters;
     mixer_state_t state;
-    uint16_t battery_mv;
+    signals_sensors_t sensors;
 
     ASSUME(settings_hold(&parameters) && constants_hold(&parameters.config));
     ASSUME(mixer_holds(&state));
-    mixer_correct(&parameters.config.step.mixer, &state, battery_mv);
+    mixer_take_battery(&parameters.config.step.mixer, &state, &sensors);
     ASSERT(mixer_holds(&state));
     END();
 }

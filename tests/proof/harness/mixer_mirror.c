@@ -40,7 +40,7 @@ static uint32_t same_div_u32(uint32_t dividend, uint16_t divisor)
 }
 
 #define fix_mul odd_mul
-#define fix_share16_q15 odd_share16_q15
+#define fix_mul16_q15 odd_share16_q15
 #define fix_add16 odd_add16
 #include "mixer/drive.c"
 #undef fix_mul

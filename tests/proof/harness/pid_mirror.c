@@ -1,7 +1,7 @@
 #include "mirror.h"
 #define fix_mul odd_mul
-#define fix_gain_q10 odd_gain_q10
-#define fix_share_q16 odd_share_q16
+#define fix_mul_q10 odd_gain_q10
+#define fix_mul_q16 odd_share_q16
 #include "control/pid.c"
 
 /* Negate every input and the state: every output and the state are negated, bit for bit. */

@@ -1,5 +1,5 @@
 #include "abstract.h"
-#define fix_share_q15 open_share_q15
+#define fix_mul_q15 open_share_q15
 #include "estimator/speed.c"
 
 void speed_safe(void)

@@ -92,12 +92,12 @@ void pid_stop(pid_state_t *state, pid_output_t *output)
     *output = off;
 }
 
-void mixer_correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv)
+void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors)
 {
     mixer_state_t after;
-    (void)config, (void)battery_mv;
+    (void)config, (void)sensors;
     ASSERT(mixer_holds(state));
-    ASSUME(mixer_holds(&after) && after.battery_mv == state->battery_mv);
+    ASSUME(mixer_holds(&after));
     *state = after;
 }
 
@@ -118,7 +118,7 @@ static bool step_holds(const step_state_t *of, const route_t *route)
 {
     return heading_holds(&of->heading) && speed_holds(&of->speed) && pose_holds(&of->pose) &&
            mode_holds(&of->mode, route) && pid_holds(&of->speed_pid) && pid_holds(&of->heading_pid) &&
-           mixer_holds(&of->mixer) && of->ahead_ms < BODY_PERIOD_MS;
+           mixer_holds(&of->mixer) && of->lag_ms < BODY_PERIOD_MS;
 }
 
 void step_keeps(void)

@@ -199,7 +199,7 @@ static void test_what_is_known_of_the_robot_is_written_setting_by_setting_and_no
     TEST_ASSERT_UINT16_WITHIN(1, PARAMS_COUPLED.step.speed.count_travel_um_q2 * (1 + 1638 / 32768.0),
                               commands.parameters.config.step.speed.count_travel_um_q2);
     TEST_ASSERT_EQUAL_INT16(-77, commands.parameters.config.step.speed.count_mismatch_q15);
-    TEST_ASSERT_TRUE(commands.parameters.config.step.battery_sags);
+    TEST_ASSERT_TRUE(commands.parameters.config.step.mixer.battery_sags);
     loop.step.mode.mode = MODE_RUN;
     TEST_ASSERT_EQUAL_UINT8(PARAMETERS_BUSY,
                             parameter(WIRE_PARAMETER_REQUEST_PARAMETER_LEFT_GAIN_CHOICE, true, 1).status);

@@ -184,7 +184,7 @@ static void test_loop_takes_gyro_accelerometer_and_rotation_sensors(void)
     port.reference_status = port.battery_status = HAL_ABSENT;
     run(300, 3, MODE_NONE);
     TEST_ASSERT_TRUE(state.output.estimate.at_rest);
-    TEST_ASSERT_EQUAL_UINT16(config.step.battery_nominal_mv, state.step.mixer.battery_mv);
+    TEST_ASSERT_EQUAL_UINT16(config.step.mixer.battery_nominal_mv, state.step.mixer.battery_mv);
     for (int i = 0; i < 167; i++) { /* a hand that turns the robot is not steady */
         port.imu.yaw_rate_mrad_s = 800;
         run(1, 3, MODE_NONE);
@@ -291,7 +291,7 @@ static void test_loop_begins_at_its_first_tick_where_nobody_started_it(void)
 static int32_t current_ua_q7(bool sags, uint16_t battery_mv)
 {
     setUp();
-    config.step.battery_sags = sags;
+    config.step.mixer.battery_sags = sags;
     run(200, 3, MODE_START);
     port.battery_mv = battery_mv;
     run(1, 3, MODE_NONE);
@@ -316,7 +316,7 @@ static void test_loop_tells_the_model_what_a_sagging_battery_gave(void)
 static void test_loop_tells_the_model_what_a_battery_below_its_floor_gave(void)
 {
     setUp();
-    config.step.battery_sags = true;
+    config.step.mixer.battery_sags = true;
     port.battery_mv = 2500; /* counts as 5 V: the duty gives half of what is wanted */
     run(1, 3, MODE_START);
     const int16_t wanted_mv = state.step.mixer.drive.left_mv;

@@ -65,7 +65,7 @@ static void test_parameters_of_a_robot_reach_every_stage(void)
     TEST_ASSERT_EQUAL_INT16(30, parameters.config.step.mixer.drive.deadband_mv);
     TEST_ASSERT_EQUAL_INT16(31, parameters.config.step.mixer.drive.half_track_m_q14);
     TEST_ASSERT_EQUAL_INT16(32, parameters.config.step.mixer.drive.reserve_mv);
-    TEST_ASSERT_TRUE(parameters.config.step.battery_sags);
+    TEST_ASSERT_TRUE(parameters.config.step.mixer.battery_sags);
     TEST_ASSERT_EQUAL_INT16(-40, parameters.config.step.heading.gyro_bias_mrad_s);
     TEST_ASSERT_EQUAL_INT16(41, parameters.config.step.heading.gyro_scale_q15);
     TEST_ASSERT_EQUAL_INT16(-42, parameters.config.step.speed.count_mismatch_q15);

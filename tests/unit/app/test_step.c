@@ -54,7 +54,7 @@ static void test_step_moves_the_model_by_whole_periods(void)
     (void)driven_with(4500, 4500);
     const int32_t once = state.model.motor[0].current_ua_q7;
     TEST_ASSERT_GREATER_THAN_INT32(0, once);
-    TEST_ASSERT_EQUAL_UINT8(0, state.ahead_ms);
+    TEST_ASSERT_EQUAL_UINT8(0, state.lag_ms);
     setUp();
     (void)driven_with(4500, 4500);
     TEST_ASSERT_EQUAL_INT32(once, state.model.motor[0].current_ua_q7);
@@ -125,7 +125,7 @@ static void test_step_takes_the_nominal_battery_until_the_first_reading(void)
 {
     state.mixer.battery_mv = 0;
     (void)driven_with(0, 0);
-    TEST_ASSERT_EQUAL_UINT16(config.battery_nominal_mv, state.mixer.battery_mv);
+    TEST_ASSERT_EQUAL_UINT16(config.mixer.battery_nominal_mv, state.mixer.battery_mv);
     sensors.have |= SENSOR_BATTERY;
     sensors.battery_mv = 7777;
     (void)driven_with(0, 0);

@@ -43,11 +43,11 @@ static void check_pair(int32_t a, int32_t b)
     TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 + b16, INT16_MAX), fix_add16(a16, b16));
     TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 - b16, INT16_MAX), fix_sub16(a16, b16));
     TEST_ASSERT_EQUAL_INT64((int64_t)a16 * b16, fix_mul(a16, b16));
-    TEST_ASSERT_EQUAL_INT64((int64_t)a16 + b16, fix_sum(a16, b16));
+    TEST_ASSERT_EQUAL_INT64((int64_t)a16 + b16, fix_add(a16, b16));
     TEST_ASSERT_EQUAL_UINT64((uint64_t)(uint16_t)a * (uint16_t)b, fix_mul_u16((uint16_t)a, (uint16_t)b));
     TEST_ASSERT_EQUAL_UINT64((uint64_t)(uint32_t)a * (uint16_t)b >> 16, fix_mul_u32_q16((uint32_t)a, (uint16_t)b));
-    TEST_ASSERT_EQUAL_INT64((int64_t)a * (uint16_t)b / 65536, fix_share_q16(a, (uint16_t)b));
-    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 * b16 / 32768, INT16_MAX), fix_share16_q15(a16, b16));
+    TEST_ASSERT_EQUAL_INT64((int64_t)a * (uint16_t)b / 65536, fix_mul_q16(a, (uint16_t)b));
+    TEST_ASSERT_EQUAL_INT64(saturated((int64_t)a16 * b16 / 32768, INT16_MAX), fix_mul16_q15(a16, b16));
     if ((uint16_t)b != 0)
         TEST_ASSERT_EQUAL_UINT32((uint32_t)a / (uint16_t)b, fix_div_u32((uint32_t)a, (uint16_t)b));
 }
@@ -91,27 +91,28 @@ static void test_fix_round_shift_rounds_to_nearest_and_is_odd(void)
     }
 }
 
-static void test_fix_gain_and_thousandth_are_rounded_to_nearest_and_saturate(void)
+static void test_fix_gain_and_division_by_1000_are_rounded_to_nearest_and_saturate(void)
 {
     for (int i = 0; i < RANDOM_COUNT; i++) {
         const int32_t value = i < EDGE_COUNT ? EDGES[i] : random_i32();
         const int16_t gain = (int16_t)(random_i32() & 32767), value16 = (int16_t)value;
         const int64_t product = (int64_t)round(gain * value16 / 1024.0);
-        TEST_ASSERT_EQUAL_INT64(product, fix_gain_q10(gain, value16));
-        TEST_ASSERT_EQUAL_INT64(saturated(product, INT16_MAX), fix_gain16_q10(gain, value16));
+        TEST_ASSERT_EQUAL_INT64(product, fix_mul_q10(gain, value16));
+        TEST_ASSERT_EQUAL_INT64(saturated(product, INT16_MAX), fix_mul16_q10(gain, value16));
         TEST_ASSERT_EQUAL_INT64(saturated((int64_t)round(value * (16777.0 / 16777216.0)), INT16_MAX),
-                                fix_thousandth(value));
+                                fix_div_1000(value));
     }
 }
 
-static void test_fix_pairs_are_multiplied_and_measured_along_a_direction(void)
+static void test_fix_vectors_are_multiplied_and_projected_on_a_direction(void)
 {
     for (int i = 0; i < RANDOM_COUNT; i++) {
-        const fix_pair_t of = {fix_sat16(random_i32()), fix_sat16(random_i32())};
-        const fix_pair_t with = {fix_sat16(random_i32()), fix_sat16(random_i32())};
+        const fix_vector_t of = {fix_sat16(random_i32()), fix_sat16(random_i32())};
+        const fix_vector_t with = {fix_sat16(random_i32()), fix_sat16(random_i32())};
         const int64_t product = (int64_t)of.x * with.x + (int64_t)of.y * with.y;
         TEST_ASSERT_EQUAL_INT64(product, fix_dot(&of, &with));
-        TEST_ASSERT_EQUAL_INT64(saturated((int64_t)round((double)product / 32768.0), INT16_MAX), fix_along(&of, &with));
+        TEST_ASSERT_EQUAL_INT64(saturated((int64_t)round((double)product / 32768.0), INT16_MAX),
+                                fix_project(&of, &with));
     }
 }
 
@@ -151,17 +152,17 @@ static void test_fix_limits_are_met_and_not_passed(void)
 
 static void test_fix_counts_stay_at_their_end(void)
 {
-    TEST_ASSERT_EQUAL_UINT16(65535, fix_count_u16(65534));
-    TEST_ASSERT_EQUAL_UINT16(65535, fix_count_u16(65535));
+    TEST_ASSERT_EQUAL_UINT16(65535, fix_increment_u16(65534));
+    TEST_ASSERT_EQUAL_UINT16(65535, fix_increment_u16(65535));
 }
 
-static void test_fix_excess_tells_the_side(void)
+static void test_fix_compare16_tells_the_side(void)
 {
-    TEST_ASSERT_EQUAL_INT8(0, fix_excess(-7, -7));
-    TEST_ASSERT_EQUAL_INT8(1, fix_excess(INT16_MAX, INT16_MIN));
-    TEST_ASSERT_EQUAL_INT8(-1, fix_excess(INT16_MIN, INT16_MAX));
-    TEST_ASSERT_EQUAL_INT8(-1, fix_excess(-8, -7));
-    TEST_ASSERT_EQUAL_INT8(1, fix_excess(-7, -8));
+    TEST_ASSERT_EQUAL_INT8(0, fix_compare16(-7, -7));
+    TEST_ASSERT_EQUAL_INT8(1, fix_compare16(INT16_MAX, INT16_MIN));
+    TEST_ASSERT_EQUAL_INT8(-1, fix_compare16(INT16_MIN, INT16_MAX));
+    TEST_ASSERT_EQUAL_INT8(-1, fix_compare16(-8, -7));
+    TEST_ASSERT_EQUAL_INT8(1, fix_compare16(-7, -8));
 }
 
 static void test_fix_angle_difference_takes_the_short_way_round(void)
@@ -171,19 +172,19 @@ static void test_fix_angle_difference_takes_the_short_way_round(void)
     TEST_ASSERT_EQUAL_INT16(-32768, fix_angle_diff_bam16(32768, 0));
 }
 
-static void test_fix_share_and_fraction_round_towards_zero_on_both_sides(void)
+static void test_fix_product_and_truncated_shift_round_towards_zero_on_both_sides(void)
 {
-    TEST_ASSERT_EQUAL_INT32(2, fix_share_q15(5, 16384));
-    TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(-5, 16384));
-    TEST_ASSERT_EQUAL_INT32(-2, fix_share_q15(5, -16384));
-    TEST_ASSERT_EQUAL_INT32(2, fix_share_q15(-5, -16384));
-    TEST_ASSERT_EQUAL_INT32(-100, fix_share_q15(100, -32768));
-    TEST_ASSERT_EQUAL_INT32(100, fix_share_q15(-100, -32768));
-    TEST_ASSERT_EQUAL_INT32(-1073741824L, fix_share_q15(INT32_MIN, 16384));
-    TEST_ASSERT_EQUAL_INT32(FIX_INT32_MAX, fix_share_q15(INT32_MIN, -32768));
-    TEST_ASSERT_EQUAL_INT32(3, fix_fraction(31, 3));
-    TEST_ASSERT_EQUAL_INT32(-3, fix_fraction(-31, 3));
-    TEST_ASSERT_EQUAL_INT32(-31, fix_fraction(-31, 0));
+    TEST_ASSERT_EQUAL_INT32(2, fix_mul_q15(5, 16384));
+    TEST_ASSERT_EQUAL_INT32(-2, fix_mul_q15(-5, 16384));
+    TEST_ASSERT_EQUAL_INT32(-2, fix_mul_q15(5, -16384));
+    TEST_ASSERT_EQUAL_INT32(2, fix_mul_q15(-5, -16384));
+    TEST_ASSERT_EQUAL_INT32(-100, fix_mul_q15(100, -32768));
+    TEST_ASSERT_EQUAL_INT32(100, fix_mul_q15(-100, -32768));
+    TEST_ASSERT_EQUAL_INT32(-1073741824L, fix_mul_q15(INT32_MIN, 16384));
+    TEST_ASSERT_EQUAL_INT32(FIX_INT32_MAX, fix_mul_q15(INT32_MIN, -32768));
+    TEST_ASSERT_EQUAL_INT32(3, fix_trunc_shift(31, 3));
+    TEST_ASSERT_EQUAL_INT32(-3, fix_trunc_shift(-31, 3));
+    TEST_ASSERT_EQUAL_INT32(-31, fix_trunc_shift(-31, 0));
 }
 
 static void test_fix_round_bam16_rounds_halves_away_from_zero(void)
@@ -194,20 +195,20 @@ static void test_fix_round_bam16_rounds_halves_away_from_zero(void)
     TEST_ASSERT_EQUAL_UINT16(0, fix_round_bam16(0U - 32767U));
 }
 
-static void test_fix_inverse_is_to_the_nearest(void)
+static void test_fix_reciprocal_is_to_the_nearest(void)
 {
-    TEST_ASSERT_EQUAL_INT16(32767, fix_inverse_q15(1));
+    TEST_ASSERT_EQUAL_INT16(32767, fix_reciprocal_q15(1));
     for (int value = 2; value < 256; value++)
-        TEST_ASSERT_EQUAL_INT16((2 * 32768 / value + 1) / 2, fix_inverse_q15((uint8_t)value));
+        TEST_ASSERT_EQUAL_INT16((2 * 32768 / value + 1) / 2, fix_reciprocal_q15((uint8_t)value));
 }
 
 static void test_fix_counts_the_bits_of_a_number(void)
 {
-    TEST_ASSERT_EQUAL_UINT8(0, fix_bits(0, 12));
-    TEST_ASSERT_EQUAL_UINT8(1, fix_bits(1, 12));
-    TEST_ASSERT_EQUAL_UINT8(3, fix_bits(4, 12));
-    TEST_ASSERT_EQUAL_UINT8(16, fix_bits(65535, 16));
-    TEST_ASSERT_EQUAL_UINT8(4, fix_bits(65535, 4));
+    TEST_ASSERT_EQUAL_UINT8(0, fix_bit_length(0, 12));
+    TEST_ASSERT_EQUAL_UINT8(1, fix_bit_length(1, 12));
+    TEST_ASSERT_EQUAL_UINT8(3, fix_bit_length(4, 12));
+    TEST_ASSERT_EQUAL_UINT8(16, fix_bit_length(65535, 16));
+    TEST_ASSERT_EQUAL_UINT8(4, fix_bit_length(65535, 4));
 }
 
 int main(void)
@@ -218,17 +219,17 @@ int main(void)
     RUN_TEST(test_fix_division_by_zero_gives_the_largest_number);
     RUN_TEST(test_fix_square_root_is_rounded_down);
     RUN_TEST(test_fix_round_shift_rounds_to_nearest_and_is_odd);
-    RUN_TEST(test_fix_gain_and_thousandth_are_rounded_to_nearest_and_saturate);
-    RUN_TEST(test_fix_pairs_are_multiplied_and_measured_along_a_direction);
+    RUN_TEST(test_fix_gain_and_division_by_1000_are_rounded_to_nearest_and_saturate);
+    RUN_TEST(test_fix_vectors_are_multiplied_and_projected_on_a_direction);
     RUN_TEST(test_fix_tells_how_a_value_compares_with_a_square);
     RUN_TEST(test_fix_right_shift_of_negative_numbers_is_arithmetic);
     RUN_TEST(test_fix_limits_are_met_and_not_passed);
     RUN_TEST(test_fix_counts_stay_at_their_end);
-    RUN_TEST(test_fix_excess_tells_the_side);
+    RUN_TEST(test_fix_compare16_tells_the_side);
     RUN_TEST(test_fix_angle_difference_takes_the_short_way_round);
-    RUN_TEST(test_fix_share_and_fraction_round_towards_zero_on_both_sides);
+    RUN_TEST(test_fix_product_and_truncated_shift_round_towards_zero_on_both_sides);
     RUN_TEST(test_fix_round_bam16_rounds_halves_away_from_zero);
-    RUN_TEST(test_fix_inverse_is_to_the_nearest);
+    RUN_TEST(test_fix_reciprocal_is_to_the_nearest);
     RUN_TEST(test_fix_counts_the_bits_of_a_number);
     return UNITY_END();
 }

@@ -160,16 +160,16 @@ static void test_speed_keeps_what_it_travelled_unread_until_the_next_reading(voi
     const int32_t way_um_q5 = 400 * 3 * 32;
     sensors.have = SENSOR_ROTATION;
     step(400 * Q17);
-    const int32_t behind_um_q5 = state.behind_um_q5;
+    const int32_t residual_um_q5 = state.residual_um_q5;
     sensors.have = 0;
     step(400 * Q17);
-    TEST_ASSERT_EQUAL_INT32(behind_um_q5 - way_um_q5, state.behind_um_q5);
+    TEST_ASSERT_EQUAL_INT32(residual_um_q5 - way_um_q5, state.residual_um_q5);
     estimate.at_rest = true; /* its counts have not come yet */
     step(0);
-    TEST_ASSERT_LESS_THAN_INT32(behind_um_q5 - way_um_q5 + 1, state.behind_um_q5);
+    TEST_ASSERT_LESS_THAN_INT32(residual_um_q5 - way_um_q5 + 1, state.residual_um_q5);
     sensors.have = SENSOR_ROTATION;
     step(0);
-    TEST_ASSERT_EQUAL_INT32(0, state.behind_um_q5);
+    TEST_ASSERT_EQUAL_INT32(0, state.residual_um_q5);
 }
 
 static void test_speed_ignores_counts_from_before_the_first_step(void)
@@ -187,7 +187,7 @@ static void test_speed_counts_wrap_unnoticed(void)
     hold(1);
     sensors.rotation_left = sensors.rotation_right = 0;
     hold(1);
-    TEST_ASSERT_INT32_WITHIN(5341 * 32 / 20, 5341 * 32, state.behind_um_q5);
+    TEST_ASSERT_INT32_WITHIN(5341 * 32 / 20, 5341 * 32, state.residual_um_q5);
 }
 
 static void test_speed_observer_forgets_what_slips(void)
@@ -195,15 +195,15 @@ static void test_speed_observer_forgets_what_slips(void)
     roll(0, 1);
     sensors.rotation_left = sensors.rotation_right = 2000;
     hold(1);
-    TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
+    TEST_ASSERT_EQUAL_INT32(SPEED_RESIDUAL_LIMIT_UM_Q5, state.residual_um_q5);
 }
 
 /* Travel behind after one step in which the wheels count this, with wheels of two sizes. */
-static int32_t behind_um_q5(int16_t mismatch_q15, int left, int right)
+static int32_t residual_um_q5(int16_t mismatch_q15, int left, int right)
 {
     speed_config_t config = *CONFIG;
     config.count_mismatch_q15 = mismatch_q15;
-    config.behind_to_travel_q15 = 0;
+    config.travel_gain_q15 = 0;
     setUp();
     sensors.have = SENSOR_ROTATION;
     for (int i = 0; i < 2; i++) {
@@ -211,17 +211,17 @@ static int32_t behind_um_q5(int16_t mismatch_q15, int left, int right)
         sensors.rotation_right = (uint16_t)(i * right);
         speed_step(&config, &state, &sensors, &predicted, &estimate);
     }
-    return state.behind_um_q5;
+    return state.residual_um_q5;
 }
 
 static void test_speed_weighs_the_counts_of_unequal_wheels(void)
 {
     const int32_t count_um_q5 = CONFIG->count_travel_um_q2 * 4; /* of both wheels' middle: half of one wheel's travel */
-    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 9, behind_um_q5(4096, 10, 0)); /* 9/8 of 10 counts */
-    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 7, behind_um_q5(4096, 0, 10));
-    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 20 / 8, behind_um_q5(4096, 10, -10));
-    TEST_ASSERT_EQUAL_INT32(-behind_um_q5(4096, 7, 3), behind_um_q5(4096, -7, -3));
-    TEST_ASSERT_EQUAL_INT32(behind_um_q5(4096, 7, 3), behind_um_q5(-4096, 3, 7));
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 9, residual_um_q5(4096, 10, 0)); /* 9/8 of 10 counts */
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 10 / 8 * 7, residual_um_q5(4096, 0, 10));
+    TEST_ASSERT_INT32_WITHIN(20, count_um_q5 * 20 / 8, residual_um_q5(4096, 10, -10));
+    TEST_ASSERT_EQUAL_INT32(-residual_um_q5(4096, 7, 3), residual_um_q5(4096, -7, -3));
+    TEST_ASSERT_EQUAL_INT32(residual_um_q5(4096, 7, 3), residual_um_q5(-4096, 3, 7));
 }
 
 static void test_speed_of_counts_without_end_saturates(void)
@@ -233,7 +233,7 @@ static void test_speed_of_counts_without_end_saturates(void)
     speed_step(&config, &state, &sensors, &predicted, &estimate);
     sensors.rotation_left = 32767;
     speed_step(&config, &state, &sensors, &predicted, &estimate);
-    TEST_ASSERT_EQUAL_INT32(SPEED_BEHIND_LIMIT_UM_Q5, state.behind_um_q5);
+    TEST_ASSERT_EQUAL_INT32(SPEED_RESIDUAL_LIMIT_UM_Q5, state.residual_um_q5);
 }
 
 static void test_speed_is_the_same_backward_bit_for_bit(void)
@@ -299,14 +299,14 @@ static int32_t behind_of_counts(int counts)
 {
     speed_config_t config = *CONFIG;
     config.count_travel_um_q2 = 1;
-    config.count_mismatch_q15 = config.behind_to_travel_q15 = 0;
+    config.count_mismatch_q15 = config.travel_gain_q15 = 0;
     setUp();
     sensors.have = SENSOR_ROTATION;
     for (int i = 0; i < 2; i++) {
         sensors.rotation_left = sensors.rotation_right = (uint16_t)(i * counts);
         speed_step(&config, &state, &sensors, &predicted, &estimate);
     }
-    return state.behind_um_q5;
+    return state.residual_um_q5;
 }
 
 static void test_speed_takes_4096_counts_of_both_wheels_and_no_more(void)
@@ -321,7 +321,7 @@ static void test_speed_makes_up_for_no_more_than_its_limit_of_travel(void)
 {
     speed_config_t config = *CONFIG;
     config.count_travel_um_q2 = 65535;
-    config.count_mismatch_q15 = config.behind_to_travel_q15 = 32767;
+    config.count_mismatch_q15 = config.travel_gain_q15 = 32767;
     sensors.have = SENSOR_ROTATION;
     speed_step(&config, &state, &sensors, &predicted, &estimate);
     sensors.rotation_left = 4096;
@@ -336,10 +336,10 @@ static void test_speed_stays_within_its_limits(void)
     step(-8191 * Q17);
     TEST_ASSERT_EQUAL_INT32(-16380L * 65536, state.speed_mm_s_q17);
     state.rotation_known = true; /* without a reading */
-    state.behind_um_q5 = -536870900L;
+    state.residual_um_q5 = -536870900L;
     step(8191 * Q17);
     step(8191 * Q17);
-    TEST_ASSERT_EQUAL_INT32(-536870912L, state.behind_um_q5);
+    TEST_ASSERT_EQUAL_INT32(-536870912L, state.residual_um_q5);
 }
 
 /* The filtered acceleration, mm/s^2 q8, after a jump of this speed in 2 ms. */

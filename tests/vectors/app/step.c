@@ -27,7 +27,7 @@ static void begin(run_t *run, step_output_t *output)
     if (draw_rarely(1)) {
         draw_drive_config(&run->config.mixer.drive);
         run->config.mixer.drive.reserve_mv = (int16_t)draw_up_to(4000);
-        run->config.battery_sags = draw_rarely(1);
+        run->config.mixer.battery_sags = draw_rarely(1);
         run->config.heading.gyro_bias_mrad_s = draw_s16();
         run->config.heading.gyro_scale_q15 = draw_between(-32767, 32767);
         run->config.speed.count_mismatch_q15 = draw_between(-32767, 32767);
@@ -68,7 +68,7 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s32(state->model.motion.surge_mm_s_q17);
     hash_s32(state->model.motion.sway_mm_s_q17);
     hash_s32(state->model.motion.yaw_rate_mrad_s_q12);
-    hash_s32(state->speed.behind_um_q5);
+    hash_s32(state->speed.residual_um_q5);
     hash_u8((uint8_t)state->mode.mode);
     hash_u8((uint8_t)state->mode.fault);
     hash_demand(&output->demand);
@@ -85,7 +85,7 @@ static void hash(const step_state_t *state, const step_output_t *output)
     hash_s16(output->effort.surge_mv);
     hash_s16(output->effort.yaw_mv);
     hash_drive(&output->drive);
-    hash_u8(state->ahead_ms);
+    hash_u8(state->lag_ms);
     hash_u16(state->mixer.battery_mv);
 }
 

@@ -14,8 +14,8 @@ static void draw_config(speed_config_t *config)
     config->slowest_weight_bits = (uint8_t)draw_up_to(12);
     config->count_travel_um_q2 = (uint16_t)(draw_up_to(65534U) + 1U);
     config->count_mismatch_q15 = draw_between(-32767, 32767);
-    config->behind_to_travel_q15 = draw_between(0, 32767);
-    config->behind_to_speed_q15 = draw_between(0, 32767);
+    config->travel_gain_q15 = draw_between(0, 32767);
+    config->speed_gain_q15 = draw_between(0, 32767);
     config->accel_filter_q15 = draw_between(1, 32767);
 }
 
@@ -27,12 +27,12 @@ static void begin(speed_state_t *state)
     state->speed_mm_s_q17 = draw_within(BODY_SPEED_LIMIT_MM_S_Q17);
     state->speed_mm_s_q4 = draw_s16();
     state->sway_mm_s_q4 = draw_s16();
-    state->behind_um_q5 = draw_within(SPEED_BEHIND_LIMIT_UM_Q5);
+    state->residual_um_q5 = draw_within(SPEED_RESIDUAL_LIMIT_UM_Q5);
     state->bias.value = draw_within(4096000L); /* 1 m/s^2 */
     state->bias.learnt = draw_up_to(65535U);
     state->rotation_known = draw_rarely(1);
     if ((DRAWN_SENSORS & SENSOR_ROTATION) == 0) {
-        state->behind_um_q5 = 0;
+        state->residual_um_q5 = 0;
         state->rotation_known = false;
     }
 }
@@ -42,7 +42,7 @@ static void hash(const speed_state_t *state, const signals_estimate_t *estimate,
     hash_s32(state->speed_mm_s_q17);
     hash_s16(estimate->speed_mm_s_q4);
     hash_s16(state->sway_mm_s_q4);
-    hash_s32(state->behind_um_q5);
+    hash_s32(state->residual_um_q5);
     hash_s32(state->accel_mm_s2_q8);
     hash_s32(state->bias.value);
     hash_u16(state->bias.learnt);

@@ -84,8 +84,8 @@ def _speed(
         "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
         "slowest_weight_bits": _weight_bits(bias, "accel_bias_time", 12),
         "count_travel_um_q2": integer(2 * math.pi * radius / counts * 4e6, 1, UINT16, "counts_per_turn"),
-        "behind_to_travel_q15": _q15(2 * band * step, "observer_bandwidth"),
-        "behind_to_speed_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
+        "travel_gain_q15": _q15(2 * band * step, "observer_bandwidth"),
+        "speed_gain_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
         "accel_filter_q15": _q15(1 - math.exp(-step / common["accel_filter_time"]), "accel_filter_time"),
     }
 
@@ -124,8 +124,10 @@ def _loop(
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
             "speed": _speed(common, estimator, rolls_like, counts, step),
-            "mixer": {"battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor")},
-            "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
+            "mixer": {
+                "battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor"),
+                "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
+            },
         },
         "watchdog_ms": integer(own["watchdog_time"] * 1e3, 3, LONGEST_STEP_MS, "watchdog_time"),
     }
