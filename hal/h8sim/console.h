@@ -10,12 +10,18 @@
  *   e                      the reply is how many times have been kept (2), and these: states since the start (8 each). Forgets them
  *   t                      the reply is the time since the start (8), and for each kind of chip.h how often it came (4) and how
  *                          long it took (8), both since the start
+ *   f size(1) path         a copy of this brick goes on, as a process of its own, with the commands that come at the socket of this path
  *
  * The reply to r and l is: how long motors A and C were driven in that time, forward less backward (us, 4 bytes each, signed), the number
  * of bytes that the brick has sent (2), and those bytes. The program ends at the end of its input.
  */
 #ifndef BRICKPILOT_H8SIM_CONSOLE_H
 #define BRICKPILOT_H8SIM_CONSOLE_H
+
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include "chip.h"
 
@@ -125,6 +131,26 @@ static void write_tally(void)
     }
 }
 
+/* The host waits at the socket, and sends nothing until the copy is there: so this end has no command that is not read yet. */
+static void copy_itself(void)
+{
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    const uint16_t size = read_number(1);
+    int end;
+
+    for (uint16_t i = 0; i < size && i + 1U < sizeof to.sun_path; i++)
+        to.sun_path[i] = (char)read_number(1);
+    fflush(stdout);
+    signal(SIGCHLD, SIG_IGN);
+    if (fork() != 0)
+        return;
+    end = socket(AF_UNIX, SOCK_STREAM, 0);
+    if (end < 0 || connect(end, (const struct sockaddr *)&to, sizeof to) != 0)
+        exit(7);
+    dup2(end, STDIN_FILENO);
+    dup2(end, STDOUT_FILENO);
+}
+
 /* Obeys a command. Returns false if time has to pass first. */
 static bool obey(int command)
 {
@@ -160,6 +186,9 @@ static bool obey(int command)
         break;
     case 't':
         write_tally();
+        break;
+    case 'f':
+        copy_itself();
         break;
     case EOF:
         exit(0);

@@ -8,8 +8,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import avr_stack
 import pytest
+from brickpilot.hil.avr_targets import AVR_TARGETS
 from command import brickpilot
+from stack_walk import REQUESTS
 
 ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/avr"
@@ -23,7 +26,7 @@ CANNOT = {"imu": {ABSENT}, "rotation": {ABSENT, SILENT}, "all": {ABSENT, SILENT}
 SHARE = 0.9
 """The worst period may be so busy, with interrupts and commands: a tenth is left for what simavr does not charge."""
 STACK = 200
-"""Most bytes of stack. The build leaves 400 at least."""
+"""Most bytes of stack, by the graph of calls. The build leaves 400 at least."""
 
 
 def run(name: str, chip: str, sensors: str, *port: Path) -> subprocess.CompletedProcess[str]:
@@ -80,13 +83,29 @@ def test_a_slip_in_a_driver_is_caught(file: str, of: str, to: str, name: str, tm
     assert run(name, "328p", sensors, tmp_path / "avr").returncode != 0
 
 
-@pytest.mark.parametrize(("chip", "sensors"), IMAGES)
-def test_an_image_is_elf_hex_and_sizes_with_the_fuses(chip: str, sensors: str, tmp_path: Path) -> None:
-    subprocess.run([ROOT / "firmware/targets/avr/build", tmp_path, chip, sensors], check=True, capture_output=True)
-    elf = tmp_path / "brickpilot.elf"
-    told = (tmp_path / "brickpilot.txt").read_text()
+@pytest.fixture(scope="module", params=IMAGES)
+def image(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Returns a chip and the folder with an image for it."""
+    chip, sensors = request.param
+    folder = tmp_path_factory.mktemp(f"{chip}-{sensors}")
+    subprocess.run([ROOT / "firmware/targets/avr/build", folder, chip, sensors], check=True, capture_output=True)
+    return chip, folder
+
+
+def test_no_path_through_an_image_takes_more_stack_than_there_is(image: tuple[str, Path]) -> None:
+    chip, folder = image
+    avr = avr_stack.Avr(folder / "brickpilot.elf", REQUESTS)
+    bound = avr_stack.bound(avr, avr_stack.END_OF_RAM[chip])
+    assert 100 < bound.all <= STACK
+    assert bound.all <= bound.room
+
+
+def test_an_image_is_elf_hex_and_sizes_with_the_fuses(image: tuple[str, Path], tmp_path: Path) -> None:
+    _, folder = image
+    elf = folder / "brickpilot.elf"
+    told = (folder / "brickpilot.txt").read_text()
     assert re.search(r"^RAM: \d+ of (2048|8192) bytes for variables, \d+ left for the stack$", told, re.MULTILINE)
-    for form, file in (("elf32-avr", elf), ("ihex", tmp_path / "brickpilot.hex")):
+    for form, file in (("elf32-avr", elf), ("ihex", folder / "brickpilot.hex")):
         of_text = ["-R", ".fuse", "-R", ".comment"] if form == "elf32-avr" else []
         command = ["avr-objcopy", "-I", form, "-O", "binary", *of_text, file, tmp_path / form]
         subprocess.run(command, check=True)
@@ -96,11 +115,13 @@ def test_an_image_is_elf_hex_and_sizes_with_the_fuses(chip: str, sensors: str, t
 
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
-def test_a_period_ends_in_time_and_the_stack_has_room(target: str) -> None:
+def test_a_period_ends_in_time_and_takes_no_more_stack_than_its_bound(target: str) -> None:
     done = brickpilot("bench", "--target", target, "--seconds", "3", "--json", cwd=ROOT, fresh=True)
     assert done.stderr == ""
     found = json.loads(done.stdout)
     assert found["cycles"]["all"]["most"] <= SHARE * found["period_cycles"]
     assert found["cycles"]["model"]["typical"] > 5000
-    assert 100 < found["stack_bytes"] <= STACK
+    chip, sensors = AVR_TARGETS[target].build
+    flown = avr_stack.Avr(ROOT / f"build/avr-{chip}-{sensors}/brickpilot.elf", REQUESTS)
+    assert 100 < found["stack_bytes"] <= avr_stack.bound(flown, avr_stack.END_OF_RAM[chip]).all
     assert found["ram_bytes"] + 2 * STACK <= found["ram_of"]

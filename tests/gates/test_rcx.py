@@ -12,11 +12,13 @@ import tomllib
 import tty
 from pathlib import Path
 
+import h8_stack
 import pytest
 from brickpilot.data import reading
 from brickpilot.errors import InputError
 from brickpilot.importers import rcx
 from brickpilot.link import lnp
+from stack_walk import REQUESTS
 
 ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"
@@ -30,7 +32,7 @@ CANNOT = {
 
 
 BYTE_S = 0.0005  # a pseudo-terminal has no baud rate
-STACK = 344
+STACK, RECORDER_STACK = 344, 256
 SPARE = 300  # bytes of what brickOS leaves a program
 
 
@@ -38,6 +40,19 @@ def run(name: str, sensors: str, *folders: Path) -> subprocess.CompletedProcess[
     return subprocess.run(
         [ROOT / "tests/rcx/run", name, sensors, *folders], capture_output=True, text=True, timeout=600, check=False
     )
+
+
+@pytest.fixture(scope="module", params=CONFIGURATIONS)
+def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Returns the sensors and the folder of both programs, built for them."""
+    folder = tmp_path_factory.mktemp(request.param)
+    done = subprocess.run([TARGET / "build", folder, request.param], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return request.param, folder
+
+
+def autopilot(folder: Path) -> h8_stack.H8:
+    return h8_stack.H8(folder / "brickpilot.coff", h8_stack.kernel(), REQUESTS)
 
 
 class Tower:
@@ -135,12 +150,26 @@ def test_the_drivers_do_what_they_promise(sensors: str) -> None:
     assert room[1] == assumed[1], "what the kernel leaves a program"
 
 
-@pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_the_program_does_what_the_recipe_says(sensors: str) -> None:
+def test_the_program_does_what_the_recipe_says(built: tuple[str, Path]) -> None:
+    sensors, folder = built
     done = run("program", sensors)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count(": PASS\n") == 8
     assert f"STACK = {STACK}," in (ROOT / "tests/rcx/test_program.c").read_text(), "the stack that was tried"
+    taken = re.search(r"^stack (\d+)$", done.stdout, re.MULTILINE)
+    assert taken is not None
+    assert 100 < int(taken[1]) <= h8_stack.bounds(autopilot(folder), ("main",))["main"].all
+
+
+def test_no_path_through_a_task_takes_more_than_its_stack(built: tuple[str, Path]) -> None:
+    _, folder = built
+    bounds = h8_stack.bounds(autopilot(folder), ("main", "send"))
+    sender = re.search(r"INFRARED_STACK = (\d+)", (PORT / "infrared.h").read_text())
+    assert sender is not None
+    assert bounds["main"].all <= STACK
+    assert bounds["send"].all <= int(sender[1])
+    recorder = h8_stack.H8(folder / "recorder.coff", h8_stack.kernel(), {})
+    assert h8_stack.bounds(recorder, ("main",))["main"].all <= RECORDER_STACK
 
 
 @pytest.mark.parametrize(
@@ -204,36 +233,25 @@ def is_whole(folder: Path, name: str, own_stack: int) -> None:
     assert image.splitlines()[1][:8] == "S1" + image.splitlines()[1][2:4] + "B000"
 
 
-@pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_the_recorder_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
-    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
-    is_whole(tmp_path, "recorder", 256)
+def test_both_programs_fit_and_are_whole(built: tuple[str, Path]) -> None:
+    _, folder = built
+    is_whole(folder, "recorder", RECORDER_STACK)
+    is_whole(folder, "brickpilot", STACK)
 
 
-@pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_the_autopilot_asks_for_no_sensor_that_is_never_there(tmp_path: Path, sensors: str) -> None:
-    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
-    loop = tmp_path / "brickpilot-objects/firmware_app_loop.o"
+def test_the_autopilot_asks_for_no_sensor_that_is_never_there(built: tuple[str, Path]) -> None:
+    sensors, folder = built
+    loop = folder / "brickpilot-objects/firmware_app_loop.o"
     asked = subprocess.run(["h8300-hms-nm", "-u", loop], capture_output=True, text=True, check=True).stdout
     wanted = {"imu", "battery"} | ({"rotation"} & {sensors})
     assert set(re.findall(r"_hal_(\w+)_read", asked)) == wanted
 
 
-@pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_the_autopilot_leaves_room_in_the_bricks_memory(tmp_path: Path, sensors: str) -> None:
-    subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, check=False)
-    left = re.search(
-        r"^program .*, of 14626: (\d+) bytes left$", (tmp_path / "brickpilot.txt").read_text(), re.MULTILINE
-    )
+def test_the_autopilot_leaves_room_in_the_bricks_memory(built: tuple[str, Path]) -> None:
+    told = (built[1] / "brickpilot.txt").read_text()
+    left = re.search(r"^program .*, of 14626: (\d+) bytes left$", told, re.MULTILINE)
     assert left is not None, "it does not fit"
     assert int(left[1]) >= SPARE
-
-
-@pytest.mark.parametrize("sensors", CONFIGURATIONS)
-def test_the_autopilot_fits_and_is_whole(tmp_path: Path, sensors: str) -> None:
-    built = subprocess.run([TARGET / "build", tmp_path, sensors], capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stdout + built.stderr
-    is_whole(tmp_path, "brickpilot", STACK)
 
 
 def test_sensors_of_another_kind_are_refused(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ static void open_clear(void *what, uint16_t size)
 #undef bytes_copy_flash
 #define bytes_copy_flash open_copy
 #define bytes_clear open_clear
+
 /* The CRC is any number: crc.c proves the real one, and nothing below asks which. */
 #include "wire/crc.h"
 
@@ -31,59 +32,123 @@ static uint16_t open_crc(uint16_t crc, uint16_t number)
 }
 
 #define crc_of_number open_crc
+
+/* The CRC of a message, too: whether it holds is open, and a seal is any number. Where no message is known, nobody asks. */
+static bool held, unknown;
+
+static bool open_holds(const message_t *message)
+{
+    bool any;
+
+    if (unknown) {
+        ASSERT(!unknown);
+        return false;
+    }
+    ASSUME(!any || message->size == MESSAGE_DATA_MAX);
+    held = any;
+    return any;
+}
+
+static void open_seal(message_t *message)
+{
+    uint16_t any;
+    message_put(&message->data[CRC_AT], any);
+}
+
+#define crc_holds open_holds
+#define crc_seal open_seal
+
+/* A waypoint that the proof looks at: any, so what holds of it holds of all. */
+static uint8_t place;
+
+static bool waypoint_holds(const route_t *of)
+{
+    return place >= of->count || (WITHIN(route_waypoint_t_x_mm, of->waypoints[place].x_mm) &&
+                                  WITHIN(route_waypoint_t_x_mm, of->waypoints[place].y_mm));
+}
+
+/* What los.c proves of the real one, route_set_safe(). A proof looks at one outcome: with a status that is known the solver
+ * knows which route is in force. */
+static bool accepts;
+
+static route_status_t open_route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count)
+{
+    if (!accepts)
+        return ROUTE_REPEATED; /* or another status: it goes into the reply, and nothing else asks which */
+    route->waypoints = waypoints;
+    route->count = count;
+    ASSUME(count > 0 && count <= ROUTE_WAYPOINTS_MAX && waypoint_holds(route));
+    return ROUTE_OK;
+}
+
+#define route_set open_route_set
 #include "app/commands.c"
 #include "app/parameters.c"
 
-static route_waypoint_t elsewhere[ROUTE_WAYPOINTS_MAX];
-
-/* Any state of a brick: settings in their ranges, a route that is the caller's own or one of the two that a host writes. */
-static void any_commands(commands_t *of)
-{
-    uint8_t which;
-    route_waypoint_t any[ROUTE_WAYPOINTS_MAX];
-
-    for (uint8_t i = 0; i < ROUTE_WAYPOINTS_MAX; i++)
-        elsewhere[i] = any[i];
-    of->route.waypoints = which == 0 ? of->waypoints[0] : which == 1 ? of->waypoints[1] : elsewhere;
-    ASSUME(settings_hold(&of->parameters) && constants_hold(&of->parameters.config) && route_holds(&of->route));
-    ASSUME(of->pending <= MODE_RESET);
-}
-
+static struct {
+    route_waypoint_t own[ROUTE_WAYPOINTS_MAX];
+} elsewhere;
 static commands_t commands;
 static loop_state_t loop;
-static uint8_t data[MESSAGE_DATA_MAX];
+static message_t message;
 static mode_command_t pending;
 static mode_name_t mode;
-static bool opened;
+static bool opened, taken;
 static route_t before;
+static route_waypoint_t was;
 
-/* Any state of brick and loop, and any contents of a request. */
-static void any_request(void)
+/* Any state of a brick: settings in their ranges, and a route in force: one of the two that a host writes, or that of the
+ * caller. Where a proof names it, the solver need not tell them apart, which takes it long. */
+enum { FIRST, SECOND, OWN, ANY };
+
+static void any_brick(uint8_t in_force)
 {
+    uint8_t any_route;
+    const uint8_t which = in_force == ANY ? any_route : in_force;
     commands_t any;
     loop_state_t any_loop;
-    message_t any_message;
+    __typeof__(elsewhere) any_own;
+    uint8_t any_place;
 
+    elsewhere = any_own;
     commands = any;
     loop = any_loop;
-    for (uint8_t i = 0; i < MESSAGE_DATA_MAX; i++)
-        data[i] = any_message.data[i];
-    any_commands(&commands);
+    place = any_place;
+    commands.route.waypoints = which == FIRST    ? commands.waypoints[0]
+                               : which == SECOND ? commands.waypoints[1]
+                                                 : elsewhere.own;
+    ASSUME(settings_hold(&commands.parameters) && constants_hold(&commands.parameters.config));
+    ASSUME(commands.route.count <= ROUTE_WAYPOINTS_MAX && commands.pending <= MODE_RESET);
+    ASSUME(place < ROUTE_WAYPOINTS_MAX && waypoint_holds(&commands.route));
+}
+
+/* Takes any message of this kind in any such state. A message is taken if its CRC holds and a session is open, or if it opens
+ * one; what is not taken changes nothing. */
+static void take(uint16_t id, uint8_t in_force)
+{
+    message_t any;
+
+    any_brick(in_force);
+    message = any;
+    message.id = id;
     pending = commands.pending;
     opened = commands.open;
     mode = loop.step.mode.mode;
     before = commands.route;
-}
-
-static void keeps_settings(void)
-{
+    was = before.waypoints[place];
+    held = false;
+    taken = commands_take(&commands, &loop, &message);
+    ASSERT(!taken || (held && message.id == id + 1 && (opened || id == WIRE_OPEN_FRAME_ID)));
+    ASSERT(message.size == any.size && message.data[0] == any.data[0]);
     ASSERT(settings_hold(&commands.parameters) && constants_hold(&commands.parameters.config));
+    ASSERT(commands.pending <= MODE_RESET && commands.route.count <= ROUTE_WAYPOINTS_MAX &&
+           waypoint_holds(&commands.route));
 }
 
 static void keeps_route(void)
 {
-    ASSERT(commands.route.waypoints == before.waypoints && commands.route.count == before.count &&
-           route_holds(&commands.route));
+    ASSERT(commands.route.waypoints == before.waypoints && commands.route.count == before.count);
+    ASSERT(before.waypoints[place].x_mm == was.x_mm && before.waypoints[place].y_mm == was.y_mm);
 }
 
 static void keeps_mode(void)
@@ -94,40 +159,100 @@ static void keeps_mode(void)
 /* A start waits for the next step only if it was asked for in IDLE. */
 void commands_mode(void)
 {
-    any_request();
-    (void)command_mode(&commands, &loop, data);
-    ASSERT(commands.pending <= MODE_RESET);
+    take(WIRE_MODE_COMMAND_FRAME_ID, ANY);
     ASSERT(commands.pending != MODE_START || pending == MODE_START || mode == MODE_IDLE);
     ASSERT(commands.open == opened && loop.step.mode.mode == mode);
     keeps_route();
-    keeps_settings();
     END();
 }
 
 /* Settings alone change. */
 void commands_parameter(void)
 {
-    any_request();
-    (void)parameter(&commands, &loop, data);
+    take(WIRE_PARAMETER_REQUEST_FRAME_ID, ANY);
     keeps_mode();
     keeps_route();
-    keeps_settings();
     END();
 }
 
 /* The route in force stays: a waypoint is written beside it. */
 void commands_waypoint(void)
 {
-    uint8_t at;
-
-    any_request();
-    ASSUME(at < commands.route.count);
-    const route_waypoint_t was = commands.route.waypoints[at];
-    (void)waypoint(&commands, &loop, data);
-    ASSERT(commands.route.waypoints[at].x_mm == was.x_mm && commands.route.waypoints[at].y_mm == was.y_mm);
+    take(WIRE_WAYPOINT_REQUEST_FRAME_ID, ANY);
     keeps_mode();
     keeps_route();
-    keeps_settings();
+    END();
+}
+
+/* A new session begins in IDLE without a route or a command; an OPEN that is refused changes nothing. */
+void commands_open(void)
+{
+    take(WIRE_OPEN_FRAME_ID, ANY);
+    if (taken && message.data[WIRE_HELLO_STATUS_AT] == WIRE_HELLO_STATUS_OK_CHOICE) {
+        ASSERT(commands.open && commands.pending == MODE_NONE && commands.route.count == 0);
+        ASSERT(loop.step.mode.mode == MODE_IDLE && !loop.started);
+    } else {
+        keeps_mode();
+        keeps_route();
+    }
+    END();
+}
+
+/* A route changes only where the robot neither drives nor is about to, and at once to one whose waypoints are in range. */
+static void take_route(uint8_t in_force)
+{
+    take(WIRE_ROUTE_REQUEST_FRAME_ID, in_force);
+    keeps_mode();
+    if (!accepts || !taken || mode == MODE_RUN || pending == MODE_START)
+        keeps_route();
+    END();
+}
+
+void commands_route_first(void)
+{
+    accepts = true;
+    take_route(FIRST);
+}
+
+void commands_route_second(void)
+{
+    accepts = true;
+    take_route(SECOND);
+}
+
+void commands_route_own(void)
+{
+    accepts = true;
+    take_route(OWN);
+}
+
+void commands_refused_first(void)
+{
+    take_route(FIRST);
+}
+
+void commands_refused_second(void)
+{
+    take_route(SECOND);
+}
+
+void commands_refused_own(void)
+{
+    take_route(OWN);
+}
+
+/* A message of another kind is not taken, and changes nothing. */
+void commands_other(void)
+{
+    uint16_t id;
+
+    ASSUME(id != WIRE_OPEN_FRAME_ID && id != WIRE_MODE_COMMAND_FRAME_ID && id != WIRE_PARAMETER_REQUEST_FRAME_ID &&
+           id != WIRE_WAYPOINT_REQUEST_FRAME_ID && id != WIRE_ROUTE_REQUEST_FRAME_ID);
+    unknown = true;
+    take(id, ANY);
+    ASSERT(!taken && message.id == id);
+    keeps_mode();
+    keeps_route();
     END();
 }
 

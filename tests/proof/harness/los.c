@@ -53,12 +53,16 @@ void los_begins(void)
 
 void route_set_safe(void)
 {
-    route_waypoint_t waypoints[ROUTE_WAYPOINTS_MAX];
-    route_t route = {0};
+    route_waypoint_t waypoints[ROUTE_WAYPOINTS_MAX], elsewhere[ROUTE_WAYPOINTS_MAX];
+    route_t route;
     uint8_t count;
 
+    route.waypoints = elsewhere;
+    const uint8_t before = route.count;
     const route_status_t status = route_set(&route, waypoints, count);
-    ASSERT(route_holds(&route));
-    ASSERT((status == ROUTE_OK) == (route.count != 0) && (status != ROUTE_OK || route.count == count));
+    if (status == ROUTE_OK)
+        ASSERT(route.waypoints == waypoints && route.count == count && count > 0 && route_holds(&route));
+    else
+        ASSERT(route.waypoints == elsewhere && route.count == before);
     END();
 }

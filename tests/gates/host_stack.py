@@ -1,0 +1,70 @@
+"""The most bytes of stack of the firmware as this machine's gcc compiles it, by gcc's own frames and calls."""
+
+from __future__ import annotations
+
+import platform
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from stack_walk import UnboundedError
+
+ROOT = Path(__file__).resolve().parents[2]
+LIBRARY = {"read", "write", "memset", "memcpy"}
+"""What gcc and firmware/targets/host/system.c call beside the firmware: not counted."""
+
+_NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "[^"]*\\n(\d+) bytes \(([^)]*)\)', re.MULTILINE)
+_EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', re.MULTILINE)
+_INDIRECT = "__indirect_call"
+
+
+def compiled(folder: Path, sources: Sequence[Path], *flags: str) -> None:
+    """Compiles C sources for this machine and leaves gcc's graphs of calls in a folder."""
+    if platform.machine() == "x86_64":
+        flags = (*flags, "-mno-red-zone")  # a leaf's 128 bytes below the stack pointer would count as none
+    for number, source in enumerate(sources):
+        command = ["gcc", "-std=c99", "-O2", *flags, "-fstack-usage", "-fcallgraph-info=su", "-c", str(source)]
+        subprocess.run([*command, "-o", str(folder / f"{number}.o")], check=True, cwd=ROOT)
+
+
+def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int:
+    """Returns the most bytes that a function and all that it calls take.
+
+    Args:
+        folder: with the graphs of calls.
+        entry: the function.
+        indirect: function that calls through a pointer -> the functions that it may call.
+
+    Raises:
+        UnboundedError: recursion, a frame of a size that is not known, or a call through a pointer that is not listed.
+    """
+    frames, calls = dict[str, int](), dict[str, set[str]]()
+    for graph in folder.glob("*.ci"):
+        text = graph.read_text(encoding="utf-8")
+        for title, size, kind in _NODE.findall(text):
+            name = title.rpartition(":")[2]
+            if kind != "static":
+                raise UnboundedError(f"{name}: a frame whose size is {kind}")
+            # Static functions of two files may have one name: the larger frame and all calls count.
+            frames[name] = max(frames.get(name, 0), int(size))
+        for source, target in _EDGE.findall(text):
+            calls.setdefault(source.rpartition(":")[2], set()).add(target.rpartition(":")[2])
+    known = dict[str, int]()
+
+    def deepest(name: str, within: tuple[str, ...]) -> int:
+        if name in within:
+            raise UnboundedError("recursion: " + " -> ".join((*within[within.index(name) :], name)))
+        if name in known or name in LIBRARY:
+            return known.get(name, 0)
+        if name not in frames:
+            raise UnboundedError(f"{within[-1] if within else name}: {name} has no known frame")
+        called = set(calls.get(name, ()))
+        if _INDIRECT in called:
+            if name not in indirect:
+                raise UnboundedError(f"{name} calls through a pointer, and no list says where")
+            called = (called - {_INDIRECT}) | set(indirect[name])
+        known[name] = frames[name] + max((deepest(one, (*within, name)) for one in sorted(called)), default=0)
+        return known[name]
+
+    return deepest(entry, ())
