@@ -45,24 +45,27 @@ static void drive_motors(const drive_config_t *config, const supply_t *supply, c
     drive->right_q15 = duty_q15(supply, drive_voltage_mv(config, &config->right, drive->right_mv, right_mm_s_q4));
 }
 
-void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors)
+/* Their duty was computed for the reading before; `battery_mv` says what the motors really had. */
+static void correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv)
 {
     const uint16_t floor_mv = config->battery_floor_mv;
     const uint16_t believed_mv = state->battery_mv < floor_mv ? floor_mv : state->battery_mv;
-    int16_t change_mv;
+    const int16_t change_mv = (int16_t)(battery_mv - believed_mv);
     signals_drive_t *const drive = &state->drive;
 
-    if (!SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
-        if (state->battery_mv == 0)
-            state->battery_mv = config->battery_nominal_mv;
-        return;
-    }
-    state->battery_mv = sensors->battery_mv;
-    if (!config->battery_sags)
-        return;
-    change_mv = (int16_t)(state->battery_mv - believed_mv);
     drive->left_mv = fix_add16(drive->left_mv, fix_mul16_q15(change_mv, drive->left_q15));
     drive->right_mv = fix_add16(drive->right_mv, fix_mul16_q15(change_mv, drive->right_q15));
+}
+
+void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors)
+{
+    if (SIGNALS_HAVE(sensors, SENSOR_BATTERY)) {
+        if (config->battery_sags)
+            correct(config, state, sensors->battery_mv);
+        state->battery_mv = sensors->battery_mv;
+    } else if (state->battery_mv == 0) {
+        state->battery_mv = config->battery_nominal_mv;
+    }
 }
 
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
