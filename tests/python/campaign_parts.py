@@ -30,6 +30,12 @@ def table(seed: int) -> pa.Table:
     )
 
 
+def slow_table(seed: int) -> pa.Table:
+    """Returns the same, after a while."""
+    time.sleep(0.1)
+    return table(seed)
+
+
 def slowly_squared(number: int) -> int:
     time.sleep(0.05)
     return number * number

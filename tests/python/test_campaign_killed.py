@@ -24,10 +24,13 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (folder / campaign_program.TABLE).read_bytes()
 
 
-def begun(folder: Path, jobs: int) -> subprocess.Popen[str]:
+def begun(folder: Path, jobs: int, *more: str) -> subprocess.Popen[str]:
     """Starts the campaign, in a process group of its own, as a terminal does."""
     return subprocess.Popen(
-        [sys.executable, str(PROGRAM), str(folder), str(jobs)], stderr=subprocess.PIPE, text=True, process_group=0
+        [sys.executable, str(PROGRAM), str(folder), str(jobs), *more],
+        stderr=subprocess.PIPE,
+        text=True,
+        process_group=0,
     )
 
 
@@ -83,11 +86,11 @@ def test_a_campaign_that_is_killed_twenty_times_gives_the_same_bytes(alone: byte
 
 
 def test_ctrl_c_keeps_the_parts_and_ends_the_workers(alone: bytes, tmp_path: Path) -> None:
-    program = begun(tmp_path, 2)
+    program = begun(tmp_path, 2, "slow")
     wait_for_parts(tmp_path, 5, program)
     os.killpg(program.pid, signal.SIGINT)
     _, said = program.communicate(timeout=20)
-    assert program.returncode != 0
+    assert program.returncode != 0, said
     assert said.count("Traceback") == 1  # of the program itself; a worker says nothing
     assert said.strip().endswith("KeyboardInterrupt")
     assert all_gone(program.pid)

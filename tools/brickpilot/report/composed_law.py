@@ -98,6 +98,10 @@ class _Hook:
         """The locals that are not those of one wheel, numbered k."""
         return {symbol: code for symbol, code in self.locals.items() if "[k]" not in code}
 
+    @property
+    def of_a_wheel(self) -> dict[str, str]:
+        return {symbol: code for symbol, code in self.locals.items() if "[k]" in code}
+
 
 def of_finding(found: finding.Finding) -> dict[str, str]:
     """Returns file name -> text: the C file of the composed term, or nothing."""
