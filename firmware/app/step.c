@@ -14,7 +14,6 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
 {
     const signals_drive_t *const drive = &state->mixer.drive; /* of the step before */
     pid_input_t input;
-    int32_t correction_mm_s_q17;
 
     mixer_take_battery(&config->mixer, &state->mixer, sensors);
 
@@ -28,8 +27,8 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
     /* The estimator. */
     output->estimate.period_ms = sensors->period_ms;
     heading_step(&config->heading, &state->heading, sensors, &output->predicted, &output->estimate);
-    correction_mm_s_q17 = speed_step(&config->speed, &state->speed, sensors, &output->predicted, &output->estimate);
-    body_correct_surge(config->model, &state->model, correction_mm_s_q17);
+    body_correct_surge(config->model, &state->model,
+                       speed_step(&config->speed, &state->speed, sensors, &output->predicted, &output->estimate));
     pose_step(&state->pose, sensors, &output->estimate);
 
     /* The autopilot. */

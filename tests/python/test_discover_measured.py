@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset
@@ -144,14 +145,16 @@ def starting_voltage(model: Model) -> float:
 
 
 @pytest.fixture(scope="module")
-def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory) -> Found:
+def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> Found:
+    """Of every fourth sample, 50 a second; with --full of all. Both name the same effects."""
     logs = measured("frc_drivetrain")
     folder = tmp_path_factory.mktemp("frc") / "set"
     import_wpilib([logs / f"{name}-data.json" for name in ("linear", "angular")], folder)
+    if not full:
+        planted.thin(folder, 4)
     return discovered(folder, scratch)
 
 
-@pytest.mark.campaign
 def test_frc_drivetrain_has_dry_friction_among_the_best_names(frc: Found) -> None:
     """The characterisation that the log was made for fits a voltage for friction; something else drifts beside it.
 

@@ -69,7 +69,7 @@ MAGIC = {".parquet": b"PAR1", ".mcap": b"\x89MCAP0\r\n"}
 """The end of a whole file."""
 
 OF_EACH_KIND = {"run", "import", "export mcap"}
-"""Those that are killed, get a full disk, and have a twin, in the short form: a folder, a data set and files."""
+"""Those that are killed, and have a twin, in the short form: the writers of a folder, a data set and files."""
 
 each = pytest.mark.parametrize("name", COMMANDS)
 of_each_kind = pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cle
     assert files(folder / PLACE) == expected
 
 
-@of_each_kind
+@each
 def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(
     name: str, made: Path, folder: Path, full: bool
 ) -> None:

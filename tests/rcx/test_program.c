@@ -16,7 +16,7 @@
 #include "wire/crc.h"
 #include "wire/codecs_gen.h"
 
-enum { DISPLAY_SIZE = 9, STACK = 344, INTERRUPTS = 130, LEVEL = 512, NINE_VOLTS = 319, OPEN = 1023, PAINT = 0xA5 };
+enum { DISPLAY_SIZE = 9, STACK = 344, INTERRUPTS = 160, LEVEL = 512, NINE_VOLTS = 319, OPEN = 1023, PAINT = 0xA5 };
 
 extern uint8_t display_memory[DISPLAY_SIZE];
 void mm_defrag(void);
