@@ -13,7 +13,8 @@ from brickpilot.data.gap import Gap
 from brickpilot.discover.finding import Effect, Experiment, Parameter
 from brickpilot.report import composed_law
 from brickpilot.report.discover_page import page
-from brickpilot.report.discover_text import explanation_lines, verdict, words
+from brickpilot.report.discover_runs import compared_signals, telling_figures
+from brickpilot.report.discover_text import either, explanation_lines, verdict, words
 from brickpilot.report.quantities import quantity
 from brickpilot.vehicle.model import unit_on
 from brickpilot.vehicle.replay import Replay
@@ -249,13 +250,12 @@ def test_a_position_is_compared_and_drawn_by_its_velocity(found, tmp_path):
     assert "the gap could not be measured" in read.sections["verdict"]
 
 
-def test_the_places_of_the_gap_and_a_held_out_run_are_open(found):
+def test_each_signal_is_open_where_most_of_its_gap_was_removed_and_a_held_out_run(found):
     html = page(found["named"], COMMAND)
     shown = html[html.index('id="before-after"') : html.index("<details")]
-    assert re.findall(r'aria-label="(\w+), (fit run|held-out run): ([\w ]+) measured', shown) == [
-        ("spin", "held-out run", "yaw rate"),
-        ("curve", "fit run", "yaw rate"),
-    ]
+    opened = re.findall(r'aria-label="(\w+), (fit run|held-out run): ([\w ]+) measured', shown)
+    assert {signal for _, _, signal in opened} == {"yaw rate", "wheel speed left", "wheel travel right"}
+    assert {role for _, role, _ in opened} == {"fit run", "held-out run"}
 
 
 def test_the_experiment_is_drawn_with_its_voltages(found):
@@ -379,3 +379,29 @@ def test_what_differs_from_run_to_run_has_a_sentence_and_a_table(found):
     assert html.count(said) == 2
     assert ["spin", "0.022 (0.018 to 0.026)"] in [Page._clean(row) for row in Page(html).rows]
     assert len(Page(html).all("table")) == len(Page(page(found["named"], COMMAND)).all("table")) + 1
+
+
+@pytest.mark.parametrize(
+    ("rivals", "says"),
+    [
+        (["coulomb_friction", "rolling_sqrt"], "dry friction {} or a rolling loss {}"),
+        (["yaw_scrub + coulomb_friction", "yaw_scrub"], "{} (yaw_scrub), with dry friction {} or alone"),
+        (
+            ["yaw_scrub + coulomb_friction", "yaw_scrub + rolling_sqrt", "motor_asymmetry + yaw_scrub"],
+            "{} (yaw_scrub), with dry friction {}, with a rolling loss {} or with {} (motor_asymmetry)",
+        ),
+    ],
+)
+def test_what_all_rivals_share_is_said_once(rivals, says):
+    pattern = re.escape(says).replace(re.escape("{}"), ".*")
+    assert re.fullmatch(pattern, either(rivals))
+    assert all(either(rivals).count(f"({name})") == 1 for name in {*" + ".join(rivals).split(" + ")})
+
+
+def test_the_open_figures_show_where_most_of_the_gap_was_removed(found):
+    named = found["named"]
+    removed = {key: one.gaps[0] ** 2 - one.gaps[1] ** 2 for key, one in compared_signals(named).items()}
+    run, signal = max(removed, key=removed.get)
+    assert (run, signal) != (named.where[0].run, named.where[0].signal)  # where the law acts most is another place
+    first = telling_figures(named, 1)[0]
+    assert (first["run"], first["signal"].replace(" ", "_")) == (run, signal)

@@ -111,9 +111,14 @@ def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns run and signal of the largest places of the gap, and of a held-out run if there is one."""
-    by_gap = sorted(compared, key=lambda key: -compared[key].gaps[0])
-    chosen = _varied([key for key in _places(finding) if key in compared] or by_gap, count)
+    """Returns run and signal where most of the gap was removed, or is left, and of a held-out run if there is one."""
+
+    def removed(key: Key) -> tuple[float, float]:
+        before, after = compared[key].gaps
+        return before**2 - after**2, before
+
+    by_gap = sorted(compared, key=removed, reverse=True)
+    chosen = _varied(by_gap, count)
     held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
     if held_out and not any(key in held_out for key in chosen):
         chosen.append(held_out[0])  # at least one open figure shows the validation
@@ -132,9 +137,9 @@ def _varied(order: Sequence[Key], count: int) -> list[Key]:
     """Returns the first `count` of `order`, and prefers signals and runs that are not chosen yet."""
     chosen: list[Key] = []
     while len(chosen) < min(count, len(order)):
-        runs, signals = ([key[part] for key in chosen] for part in (0, 1))
+        runs, kinds = [run for run, _ in chosen], [_kind(signal) for _, signal in chosen]
         rest = [key for key in order if key not in chosen]
-        chosen.append(min(rest, key=lambda key: (signals.count(_kind(key[1])), runs.count(key[0]), order.index(key))))
+        chosen.append(min(rest, key=lambda key: (kinds.count(_kind(key[1])), runs.count(key[0]), order.index(key))))
     return sorted(chosen, key=order.index)
 
 

@@ -57,6 +57,17 @@ def listed(items: Sequence[str], last: str = "and") -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
+def either(rivals: Sequence[str]) -> str:
+    """Returns explanations of which one holds, each joined by " + ", in words; what all of them share is said once."""
+    names = [one.split(" + ") for one in rivals]
+    shared = [name for name in names[0] if all(name in other for other in names)]
+    if not shared:
+        return listed([explanation(one) for one in names], "or")
+    rests = [[name for name in one if name not in shared] for one in names]
+    own = [f"with {explanation(one)}" if one else "alone" for one in rests]
+    return f"{explanation(shared)}, {listed(own, 'or')}"
+
+
 def gap_change(before: float | None, after: float | None) -> str:
     """Returns how a gap changes: "falls from 24.8 to 1.03 times the noise", or "is 1.03 times the noise"."""
     start, end = gap_text(before), gap_text(after)
@@ -235,13 +246,12 @@ def _none(finding: Finding) -> str:
 
 def _ambiguous(finding: Finding) -> str:
     rivals = alternatives(finding)
-    either = listed([explanation(one) for one in rivals], "or")
     kind = one_mechanism(finding)
     place = "An effect is missing" if kind is None else f"The cause is in the {kind}"
     if NOMINAL_VALUES in rivals:
         place = "An effect is missing, or what is stated is wrong"
     fit = f"{_number_word(len(rivals))} explanations fit these data equally well"
-    sentence = f"{place}, and {fit}: {either}. With the first of them, {_proved_change(finding)}."
+    sentence = f"{place}, and {fit}: {either(rivals)}. With the first of them, {_proved_change(finding)}."
     return sentence + (f" {finding.next_experiment.advice}" if finding.next_experiment else "")
 
 

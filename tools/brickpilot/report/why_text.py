@@ -19,6 +19,7 @@ from brickpilot.report import discover_fit, experiment_files
 from brickpilot.report.discover_text import (
     alternatives,
     contradiction,
+    either,
     explanation,
     found_names,
     leaves_more_than_noise,
@@ -183,7 +184,10 @@ def _either(finding: Finding) -> str:
     if len(finding.effects) == 1:
         rivals[finding.effects[0].name] = finding.effects[0].parameters
     meant = {name: clauses(finding.dataset, name, values) for name, values in rivals.items() if " + " not in name}
-    return listed([listed(meant.get(one, [])) or explanation(one) for one in alternatives(finding)], "or")
+    known = alternatives(finding)
+    if not meant.keys() & {*known}:
+        return either(known)
+    return listed([listed(meant.get(one, [])) or explanation(one) for one in known], "or")
 
 
 def _nothing_left(finding: Finding) -> bool:
