@@ -236,6 +236,34 @@ def test_what_leaves_too_much_is_no_answer(
         assert said in found.steps[-1].why
 
 
+@pytest.mark.parametrize(
+    ("left", "named"),
+    [
+        (0.04, ("coulomb_friction",)),  # of the squares: the shape of the friction's own law may have left them
+        (0.06, ("coulomb_friction",)),  # a little more than that is less than what cogging leaves
+        (0.12, ("coulomb_friction", "cogging")),
+    ],
+)
+def test_what_a_law_s_own_shape_may_have_left_names_no_other_law(left: float, named: tuple[str, ...]) -> None:
+    """Friction leaves a share of the error, and cogging beside it one hundredth: far more than half of that goes."""
+    flat = np.full(15, -40.0)
+    table = [
+        made("", flat, cost=99.0),
+        made("coulomb_friction", flat + 20.0, cost=99.0 + math.log(left, 4)),
+        made("coulomb_friction cogging", flat + 30.0, cost=99.0 + math.log(0.01, 4)),
+    ]
+    assert verdict.weigh(found_in(table, 2.0)).best.names == named
+
+
+def test_an_error_of_one_signal_is_no_law_s_that_acts_on_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    flat = np.full(15, -40.0)
+    table = [made("", flat), made("coulomb_friction", flat + 20.0), made("coulomb_friction accel_bias", flat + 30.0)]
+    found = found_in(table, 2.0)
+    left = dict(zip(table, ([1e5, 2e3], [1e2, 2e3], [1e2, 1e2]), strict=True))
+    monkeypatch.setattr(found.judge, "excess", lambda one: np.array(left[one]), raising=False)
+    assert verdict.weigh(found).best.names == ("coulomb_friction", "accel_bias")
+
+
 def test_a_nominal_model_that_is_refuted_stays_beside_what_stated_values_alone_speak_for() -> None:
     flat = np.full(15, -40.0)
     table = [made("", flat, surprise=20 * CHANCE), made("cogging", flat + 0.1, cost=90.0)]

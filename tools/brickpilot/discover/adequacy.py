@@ -57,7 +57,7 @@ class Adequacy:
     @property
     def is_adequate(self) -> bool:
         """Whether nothing more that could be named is left."""
-        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < numbers.EXPLAINED
+        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < 1 - self.explained
         return self.most_predictable <= numbers.SHARED_REST and not too_much
 
     @property
@@ -82,7 +82,7 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
     """Returns what an explanation leaves of the fit runs."""
     data, model = judge.data, best.explanation.model
     found = predictable(judge, model, nothing.explanation.model, seed)
-    after, before = judge.excess(best), judge.excess(nothing)
+    after, before = float(judge.excess(best).sum()), float(judge.excess(nothing).sum())
     left = max(judge.top - best.total, 0.0) / len(data.measured)
     return Adequacy(found, left, float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 1.0)
 
@@ -110,7 +110,7 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
         total = float(target @ target)
         least = max(total, len(target) * data.floor(signal) ** 2)
         explained = float(np.sum(np.concatenate(data.parts(before, signal)) ** 2)) - total
-        own_error = numbers.LAW_ERROR * max(explained, 0.0)
+        own_error = numbers.LAW_SHAPE * max(explained, 0.0)
         found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2)) - own_error) / least)
     return found
 

@@ -187,10 +187,10 @@ class Judge:
             shared -= self.counts[signal] * float(np.log(1 - numbers.SHARED_REST * above_noise)) / 2
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
-    def excess(self, evidence: Evidence) -> float:
-        """Returns the squared error above noise that an explanation leaves, in squares of each signal's floor."""
+    def excess(self, evidence: Evidence) -> Array:
+        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor."""
         squares = {one: self.squares(evidence, one) / self.data.floor(one) ** 2 for one in self.data.signals}
-        return sum(self.counts[signal] * (square - 1) for signal, square in squares.items())
+        return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
 
     def squares(self, evidence: Evidence, signal: str) -> float:
         """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""

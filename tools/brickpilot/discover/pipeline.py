@@ -22,7 +22,6 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
 The verdict changes behind `weigh` in three places: `adequate`, by what is left, or where time ran out; `confirmed`,
 where only runs differ, or the measured samples do not show what was named; and `_prove`, where the seal does not
 confirm it: `ambiguous` with the nominal model, or `unknown` if it contradicts. `Finding.steps` says which of them did.
-
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
 

@@ -4,8 +4,7 @@ The explanations that hold 95 % of the weight are kept. Those that contain anoth
 tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
 sure: `named`. Several: `ambiguous`. The empty one: `none`. An explanation that leaves too much is refuted, see
 `adequacy`: it is no answer, and speaks for no other. Where none stands, the verdict is `unknown`, and held-out runs may
-make it so, see `seal`. An effect that only the stated values speak for is no name either: it is the effect, or a value
-that was stated wrongly.
+make it so, see `seal`. An effect that only the stated values speak for is no name: one of them may be wrong instead.
 """
 
 from __future__ import annotations
@@ -190,19 +189,23 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> list[Evidence]:
     """Returns the explanations but for those beside which a simpler one says as much, which is not refuted.
 
-    Those that contain a simpler one have to remove more than they leave of what that one leaves, of the squared error
-    above noise and of how far values are from what was stated: no law is exact, and another law often improves on the
-    error of the first. And no explanation has more parts than another one that is no worse in anything: there are the
-    more sets of parts, the larger they are, and many that nothing speaks for would together outweigh a name.
+    Those that contain a simpler one surely have to remove more than they leave of what that one leaves, of the squared
+    error above noise and of how far values are from what was stated. What the shape of the simpler one's own laws may
+    have left of a signal does not count. And no explanation has more parts than another one that is no worse in
+    anything: there are the more sets of parts, the larger they are, and many would together outweigh a name.
     """
-    temperature = found.temperature
+    temperature, start = found.temperature, found.judge.excess(found.nothing)
     prior = {one: one.log_prior(temperature) for one in ranked}
-    left = {one: found.judge.excess(one) / 2 + temperature * evidence.surprise(one.away) for one in ranked}
+    excess = {one: found.judge.excess(one) for one in ranked}
+    moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
 
     def says_as_much(one: Evidence, other: Evidence) -> bool:
         first, second = one.explanation, other.explanation
-        if second.contains(first) and left[other] >= (1 - numbers.EXPLAINED) * left[one]:
-            return True
+        if second.contains(first):
+            gone, own = excess[one] - excess[other], numbers.LAW_SHAPE * np.maximum(start - excess[one], 0.0)
+            gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
+            if gain <= max(excess[other].sum() / 2 + moved[other], temperature * numbers.CHANCE_NATS):
+                return True
         return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
 
     stands = [one for one in ranked if one.explanation.key not in refuted]
