@@ -265,15 +265,14 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
     best = next((other for other in verdict.ranked if other.explanation.key == verdict.best.key), verdict.ranked[0])
     names = [free.name for free in explanation.plan.free if any(part.owns(free) for part in explanation.parts)]
     worse, rarer = (best.total - one.total) / temperature, best.log_prior(temperature) - one.log_prior(temperature)
-    held = [other.weight for other in verdict.held if other.explanation.key == explanation.key]
-    if held:
-        why = f"It holds {100 * held[0]:.0f} % of the weight."
-    elif any(explanation.key <= key for key in verdict.refuted):
+    held = sum(other.weight for other in verdict.held if other.explanation.key == explanation.key)
+    why = f"It holds {100 * held:.0f} % of the weight."
+    if any(explanation.key <= key for key in verdict.refuted):
         why = "It leaves too much to be an answer."
-    elif worse <= 0 or worse < min(rarer, numbers.CHANCE_NATS):
-        why = "It predicts as well, but needs more that is rare, or values other than stated."
-    else:
-        why = f"It predicts worse by {worse:.1f}, where {numbers.CHANCE_NATS:.0f} is sure."
+    elif one is not best:
+        predicts = f"predicts {'worse' if worse > 0 else 'better'} by {abs(worse):.1f}"
+        was = f"was {'less' if rarer > 0 else 'more'} likely beforehand by {abs(rarer):.1f}"
+        why = f"{why} Beside the best it {predicts}, and {was}; {numbers.CHANCE_NATS:.0f} is sure."
     left = max(found.judge.top - one.total, 0.0) / len(found.judge.data.measured)
     values = {name: value_of(explanation.model, name) for name in names}
     error = math.exp(min(left, _LARGEST_LOG))

@@ -187,7 +187,7 @@ def best_so_far(found: Found) -> Explanation:
 
 
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> list[Evidence]:
-    """Returns the explanations but for those beside which a simpler one says as much, which is not refuted.
+    """Returns the explanations that are weighed. One is left out where a simpler one, not refuted, says as much.
 
     Those that contain a simpler one surely have to remove more than they leave of what that one leaves, of the squared
     error above noise and of how far values are from what was stated. What the shape of the simpler one's own laws may
