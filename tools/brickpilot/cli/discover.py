@@ -44,7 +44,7 @@ def discover(
 ) -> None:
     """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
 
-    The verdict is "named", "none", "ambiguous" (several effects fit equally well, and an experiment is proposed that
+    The verdict is "named", "none", "ambiguous" (no explanation is surely the best, and an experiment is proposed that
     separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,
     verdict.json and model.toml; also the C source of a composed term, and compensation.toml, with which the packaged
     firmware flies this robot, and next_experiment.toml, .csv and .h where one separates the effects.

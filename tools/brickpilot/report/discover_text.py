@@ -210,8 +210,8 @@ def _moved_values(finding: Finding) -> str:
     known = alternatives(finding) if finding.effects else []
     names = dict.fromkeys(name for one in finding.nominal_findings for name in one.rivals if name not in known)
     rivals = [explanation(name) for name in names]
-    either = f" Or they hide an effect: {listed(rivals, 'or')}." if rivals else ""
-    return f" The data do not fit what is stated of {listed(moved)}.{either}"
+    hidden = f" Or they hide an effect: {listed(rivals, 'or')}." if rivals else ""
+    return f" The data do not fit what is stated of {listed(moved)}.{hidden}"
 
 
 def _verdict(finding: Finding) -> str:
@@ -250,8 +250,8 @@ def _ambiguous(finding: Finding) -> str:
     place = "An effect is missing" if kind is None else f"The cause is in the {kind}"
     if NOMINAL_VALUES in rivals:
         place = "An effect is missing, or what is stated is wrong"
-    fit = f"{_number_word(len(rivals))} explanations fit these data equally well"
-    sentence = f"{place}, and {fit}: {either(rivals)}. With the first of them, {_proved_change(finding)}."
+    open_between = f"these data do not decide between {_number_word(len(rivals))} explanations"
+    sentence = f"{place}, and {open_between}: {either(rivals)}. With the first of them, {_proved_change(finding)}."
     return sentence + (f" {finding.next_experiment.advice}" if finding.next_experiment else "")
 
 
