@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from brickpilot.vehicle.settings import settings
 from command import brickpilot
 from test_firmware import make, write
 
@@ -55,7 +56,7 @@ def test_its_settings_are_the_robots_own(made: Path) -> None:
     image = ("--image", str(made / "brickpilot.h8sim"), "--model", str(made.parent / "robot.toml"))
     own = json.loads(hil(*image, "--settings", cwd=made.parent).stdout)
     cruise = json.loads((made / "firmware.json").read_text())["flight"]["cruise_m_s"]
-    assert own["cruise"] == pytest.approx(cruise * 1e3, abs=0.5)
+    assert own["cruise"] == settings()["cruise"].raw(cruise)
 
 
 def test_build_sh_makes_the_same_image_again(made: Path) -> None:
