@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     help="Fly this image, which `brickpilot firmware` has made, with the robot of --model and its mission. FILE.elf of "
     "an Arduino: the image itself on simavr, with the wiring of the folder's include/. brickpilot.h8sim of an RCX: the "
     "brick's firmware with the same headers, flags and compiler on the simulator of its processor, in lockstep; "
-    "readings and route come as messages, without brickOS, the drivers and the scales of board.h.",
+    "readings and route come as messages, without brickOS, the drivers and the wiring.",
 )
 @click.option(
     "--trace", "trace_file", metavar="FILE.vcd", help="With --target avr: write the signals at the pins to FILE (VCD)."
