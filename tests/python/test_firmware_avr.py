@@ -104,7 +104,8 @@ def test_a_digital_imu_that_cannot_be_is_one_line(
     ("options", "says"),
     [
         (("--image", "made/brickpilot.elf"), "--image: needs --model"),
-        (("--image", "made/brickpilot.hex", "--model", "middle.toml"), "is no ELF file for an Arduino"),
+        (("--image", "made/brickpilot.hex", "--model", "middle.toml"), "is nothing that hil flies of the board avr"),
+        (("--image", "made/host.elf", "--model", "middle.toml"), "is nothing that hil flies of the board avr"),
         (("--image", "middle.toml", "--model", "middle.toml"), "stands in no folder of `brickpilot firmware`"),
         (("--image", "made/none.elf", "--model", "middle.toml"), "no such file"),
         (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--sensors", "imu"), "was made for imu+encoders"),
@@ -113,6 +114,7 @@ def test_a_digital_imu_that_cannot_be_is_one_line(
     ],
 )
 def test_an_image_that_cannot_be_flown_so_is_one_line(options: tuple[str, ...], says: str, made: Path) -> None:
+    (made / "host.elf").write_bytes(b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")  # of an x86-64
     done = hil(*options, cwd=made.parent)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert says in done.stderr

@@ -65,8 +65,9 @@ def firmware(
     The constants follow from the robot: its model, gains with the packaged robot's closed-loop poles, and what undoes
     the effects of the model file. A value that a fixed-point format cannot hold is an error that names it and its
     range. DIR gets the image, robot.toml with every value and where it is from, the generated headers, build.sh to
-    build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line and exit
-    status 1. It builds a checkout of the project in this folder or above it, else what the package holds of it.
+    build it again, and the flight; avr an Arduino library, too, and rcx brickpilot.h8sim, the same firmware without
+    brickOS and drivers, which `hil --image` flies. A mission that was not flown gives one line and exit status 1. It
+    builds a checkout of the project in this folder or above it, else what the package holds of it.
     """
     from brickpilot.public import making
 

@@ -49,9 +49,11 @@ if TYPE_CHECKING:
 @click.option(
     "--image",
     "image_file",
-    metavar="FILE.elf",
-    help="Fly this image, which `brickpilot firmware` has made for an Arduino, on simavr: with the robot of --model, "
-    "its mission, and the wiring of the folder's include/.",
+    metavar="FILE",
+    help="Fly this image, which `brickpilot firmware` has made, with the robot of --model and its mission. FILE.elf of "
+    "an Arduino: the image itself on simavr, with the wiring of the folder's include/. brickpilot.h8sim of an RCX: the "
+    "brick's firmware with the same headers, flags and compiler on the simulator of its processor, in lockstep; "
+    "readings and route come as messages, without brickOS, the drivers and the wiring.",
 )
 @click.option(
     "--trace", "trace_file", metavar="FILE.vcd", help="With --target avr: write the signals at the pins to FILE (VCD)."
@@ -122,14 +124,14 @@ def hil(
     from brickpilot.public import flights
 
     own = None if image_file is None else flights.image_of(Path(image_file), request, target)
-    target = target if own is None else own.target
+    target, image = (target, None) if own is None else (own.target, own.path)
     spec = flights.link_of(spec, target, lockstep)
     if target.startswith("avr:"):
         _check_avr(target, list_settings, replay_file)
     if replay_file is not None:
-        _replay(spec, Path(replay_file), as_json)
+        _replay(spec, Path(replay_file), image, as_json)
     elif list_settings:
-        _list_settings(spec, request.profile or "coupled", as_json)
+        _list_settings(spec, request.profile or "coupled", image, as_json)
     else:
         every = telemetry_every or (1 if lockstep and not target.startswith("avr:") else 10)
         record, junit, trace = (None if one is None else Path(one) for one in (record_file, junit_file, trace_file))
@@ -175,12 +177,12 @@ def _print_flight(figures: Mapping[str, Any], folder: Path, *, lacks_priority: b
         click.echo("note: the system grants no real-time priority (see ulimit -r), so other programs can delay ticks")
 
 
-def _list_settings(spec: str, profile: str, as_json: bool) -> None:
+def _list_settings(spec: str, profile: str, image: Path | None, as_json: bool) -> None:
     """Prints every setting of the brick."""
     from brickpilot.hil import ends
     from brickpilot.link.session import LOCKSTEP, Session
 
-    with ends.both_ends(spec) as both:
+    with ends.both_ends(spec, image=image) as both:
         session = Session(both.link, spec)
         session.open(profile, LOCKSTEP)
         found = {name: session.read(name) for name in session.parameters()}
@@ -191,11 +193,11 @@ def _list_settings(spec: str, profile: str, as_json: bool) -> None:
             click.echo(line)
 
 
-def _replay(spec: str, file: Path, as_json: bool) -> None:
+def _replay(spec: str, file: Path, image: Path | None, as_json: bool) -> None:
     """Replays recorded traffic and ends with status 1 if a motor command differs."""
     from brickpilot.hil import ends, traffic_log
 
-    with ends.both_ends(spec) as both:
+    with ends.both_ends(spec, image=image) as both:
         found = traffic_log.replay(both.link, spec, file)
     if as_json:
         click.echo(json.dumps({"link": spec, "replay": str(file), **dataclasses.asdict(found)}))

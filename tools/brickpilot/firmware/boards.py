@@ -29,6 +29,7 @@ class Board:
         images: patterns of the files of a build that are kept.
         sizes: reads bytes of the image off the folder of a build.
         flashes: the command that puts the image on the board, PORT being its serial port; empty: none does.
+        flown: the one of a build's files that `hil --image` flies; empty: none.
         library: whether it is also written as a library of Arduino.
     """
 
@@ -41,6 +42,7 @@ class Board:
     images: tuple[str, ...]
     sizes: Callable[[Path], Figures]
     flashes: str
+    flown: str = ""
     library: bool = False
 
 
@@ -114,9 +116,10 @@ RCX = Board(
     own_flags=(),
     build="firmware/targets/rcx/build",
     wiring="rcx/board.h",
-    images=("*.lx", "*.srec", "*.txt", "*.map"),
+    images=("*.lx", "*.srec", "*.h8sim", "*.txt", "*.map"),
     sizes=_rcx_sizes,
     flashes="brickpilot flash rcx brickpilot.lx --tty PORT",
+    flown="brickpilot.h8sim",
 )
 
 
@@ -131,6 +134,7 @@ def _avr(name: str, chip: str, both: str) -> Board:
         images=("*.hex", "*.elf", "*.txt", "*.map"),
         sizes=_avr_sizes,
         flashes=f"brickpilot flash avr brickpilot.hex --part {chip} --port PORT",
+        flown="brickpilot.elf",
         library=True,
     )
 

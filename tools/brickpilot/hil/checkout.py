@@ -38,13 +38,20 @@ def sources(field: str | None = None) -> Path:
         raise
 
 
-def script_output(script: str, *arguments: str, field: str | None = None) -> str:
+def script_output(script: str, *arguments: str, field: str | None = None, packed: bool = False) -> str:
     """Runs a script of the checkout, and returns what it prints.
+
+    Args:
+        script: its path in the checkout.
+        arguments: of the script.
+        field: the option that needs it, for error messages.
+        packed: without a checkout, run it as an installed package holds it: it writes nothing beside itself.
 
     Raises:
         InputError: there is no checkout, or the script fails.
     """
-    done = subprocess.run([checkout(field) / script, *arguments], stdout=subprocess.PIPE, text=True, check=False)
+    root = (sources if packed else checkout)(field)
+    done = subprocess.run([root / script, *arguments], stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
         raise InputError(f"{script} failed", field=field)
     return done.stdout.strip()

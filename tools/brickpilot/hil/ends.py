@@ -84,12 +84,12 @@ class Ends:
 
 
 @contextmanager
-def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
+def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -> Iterator[Ends]:
     """Opens the plant's end of a link, and starts the brick at the other end if the link names one here.
 
     Args:
         spec: the link, or one of `H8SIM_TARGETS`.
-        trace: see `start_h8`.
+        trace, image: see `start_h8`.
 
     Raises:
         InputError: the link is unknown or cannot be opened.
@@ -105,7 +105,7 @@ def both_ends(spec: str, trace: Path | None = None) -> Iterator[Ends]:
             link = open_link(address)
             restart = partial(restart_brick, process)
         elif spec in H8SIM_TARGETS:
-            simulator, link = start_h8(spec, trace)
+            simulator, link = start_h8(spec, trace, image)
         elif spec in IN_PROCESS:
             kind = spec.partition(":")[2]
             channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None

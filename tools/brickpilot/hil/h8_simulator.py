@@ -21,15 +21,18 @@ H8SIM_REPLY_S = 10.0
 """Time for a reply: a simulated instruction takes microseconds, and the simulator takes seconds to start."""
 
 
-def h8_simulator(target: str) -> tuple[str, str]:
+def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
     """Builds the simulator and its program by the project's scripts if necessary, and returns their paths.
 
     Args:
         target: one of `H8SIM_TARGETS`.
+        image: the program, built already; None: that of `target` is built in a checkout.
 
     Raises:
-        InputError: no checkout is in this folder or above it, or a build fails.
+        InputError: no checkout is in this folder or above it, where a program is built, or a build fails.
     """
+    if image is not None:
+        return script_output("hal/h8sim/simulator", field="--image", packed=True), str(image)
     sensors = H8SIM_TARGETS[target]
     built = []
     if sensors is not None:
@@ -50,18 +53,19 @@ def check_sensors(target: str, sensors: str) -> None:
         )
 
 
-def start_h8(target: str, trace: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
+def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
     """Starts the firmware on the simulator, which ends with its standard input. Returns it and the link to it.
 
     Args:
         target: one of `H8SIM_TARGETS`.
         trace: file to which it writes the address and the stack pointer of each instruction, as native 16-bit words.
+        image: see `h8_simulator`.
     """
-    simulator, image = h8_simulator(target)
+    simulator, program = h8_simulator(target, image)
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
-            ["stdbuf", "-o0", simulator, image],
+            ["stdbuf", "-o0", simulator, program],
             bufsize=0,
             stdin=theirs.fileno(),
             stdout=theirs.fileno(),

@@ -127,7 +127,7 @@ def hil(
         profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
         seed: of the sensors' noise, 0 or more.
         settings: setting -> raw value that is written before the flight.
-        image: an image of `firmware`, which simavr flies with the robot of `model`.
+        image: an Arduino's ELF file or an RCX's brickpilot.h8sim, made by `firmware` for the robot of `model`.
         trace, record, junit: files to write: signals at the pins (VCD), traffic of the link, checks (JUnit XML).
         telemetry_every: steps from one telemetry to the next, 1..255; None: 1 in lockstep, else 10.
         out: the run folder; None: runs/hil-SCENARIO-PROFILE-SENSORS.
@@ -218,7 +218,8 @@ def _write_junit(session: Session, text: str) -> None:
 
 def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
     """Opens the link, flies `plan` over it, and records the traffic where that was asked for."""
-    with ends.both_ends(session.spec) as both, ExitStack() as closing:
+    image = None if session.image is None else session.image.path
+    with ends.both_ends(session.spec, image=image) as both, ExitStack() as closing:
         if session.record is not None:
             both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
             closing.callback(both.link.close)

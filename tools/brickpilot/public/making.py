@@ -208,9 +208,9 @@ def _firmware_command(model_file: str, gains_file: str | None, order: Order, fol
 
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
     """Returns the command that flies the image itself, where a simulator of its board can."""
-    if not order.board.library:
+    if not order.board.flown:
         return None
-    words = ["brickpilot", "hil", "--image", str(folder / "brickpilot.elf"), "--model", model_file]
+    words = ["brickpilot", "hil", "--image", str(folder / order.board.flown), "--model", model_file]
     return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
 
 
