@@ -227,7 +227,7 @@ def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: cont
 
 
 def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
-    """Yields both tables as text, the machine first, and the ratios before what they were made of."""
+    """Yields both tables as text: first the machine, then each ratio, followed by its measured values."""
     yield f"on {next(iter(found.values())).machine}; both sides of a ratio were measured in this run"
     for name, one in found.items():
         yield f"{one.ratio:8.1f} x  {name}: {one.value:.0f} {one.unit}, beside {one.peer}"

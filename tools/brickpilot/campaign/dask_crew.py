@@ -114,7 +114,7 @@ class DaskCrew:
         """Counts the workers, whose number may change at any time.
 
         Raises:
-            WorkFailedError: the scheduler is gone, or all workers have been for long.
+            WorkFailedError: the scheduler is gone, or no worker was there for a long time.
         """
         self._looked = time.monotonic()
         if self._client.status != "running":

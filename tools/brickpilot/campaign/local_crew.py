@@ -64,7 +64,7 @@ class LocalCrew:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
         for worker in self._workers:
-            worker.pipe.close()  # a worker that waits for a part ends at this
+            worker.pipe.close()  # this ends a worker that waits for a part
             if worker.part is not None:
                 worker.process.terminate()
         for worker in self._workers:

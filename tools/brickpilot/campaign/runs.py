@@ -113,7 +113,7 @@ def _robot(campaign: Campaign, index: int) -> Robot | None:
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
-    """Returns the inputs of runs, fixed ones too, from their shares (runs, inputs drawn)."""
+    """Returns the inputs of runs, fixed ones too; `shares` (runs, drawn inputs) are the drawn numbers from 0 to 1."""
     columns, at = {}, 0
     for one in campaign.inputs:
         columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))

@@ -62,11 +62,12 @@ def firmware(
 ) -> None:  # fmt: skip
     """Makes the firmware of your own robot, and flies the robot with it in simulation.
 
-    The constants follow from the robot: its model, gains with the packaged robot's closed-loop poles, and what undoes
-    the effects of the model file. A value that a fixed-point format cannot hold is an error that names it and its
-    range. DIR gets the image, robot.toml with every value and where it is from, the generated headers, build.sh to
-    build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line and exit
-    status 1. It builds a checkout of the project in this folder or above it, else what the package holds of it.
+    The constants follow from the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
+    compensation for the effects of the model file. A value that a fixed-point format cannot hold is an error that names
+    it and its range. DIR gets the image, robot.toml with every value and where it is from, the generated headers,
+    build.sh to build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line
+    and exit status 1. It builds a checkout of the project in this folder or above it, else what the package holds of
+    it.
     """
     from brickpilot.public import making
 

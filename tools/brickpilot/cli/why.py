@@ -1,4 +1,4 @@
-"""`brickpilot why`: from logs to an answer, by import, calibration and discovery behind one door."""
+"""`brickpilot why`: from logs to an answer: import, calibration and discovery in one command."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 
 def _chance(gained: Array) -> float:
-    """Returns the probability of so large a mean of `gained` (blocks,) if its expectation were 0."""
+    """Returns the probability that the mean of `gained` (blocks,) is so large although its expectation is 0."""
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
 

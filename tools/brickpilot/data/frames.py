@@ -35,7 +35,7 @@ class StatedTables(TomlFile):
         self._check_integers((), self.data)
 
     def file_beside(self, key: Key, value: object) -> Path:
-        """Returns what errors call a run: it has no file."""
+        """Returns the name of a run in errors, because it has no file."""
         return Path(f"run {value}")
 
 

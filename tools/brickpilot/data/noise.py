@@ -110,7 +110,7 @@ def step_of(parts: Sequence[Array]) -> float:
 
 
 def _common_divisor(apart: Array) -> float:
-    """Returns the largest number of which nearly all of `apart`, sorted, are whole multiples; 0: there is none."""
+    """Returns the largest number that divides nearly all of the sorted `apart`; 0: there is none."""
     for divisor in range(1, _SKIPPED + 1):
         step = float(apart[0]) / divisor
         reach = 2.0 * divisor

@@ -162,11 +162,12 @@ class Period:
 def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
     """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
 
-    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each (Scargle 1982, Astrophys. J.
-    263), over its piece's variance, is added up at the multiples of one over a piece's duration, and compared with the
-    mean of eight frequencies on either side, without the nearest, which a peak between two fills too: where the
-    background is smooth their ratio is Fisher's F, with two degrees of freedom a piece and frequency. So a period must
-    repeat ten times in a piece. A lightly damped resonance looks the same.
+    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each piece (Scargle 1982, Astrophys.
+    J. 263) is divided by the variance of the piece. It is summed over the pieces at multiples of one over their
+    duration. The sum is compared with the mean of eight frequencies on either side. The nearest one is left out,
+    because a peak between two frequencies fills both. On a smooth background the ratio is Fisher's F, with two degrees
+    of freedom a piece and frequency. So a period must repeat ten times in a piece. A lightly damped resonance looks the
+    same.
 
     Args:
         residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.

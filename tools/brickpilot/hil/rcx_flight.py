@@ -48,7 +48,7 @@ ROTATION_LEVELS = (960, 832, 384, 576)
 """What a LEGO rotation sensor shows in its four positions, in the order of turning forward."""
 
 BATTERY_MV = 0xABD4 / 0x618
-"""Of one count of the converter; brickOS's own formula."""
+"""Millivolts of one count of the converter, by brickOS's own formula."""
 
 T = TypeVar("T")
 

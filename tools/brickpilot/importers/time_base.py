@@ -72,7 +72,7 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
 
 
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
-    """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s that counts.
+    """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s.
 
     A channel of commands is held; a measured one stands at the nearest time and is blank elsewhere.
     """

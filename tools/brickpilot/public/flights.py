@@ -97,7 +97,7 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
 
 
 def _plan(request: FlightRequest, session: Session) -> Plan:
-    """Returns the plan of the flight, for sensors that the brick can have."""
+    """Returns the plan of the flight, after a check that the brick can have its sensors."""
     if session.image is None:
         plan = request.plan()
         (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)

@@ -111,7 +111,7 @@ def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns run and signal where most of the gap was removed, or is left, and of a held-out run if there is one."""
+    """Returns the runs and signals with the most gap removed and the most left, and one of a held-out run."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps

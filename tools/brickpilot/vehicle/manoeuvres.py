@@ -36,7 +36,7 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
 
 
 def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
-    """Returns (n, 2): the commanded voltage of the left and the right motor at `time` (n,), s; at a step the later."""
+    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step the new one."""
     sides = (np.array(side).T for side in (manoeuvre.voltage_left, manoeuvre.voltage_right))
     return np.column_stack([np.interp(time, at, volts) for at, volts in sides])
 
