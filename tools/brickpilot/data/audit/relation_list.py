@@ -237,7 +237,7 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least or name.startswith(("current", "force")): # a motor above the speed of its voltage brakes
+        if drive not in least or name.startswith(("current", "force")):  # a motor above the speed of its voltage brakes
             continue
         over: tuple[Group, ...] = _one_or_both(name)
         under: tuple[Group, ...] = ((f"drive_{drive}",),)

@@ -72,7 +72,7 @@ def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tupl
 
 
 def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
-    """Returns signal -> the measured channel that it has to be taken from, after the correction of all faults."""
+    """Returns signal -> the measured channel that it has to be taken from, after all faults are mended."""
     found: dict[str, Taken] = {}
     for fault in faults:
         found |= {

@@ -24,7 +24,7 @@ from brickpilot.data.audit.windows import cut
 Vector = NDArray[np.float64]
 
 SURE = 0.99
-"""A fault with at least this share of the trust is corrected before the analysis."""
+"""A fault with at least this share of the trust is mended before the analysis."""
 
 WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
@@ -55,16 +55,16 @@ class Taken:
 
 @dataclass(frozen=True)
 class Miswired:
-    """One fault, in words, and its correction.
+    """One fault, in words, and how it is mended.
 
     Attributes:
         kind: "swapped", "sign", "frozen", "unit" or "clock", as of a data fault.
         signals: the channels that are wrong.
         text: what is wrong, as the beginning of a sentence.
         sure: share of the trust, 0..1.
-        mend: signal -> what it should be taken from; empty: there is no correction.
+        mend: signal -> what it should be taken from; empty: it cannot be mended.
         factor: stated over true value, where it is a factor.
-        is_open: whether something else may be wrong instead, such as a measured length; then nothing is corrected.
+        is_open: whether something else may be wrong instead, such as a measured length; then nothing is mended.
     """
 
     kind: Kind
@@ -77,7 +77,7 @@ class Miswired:
 
     @property
     def is_mended(self) -> bool:
-        """Whether the analysis uses corrected channels."""
+        """Whether the analysis uses mended channels."""
         return bool(self.mend) and self.sure >= SURE and not self.is_open
 
     @property
@@ -333,7 +333,7 @@ class _Way:
         return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
 
     def told(self, motion: Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault as its sentence, its kind and its correction; they are corrected one after the other."""
+        """Returns each fault as its sentence, its kind and how it is mended; they are mended one after the other."""
         found: list[tuple[str, Kind, dict[str, Taken]]] = []
         inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
         wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
