@@ -64,10 +64,9 @@ def firmware(
 
     The constants follow from the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
     compensation for the effects of the model file. A value that a fixed-point format cannot hold is an error that names
-    it and its range. DIR gets the image, robot.toml with every value and where it is from, the generated headers,
-    build.sh to build it again, and the flight; avr an Arduino library, too. A mission that was not flown gives one line
-    and exit status 1. It builds a checkout of the project in this folder or above it, else what the package holds of
-    it.
+    it and its range. DIR gets the image, robot.toml with every value and its source, the generated headers, build.sh to
+    build it again, and the flight; for avr also an Arduino library. If the mission was not flown, one line says so and
+    the exit status is 1. The sources are those of a checkout in this folder or above it, or else the package's.
     """
     from brickpilot.public import making
 

@@ -78,9 +78,9 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
 
     Outputs are those that measure motion or sum it up: accelerations, forces and currents answer in the command's row.
     A voltage with a measured battery has to follow both as volts and as duty, because either may have been planned, and
-    the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance, because
-    there the past of the commands predicts all, and one with too few changes, such as a relay. At times it finds a loop
-    in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
+    the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance,
+    because there the past of the commands predicts all, and one with too few changes, such as a relay. At times it
+    finds a loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
 
     Args:
         level: the chance of being wrong up to which it counts as shown.

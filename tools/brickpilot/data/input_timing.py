@@ -25,7 +25,7 @@ Kind = Literal["delay", "lag"]
 
 INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 
-UNKNOWN_TIMING = "the inputs between two rows are not known: they are taken as held"
+UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
 """The note of a data set that states "unknown"."""
 
 _STEP_S = 0.005  # a linear input is held for so long at most
