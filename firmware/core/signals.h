@@ -73,7 +73,7 @@ typedef struct {
     int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s */
 } signals_motion_t;
 
-/* Model -> estimator: what the voltages of the step before should have caused by now. */
+/* Model -> estimator: the motion that the voltages of the step before should have caused. */
 typedef struct {
     signals_motion_t motion;
     bool driven; /* one of these voltages was not 0 */

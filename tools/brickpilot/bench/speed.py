@@ -152,10 +152,9 @@ def _lockstep_pty() -> float:
 def host() -> dict[str, Figure]:
     """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
 
-    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, where it is installed, and
-    SciPy's solve_ivp at the plant's own accuracy: with inputs that change every 3 ms beside the full loop, and held for
-    a second beside the plant alone. Both simulate the robot without its controller and sensors. The peer of the link is
-    real time.
+    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, if it is installed, and SciPy's
+    solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
+    plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
     """
     model, on = rcx(), this_machine.describe()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}

@@ -52,7 +52,7 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
     """Returns the effects that the experimenter's model already contains.
 
     Values are read in the file's frame and returned in the paper's. From FLU, lateral and yaw values of a sensor or the
-    body change their sign, as their signals do. Values named left or right keep it.
+    body change their sign, as their signals do. Values named left or right keep their sign.
 
     Raises:
         InputError: the message names the effect's line.

@@ -74,7 +74,7 @@ def _of_frames(
     stated: Mapping[str, Any],
     floats: bool,
 ) -> Dataset:
-    """Returns a data set of DataFrames; `Dataset.from_frames` has the arguments, an example, and what it raises.
+    """Returns a data set of DataFrames; `Dataset.from_frames` has the arguments, an example, and the errors.
 
     Args:
         of_runs: statements on single runs, as their tables in a data set's file: key -> run -> value.

@@ -171,7 +171,7 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
 
 
 def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
-    """Returns the frame that the data show, and the notes with one on it.
+    """Returns the frame that the data show, and the notes, with a note on the frame.
 
     The data show the sign of the yaw if one of both signs contradicts wheels and drives.
     """

@@ -148,7 +148,7 @@ def state_of(last: np.void) -> State:
 
 
 def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
-    reasons = {-1: "unknown", -2: f"{value} is outside what is physical", -3: "too many effects"}
+    reasons = {-1: "unknown", -2: f"{value} is outside the physical range", -3: "too many effects"}
     raise InputError(reasons[status], file=model.name, field=name)
 
 

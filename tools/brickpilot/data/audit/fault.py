@@ -150,7 +150,7 @@ def joined(names: Iterable[str]) -> str:
 
 
 def is_unit_factor(factor: float) -> bool:
-    """Whether a factor, or its inverse, lies between two units."""
+    """Whether a factor, or its inverse, converts one unit into another."""
     return _is_one_of(factor, (1.0, GRAVITY, *FACTORS))
 
 
@@ -165,7 +165,7 @@ def is_usual(name: str, factor: float) -> bool:
 
 
 def is_clock_factor(factor: float) -> bool:
-    """Whether a factor lies between two units of time."""
+    """Whether a factor converts one unit of time into another."""
     return any(abs(factor / one - 1.0) < _SAME for one in CLOCK_FACTORS)
 
 
