@@ -25,7 +25,7 @@ typedef struct {
     uint32_t clock_ms;       /* of the newest tick */
     uint16_t late_ticks;     /* ticks more than a step late; stays at 65535 */
     uint16_t aborted;        /* runs that a late tick or silence ended; stays at 65535 */
-    uint16_t silent_ms;      /* for so long has nothing been heard; stays at 65535 */
+    uint16_t silent_ms;      /* time since anything was heard; stays at 65535 */
     uint8_t until_telemetry; /* ticks until its first part is due again */
     uint8_t next_part;
     uint8_t until_heartbeat;

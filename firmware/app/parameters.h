@@ -10,8 +10,8 @@
 #include "core/flash.h"
 
 typedef struct {
-    loop_config_t config;     /* in force */
-    int16_t travel_scale_q15; /* what the travel per count lacks; the only setting that does not stand in `config` */
+    loop_config_t config;           /* in force */
+    int16_t travel_scale_q15;       /* correction of the travel per count; the only setting outside `config` */
     uint16_t believed_travel_um_q2; /* the constants' travel per count, without that */
 } parameters_t;
 
@@ -25,7 +25,7 @@ typedef enum {
 /* The constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const FLASH loop_config_t *constants);
 
-/* The value in force; 0 where there is no such setting. */
+/* The value in force; 0: there is no such setting. */
 int32_t parameters_read(const parameters_t *parameters, uint8_t number);
 
 /* Writes a setting. `running`: the robot drives. */

@@ -22,9 +22,9 @@ typedef struct {
     uint16_t pivot_bam16;   /* a larger heading error is corrected at rest, by a TURN; 1..32767 */
     uint16_t align_bam16;   /* TURN ends within this heading error, 1..pivot */
     uint16_t rest_speed_mm_s_q4;   /* BRAKE ends at or below this speed ... */
-    uint16_t rest_ms;              /* ... that has lasted so long */
+    uint16_t rest_ms;              /* ... after so long a time at it */
     uint16_t rest_yaw_rate_mrad_s; /* TURN ends at or below this yaw rate ... */
-    uint16_t settle_ms;            /* ... with the heading aligned, that has lasted so long */
+    uint16_t settle_ms;            /* ... after so long a time at it with the heading aligned */
     uint16_t overshoot_mm;         /* the robot overshoots when it passes the waypoint by more than this, 1..32767 */
     uint8_t max_overshoots;        /* per leg; one more fails the leg; 255: no limit */
     bool skip_failed;        /* after a failed leg go on to the next waypoint; the last leg always ends the route */
@@ -66,7 +66,7 @@ typedef struct {
     fix_vector_t
         left_q15; /* direction to the left of the leg's line, which runs from the waypoint before to this one */
     uint16_t hold_heading_bam16; /* heading when BRAKE began */
-    uint16_t quiet_ms;           /* for so long has the condition held that ends the phase */
+    uint16_t quiet_ms;           /* how long the condition that ends the phase has held */
     uint32_t leg_ms;             /* time on this leg */
 } los_state_t;
 

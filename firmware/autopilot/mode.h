@@ -28,7 +28,7 @@ enum {
     MODE_STATE_LOST = 3,
     MODE_COMMANDED = 4,
     MODE_NO_ROUTE = 5, /* started with an empty route */
-    MODE_SILENT = 6,   /* cut: neither a sensor nor a message has come for too long */
+    MODE_SILENT = 6,   /* cut: no sensor reading and no message came for too long */
     MODE_LATE = 7      /* cut: a tick came later than the watchdog allows */
 };
 typedef uint8_t mode_fault_t;
@@ -49,7 +49,7 @@ typedef struct {
     signals_demand_t demand; /* of the newest step */
     mode_name_t mode;
     mode_fault_t fault;   /* why FAULT was entered; cleared by a reset */
-    uint16_t lost_ms;     /* for so long has the estimate been invalid */
+    uint16_t lost_ms;     /* how long the estimate has been invalid */
     uint8_t waited_steps; /* of this run, at rest for the gyro's bias */
     los_state_t los;      /* of the newest step in RUN */
 } mode_state_t;

@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 /* FIX_IN_ASSEMBLY: on the RCX most functions are in core/h8; their C forms define them. FIX_INLINE: before the small functions,
- * which are inline but for the RCX, where each would take 20 to 100 bytes wherever it is used. */
+ * which are inline, except on the RCX, where each use would take 20 to 100 bytes. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
 #define FIX_INLINE

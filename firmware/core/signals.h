@@ -42,7 +42,7 @@ enum {
 /* True when a sensor of `bits` (constants) has delivered in this step. False at compile time where the build supports none. */
 #define SIGNALS_HAVE(sensors, bits) (((sensors)->have & ((bits)&SENSORS_POSSIBLE)) != 0)
 
-/* Wheels that cannot slide, those of the model's profile `coupled`, never sway: false where a build has no other profile. */
+/* False if the build has only the profile `coupled`, whose wheels cannot slide sideways. */
 #ifdef BODY_WITHOUT_PAPER
 #define SIGNALS_SWAY false
 #else
@@ -73,7 +73,7 @@ typedef struct {
     int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s */
 } signals_motion_t;
 
-/* Model -> estimator: what the voltages of the step before should have caused by now. */
+/* Model -> estimator: the motion that the voltages of the step before should have caused. */
 typedef struct {
     signals_motion_t motion;
     bool driven; /* one of these voltages was not 0 */

@@ -8,9 +8,8 @@
  * or wheel radius turns the heading further than the gyro's bias does after a rest.
  * The configuration may hold a known bias and a known scale error. They are taken out first, to the nearest mrad/s;
  * then the bias that remains is learnt.
- * A reading at the end of the gyro's range hides how fast the robot turns, and the heading is lost by the rest: such steps are
- * counted.
- * Negate all rates, the known bias and the initial heading, and the output is negated.
+ * A reading at the end of the gyro's range hides a part of the turn, which the heading then lacks: such steps are
+ * counted. Negate all rates, the known bias and the initial heading, and the output is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_HEADING_H
 #define BRICKPILOT_ESTIMATOR_HEADING_H

@@ -7,7 +7,7 @@
  *   needed = motor * (1 + gain) + deadband in the direction of motor
  *
  * Below DRIVE_STILL_MM_S_Q4 friction is taken in the direction of the voltage wanted. There, friction grows with 16 times
- * that voltage up to its size, and so does the dead band: noise about zero does not toss the motor to and fro.
+ * that voltage up to its size, and so does the dead band: noise about zero does not reverse the motor again and again.
  * All zero changes nothing, bit for bit. Negate voltage, speed and offset, and the result is negated.
  */
 #ifndef BRICKPILOT_MIXER_DRIVE_H
@@ -17,7 +17,7 @@
 
 #define DRIVE_STILL_MM_S_Q4 160 /* 10 mm/s */
 
-/* What is known of one side. */
+/* The known values of one side. */
 typedef struct {
     int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
     int16_t offset_mv;   /* -32000..32000 */

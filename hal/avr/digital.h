@@ -1,8 +1,9 @@
 /* digital.h: an IMU on the I2C bus, MPU-6050 or LSM6DS, as BOARD_IMU says; with an analogue IMU these functions do nothing.
  *
  * One transfer a period, begun 1 ms before the tick: first those that ask the chip for its name and set it up, one register each, then
- * those that read it: 0.5 ms, 18 interrupts. The burst begins with the chip's own "data ready", so that a sensor that sleeps, or has lost
- * its supply and its ranges, does not pass for one at rest: it is set up again. A reading is stale after two ticks without a new one.
+ * those that read it: 0.5 ms, 18 interrupts. The burst begins with the chip's own "data ready", so that a sensor that
+ * sleeps, or has lost its supply and its ranges, is not mistaken for one at rest: it is set up again. A reading is
+ * stale after two ticks without a new one.
  */
 #ifndef BRICKPILOT_AVR_DIGITAL_H
 #define BRICKPILOT_AVR_DIGITAL_H

@@ -21,9 +21,9 @@ enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCH
 uint8_t guard_cause(void);
 
 /* True after power-on, and after the reset pin's button if MCUSR tells of it alone: only then a robot may drive off by
- * itself. Power-on is where RAM holds no mark of guard_start() and MCUSR, if it tells anything, tells of a power-on and
- * no watchdog. RAM may keep the mark for some seconds without supply: then the robot waits for a command. Behind a
- * loader that clears MCUSR the button cannot be told from the watchdog. */
+ * itself. It is a power-on if RAM holds no mark of guard_start() and MCUSR shows nothing, or a power-on and no
+ * watchdog. RAM may keep the mark for some seconds without supply: then the robot waits for a command. Behind a loader
+ * that clears MCUSR the button cannot be told from the watchdog. */
 bool guard_may_start(void);
 
 /* Starts the watchdog, and marks in RAM that the program runs, whose motors may be on. From now on guard_tick() has to

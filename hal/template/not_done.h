@@ -1,4 +1,5 @@
-/* not_done.h: marks what a new port does not do yet. The recipe's step 3 removes it when port and main program do everything. */
+/* not_done.h: marks the functions that a new port still lacks. The recipe's step 3 removes it when port and main
+ * program do everything. */
 #ifndef BRICKPILOT_TEMPLATE_NOT_DONE_H
 #define BRICKPILOT_TEMPLATE_NOT_DONE_H
 

@@ -19,7 +19,7 @@ typedef struct {
     size_t pending_size; /* bytes that the other end has not taken yet */
 
     const char *token; /* NULL, or what a client of a listening line has to know */
-    bool proved;       /* the client knows it, or needs not */
+    bool proved;       /* the client knows the token, or needs none */
     time_t asked_s;
     char challenge[TOKEN_DIGITS + 1];
     char proof[TOKEN_DIGITS + TOKEN_PROOF]; /* the client's digits and proof, as far as they have come */

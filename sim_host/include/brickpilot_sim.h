@@ -70,7 +70,7 @@ typedef struct {
     int over_mean; /* 1: left less right over their mean; texts say how much smaller the smaller side is than the other */
 } bp_parameter_info;
 
-/* One effect of the library. Every field is set in every row, but for the last seven; the composed effect has no advice.
+/* One effect of the library. Every row sets every field except the last seven; the composed effect has no advice.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
  * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
@@ -128,8 +128,8 @@ int bp_model_get(const bp_model *model, const char *parameter, double *value);
 int bp_model_add_effect(bp_model *model, const char *effect, const double *values);
 int bp_model_remove_effect(bp_model *model, const char *effect);
 
-/* What of a model's effects the firmware's compensation can undo, as physical quantities. [0] is left, [1] right. A
- * model without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
+/* The part of a model's effects that the firmware's compensation can undo, as physical quantities. [0] is left, [1]
+ * right. A model without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
 typedef struct {
     double flux[2];           /* factor of the torque constant and the back-EMF constant */
     double rim[2];            /* factor of the wheel radius */

@@ -289,7 +289,7 @@ def test_results_stand_in_order_whoever_was_first(tmp_path) -> None:
 def test_a_worker_without_the_files_of_a_set_says_so(tmp_path) -> None:
     task = sets.Task("s", "mujoco", 0, folder=tmp_path / "s")
     work = blind_test.Work(None, 1)
-    with pytest.raises(InputError, match=r"/s: is not there on the worker \S+: each worker needs the same files$"):
+    with pytest.raises(InputError, match=r"/s: is missing on the worker \S+: each worker needs the same files$"):
         blind_test.run([task], tmp_path, work=work, workers=workers.local(1), progress=lambda *_: None)
 
 

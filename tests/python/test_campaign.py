@@ -177,7 +177,7 @@ BAD = {
     BASE + "speed = 1\n": "bad.toml:5: campaign.speed: unknown key; known: ",
     BASE.replace("runs = 4", 'design = "annealed"'): "bad.toml:3: campaign.design: 'annealed' is not one of",
     BASE + "seed = 1.5\n": "bad.toml:5: campaign.seed: 1.5 is not a whole number",
-    BASE + 'model = "motor.toml"\n': "bad.toml:5: campaign.model: is a motor; a campaign flies a diff_drive",
+    BASE + 'model = "motor.toml"\n': "bad.toml:5: campaign.model: is a motor, but a campaign flies a diff_drive",
     BASE + "repeats = 3\n": "bad.toml:5: campaign.repeats: does not belong to monte_carlo, which takes runs",
     BASE + "[vary]\nwheel.mass = 3\n": "bad.toml:6: vary.wheel: unknown key; known: effect, gain, parameter",
     BASE + "[vary]\nparameter.weight = 3\n": "bad.toml:6: vary.parameter.weight: unknown key; known: ",

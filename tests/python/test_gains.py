@@ -52,7 +52,7 @@ def test_a_value_without_its_raw_integer_becomes_the_nearest_one(tmp_path: Path)
     ("line", "says"),
     [
         ("speed_kq = { raw = 5 }", "4: gains.speed_kq: 'speed_kq' is not one of speed_kp"),
-        ("left_gain = { raw = 5 }", "4: gains.left_gain: describes the robot, so it stands in a compensation.toml"),
+        ("left_gain = { raw = 5 }", "4: gains.left_gain: describes the robot, so it belongs in a compensation.toml"),
         ('speed_kp = { value = 20, unit = "V" }', "4: gains.speed_kp.unit: 'V' should be 'V s/m'"),
         ("speed_kp = { raw = 32768 }", "4: gains.speed_kp: 512 V s/m is outside 0 to 512 V s/m: raw 0..32767"),
         ("speed_kp = { value = -0.1 }", "4: gains.speed_kp: -0.09375 V s/m is outside 0 to 512 V s/m: raw 0..32767"),

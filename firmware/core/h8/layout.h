@@ -67,7 +67,7 @@
     X(body_state_t, motor[1], STATE_MOTOR_1)                                                                           \
     X(body_state_t, motion, STATE_MOTION)
 
-/* What a larger build has behind them: no assembly reads it. */
+/* A larger build has more fields after them, which no assembly reads. */
 #define COEFFICIENTS_TRAVEL_FROM_SPEED 66
 #define COEFFICIENTS_HEADING_FROM_YAW_RATE 70
 #define COEFFICIENTS_THRUST_FROM_VOLTAGE 74

@@ -1,9 +1,9 @@
 """How time grows with the amount of work: runs, samples and candidates; and what more workers gain.
 
-Times of one process are processor time, which other programs on the machine change little. What a call costs at any
-size, such as loading and checking, is measured with next to no work and subtracted, and so is that work from the size:
-the exponent is of the rest alone. Flights of a campaign are the processor time of its worker and of this process. What
-more workers gain is wall time, from the first result to the last.
+Times of one process are processor time, because other programs on the machine hardly change it. What a call costs at
+any size, such as loading and checking, is measured with next to no work and subtracted, and so is that work from the
+size: the exponent is of the rest alone. Flights of a campaign are the processor time of its worker and of this process.
+What more workers gain is wall time, from the first result to the last.
 """
 
 from __future__ import annotations

@@ -152,10 +152,9 @@ def _lockstep_pty() -> float:
 def host() -> dict[str, Figure]:
     """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
 
-    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, where it is installed, and
-    SciPy's solve_ivp at the plant's own accuracy: with inputs that change every 3 ms beside the full loop, and held for
-    a second beside the plant alone. Both simulate the robot without its controller and sensors. The peer of the link is
-    real time.
+    The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, if it is installed, and SciPy's
+    solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
+    plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
     """
     model, on = rcx(), this_machine.describe()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
@@ -227,7 +226,7 @@ def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: cont
 
 
 def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
-    """Yields both tables as text, the machine first, and the ratios before what they were made of."""
+    """Yields both tables as text: first the machine, then each ratio, followed by its measured values."""
     yield f"on {next(iter(found.values())).machine}; both sides of a ratio were measured in this run"
     for name, one in found.items():
         yield f"{one.ratio:8.1f} x  {name}: {one.value:.0f} {one.unit}, beside {one.peer}"

@@ -1,4 +1,4 @@
-"""What the engine gives to workers and what it asks of them: the words that the local and the Dask workers share."""
+"""The interface between the engine and its workers, which the local and the Dask workers share."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Crew(Protocol):
     """Workers that are ready."""
 
     def room(self) -> int:
-        """Returns how many parts more may be given now. It is more than 0 as long as no part is in flight."""
+        """Returns how many more parts may be given now. It is more than 0 if no part is in flight."""
 
     def give(self, part: Part) -> None:
         """Gives a part to a worker, without waiting for it."""
 
     def wait(self) -> Sequence[Finished]:
-        """Waits until at least one part that was given is finished, and returns all that are.
+        """Waits until at least one given part is finished, and returns all finished ones.
 
         A part whose worker died is given again.
 

@@ -1,7 +1,7 @@
 """The workers of a Dask scheduler, which call a function on parts.
 
 Dask itself gives the part of a worker that died to another one. Each worker compares its versions with those of this
-process before each part, for it may have joined later than the first comparison.
+process before each part, because it may have joined after the first comparison.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from brickpilot.errors import InputError, WorkFailedError
 CONNECT_S = 5.0
 """For the scheduler to answer."""
 WORKERS_S = 10.0
-"""For a first worker to be there."""
+"""The time to wait for a first worker."""
 ALONE_S = 60.0
-"""Without any worker in mid-run, before the campaign ends: a queue may start others in place of those that it took."""
+"""The time without any worker after which a campaign ends: a queue may replace workers that it stopped."""
 
 _LOOK_S = 2.0  # between two looks at the number of workers
-_AHEAD = 2  # parts for each thread of a worker: one runs, one is there already
+_AHEAD = 2  # parts for each thread of a worker: one runs, one waits there
 
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -73,7 +73,7 @@ class DaskCrew:
         return max(_AHEAD * self._threads, 1) - len(self._flying)
 
     def give(self, part: Part) -> None:
-        # Pickled here, so that neither Dask looks into the argument nor the scheduler imports what only workers need.
+        # Pickled here, so that Dask does not look into the argument and the scheduler needs no import for it.
         task = pickle.dumps((self._function, part.argument))
         key = f"{self._name}-{part.key}"
         future = self._client.submit(_called, versions.here(), self._scheduler, task, key=key, pure=False)
@@ -94,7 +94,7 @@ class DaskCrew:
             return [self._finished_part(future) for future in ready]
 
     def _finished_part(self, future: Any) -> Finished:
-        """Returns a part that is done, with its result, or raises what became of it."""
+        """Returns a finished part with its result, or raises its error."""
         from distributed import CancelledError, KilledWorker
 
         part, _ = self._flying.pop(future.key)
@@ -114,7 +114,7 @@ class DaskCrew:
         """Counts the workers, whose number may change at any time.
 
         Raises:
-            WorkFailedError: the scheduler is gone, or all workers have been for long.
+            WorkFailedError: the scheduler is gone, or no worker was there for a long time.
         """
         self._looked = time.monotonic()
         if self._client.status != "running":
@@ -146,7 +146,7 @@ class DaskCrew:
     def _compare_versions(self) -> None:
         """Compares the versions of all workers with those of this process, before anything is run on them.
 
-        The scheduler passes parts on and calculates nothing: it has to load this program, of whatever version.
+        The scheduler only passes parts on: it has to load this program, but in any version.
         """
         field = _field(self._scheduler)
         try:
@@ -164,7 +164,7 @@ def _field(scheduler: str) -> str:
 
 
 def _import_distributed(scheduler: str) -> None:
-    """Imports the library, which makes its loggers.
+    """Imports the library, which also creates its loggers.
 
     Raises:
         InputError: it is not installed.
@@ -189,13 +189,13 @@ def _client(scheduler: str) -> Any:
         with ThreadPoolExecutor(1) as aside:  # a notebook's own thread has an event loop already
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except Exception as error:  # whatever the answer of another program leads to
+    except Exception as error:  # another program's answer may raise any error
         message = f"no Dask scheduler answers there within {CONNECT_S:g} s"
         raise InputError(message, field=_field(scheduler)) from error
 
 
 async def _greet(scheduler: str) -> None:
-    """Returns when a scheduler has answered. A client would wait for ever where a connection is taken, and no more."""
+    """Returns when a scheduler has answered. A client waits for ever if a connection is only accepted."""
     from distributed.comm import connect
 
     greeted = await connect(scheduler, timeout=CONNECT_S)
@@ -212,7 +212,7 @@ def _check_versions(worker: str, found: Versions, wanted: Versions, scheduler: s
 def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
     """Returns what the function of a pickled task returns. Runs on the worker.
 
-    A worker may have several threads: they take turns, as neither BLAS nor the function need be fit for more than one.
+    If a worker has several threads, they take turns, because BLAS or the function may not be safe for several.
     """
     found = versions.here()
     if found != wanted:
@@ -226,7 +226,7 @@ def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silences the log of Dask, which tells each lost connection in many lines; an error tells it in one."""
+    """Silences the log of Dask, which reports each lost connection in many lines; an error reports it in one."""
     loggers = [
         logging.getLogger(name)
         for name in logging.root.manager.loggerDict

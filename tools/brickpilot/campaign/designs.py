@@ -1,4 +1,4 @@
-"""Designs: which shares of the inputs' distributions each run has. All are drawn from the campaign's seed.
+"""Designs: the shares of the inputs' distributions that each run has. All are drawn from the campaign's seed.
 
 A run is known by its number. Its draws depend on that number, the campaign's file and its seed, and on nothing else.
 """
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Morris goes to the ends of each distribution; one without ends is asked for its quantiles 2.5 % to 97.5 % alone."""
+"""Morris uses the ends of each distribution; one without ends gives only its quantiles from 2.5 % to 97.5 %."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
-    """Returns what gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
+    """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    Where runs are drawn one by one, so are the shares; other designs are made as a whole, here.
+    Some designs draw the shares run by run; the others are made here as a whole.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)
@@ -38,15 +38,15 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 
 def problem(campaign: Campaign) -> dict[str, Any]:
-    """Returns the inputs as SALib takes them: it samples and analyses shares."""
+    """Returns the inputs in SALib's form, which samples and analyses shares."""
     names = [one.name for one in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
 
 def block(campaign: Campaign, index: int) -> int:
-    """Returns which block a run belongs to. The runs of a block share their sensors' noise and their route.
+    """Returns the block that a run belongs to. The runs of a block share their sensors' noise and their route.
 
-    In a design that compares runs in which one input differs, such a group is a block: so nothing else differs. In
+    A design may compare runs that differ in one input: such a group is a block, so that nothing else differs. In
     other designs each run is a block.
     """
     size = {"saltelli": len(campaign.drawn) + 2, "morris": len(campaign.drawn) + 1}.get(campaign.design, 1)
@@ -78,7 +78,7 @@ def _independent(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns the middle of each level of the axes; what is no axis is drawn for each run."""
+    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run."""
     found = _independent(campaign, start, stop)
     axes = [(column, one.levels) for column, one in enumerate(campaign.drawn) if one.listed]
     for row, index in enumerate(range(start, stop)):
@@ -88,7 +88,7 @@ def _grid(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _whole(campaign: Campaign) -> Array:
-    """Returns the shares of all runs, where a design is made as a whole."""
+    """Returns the shares of all runs, for a design that is made as a whole."""
     from scipy.stats import qmc
 
     dimensions = len(campaign.drawn)
@@ -116,7 +116,7 @@ def _by_salib(campaign: Campaign, seed: int) -> Array:
 
 
 def made_by(campaign: Campaign) -> str:
-    """Returns the version of SALib where it draws the runs; empty: it does not. Only this process needs it."""
+    """Returns the version of SALib if it draws the runs; empty: it does not. Only this process needs it."""
     if campaign.design not in ("saltelli", "morris"):
         return ""
     salib("sample.sobol")  # which says so where the library is missing
@@ -124,7 +124,7 @@ def made_by(campaign: Campaign) -> str:
 
 
 def _check_levels(campaign: Campaign) -> None:
-    """Refuses a list of values that Morris's levels do not all reach."""
+    """Refuses a list of values if Morris's levels do not reach all of them."""
     shares = np.linspace(MORRIS_EDGE, 1.0 - MORRIS_EDGE, MORRIS_LEVELS)
     for one in campaign.drawn:
         reached = len(set(one.distribution.at(shares).tolist()))

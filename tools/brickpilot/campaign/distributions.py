@@ -1,7 +1,7 @@
-"""The distributions of what a campaign varies, each a function from shares of its probability to values.
+"""The distributions of a campaign's inputs: each is a function from shares of its probability to values.
 
-Every design draws shares in 0..1 and asks here for the values, so that all designs know all distributions. They are
-those of `scipy.stats`. One without ends is cut off at the ends of what is physical, and the rest keeps its shape.
+Every design draws shares in 0..1 and gets the values here, so that all designs know all distributions. They are those
+of `scipy.stats`. A distribution without ends is cut off at the physical limits, and the rest keeps its shape.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ NUMBERS = {
 
 KINDS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # of a distribution's probability: less says that the file means something else
+_LEAST_KEPT = 0.01  # of a distribution's probability: if less is left, the file is probably wrong
 
 
 @dataclass(frozen=True)
 class Range:
-    """What is physical: low to high, in `unit`; `whole`: whole numbers alone."""
+    """The physical range, low to high, in `unit`; `whole`: whole numbers alone."""
 
     low: float
     high: float
@@ -45,7 +45,7 @@ class Distribution:
     """A distribution of numbers.
 
     Attributes:
-        kind: of KINDS; `values` has its values, one of `choice` as likely as another, or as `weights` say.
+        kind: of KINDS; `values` has its values; those of `choice` are equally likely, or have `weights`.
         first, second: the numbers that the kind needs, in the order of NUMBERS.
         low, high: where it is cut off.
         listed: the file gives a plain list: an axis of a grid.
@@ -63,7 +63,7 @@ class Distribution:
 
     @property
     def varies(self) -> bool:
-        """Whether runs can differ in it."""
+        """Whether runs can differ in its value."""
         return self.kind != "fixed"
 
     def at(self, shares: Array) -> Array:

@@ -5,8 +5,8 @@
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
     run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
 
-The parts are drawn when a worker is free, so that a generator of any length needs the memory of a few. What a part
-gives must depend on its argument alone; then nothing depends on the number of workers, their order or their deaths.
+The parts are drawn when a worker is free, so that a generator of any length needs the memory of a few. The result of a
+part must depend on its argument alone; then nothing depends on the number of workers, their order or their failures.
 """
 
 from __future__ import annotations
@@ -71,9 +71,7 @@ def run(
         flying = _fill(crew, left)
         while flying:
             ready = crew.wait()
-            flying += _fill(crew, left) - len(
-                ready
-            )  # before the results are kept, so that no worker waits for the disk
+            flying += _fill(crew, left) - len(ready)  # before results are kept, so that no worker waits for the disk
             for one in ready:
                 keep(one.part, one.result)
                 finished += 1

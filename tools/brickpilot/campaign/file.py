@@ -1,4 +1,4 @@
-"""A campaign: many flights, and what differs between them. `brickpilot campaign` reads it.
+"""A campaign: many flights, and the inputs that differ between them. `brickpilot campaign` reads it.
 
     [campaign]
     name     = "tolerances"
@@ -74,13 +74,13 @@ MOST_RUNS = 1_000_000
 DEFAULT_RUNS = 1000
 _KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
 ROBOTS = ("model", "data")
-"""Whose values the runs have where `[vary]` says nothing: the model's own, or a draw of what the data allow."""
+"""The source of all values that `[vary]` does not give: the model, or a robot drawn from what the data allow."""
 _POWERS_OF_TWO = ("sobol", "saltelli")
 
 
 @dataclass(frozen=True)
 class Box:
-    """Where routes are drawn: so many waypoints between these places, in m, no leg shorter than `least_leg`."""
+    """The box in which routes are drawn: so many waypoints within it, in m, no leg shorter than `least_leg`."""
 
     waypoints: int
     x: tuple[float, float]
@@ -96,7 +96,7 @@ class Campaign:
     Attributes:
         count: runs, repeats, samples or trajectories: see COUNTS.
         inputs: all that may differ between runs, in the file's order; fixed ones too.
-        faults: name -> fault, as far as it is fixed.
+        faults: name -> the fixed part of a fault.
         box: of drawn routes; None: the routes are those of the scenarios.
         robots: of which each run draws its own; None: all runs have the model's values.
     """
@@ -127,7 +127,7 @@ class Campaign:
         return bool(self.faults) or any(one.faults for one in self.scenarios)
 
     def identity(self) -> str:
-        """Returns a text that differs where the results would: the contents of all files count, not their names."""
+        """Returns a text that differs if the results may differ: the contents of all files count, not their names."""
         allowed = "" if self.robots is None else self.robots.identity()
         return hashlib.sha256(f"{__version__} {self!r} {allowed}".encode()).hexdigest()
 
@@ -186,7 +186,7 @@ def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
 
 
 def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
-    """Returns what the data allow of the robot; None: the file does not ask for it."""
+    """Returns the robots that the data allow; None: the file does not ask for it."""
     if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
         return None
     if "model" not in head:
@@ -198,7 +198,7 @@ def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float]
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the value of a key, or the values of its list; the packaged default where the file has none."""
+    """Returns the value of a key, or the values of its list; the packaged default if the file has none."""
     given = head.get(key, known[0])
     values = given if isinstance(given, list) else [given]
     if not values or len({str(one) for one in values}) < len(values):
@@ -278,9 +278,9 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
 
 
 def _check(toml: TomlFile, made: Campaign) -> None:
-    """Refuses what no design can fly."""
+    """Refuses a campaign that no design can fly."""
     if made.model.vehicle != "diff_drive":
-        toml.refuse(("campaign", "model"), f"is a {made.model.vehicle}; a campaign flies a diff_drive")
+        toml.refuse(("campaign", "model"), f"is a {made.model.vehicle}, but a campaign flies a diff_drive")
     axes = [one for one in made.drawn if one.listed]
     if made.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")

@@ -32,7 +32,7 @@ _CAUSES = {
     "idle": "was not started",
     "fault": "stopped",
 }
-"""The controller's last mode -> why a waypoint was missed, where no fault says it."""
+"""The controller's last mode -> why a waypoint was missed, if no fault explains it."""
 
 UNITS = {
     "success": "", "cause": "", "reached_all": "", "waypoints_reached": "", "waypoints_total": "", "time_s": "s",
@@ -59,14 +59,14 @@ def row(plan: flight.Plan) -> Row:
 
 
 def rows(plans: Sequence[flight.Plan]) -> list[Row]:
-    """Flies missions and returns the figures of each. Where a scenario has faults, a link is between plant and brick.
+    """Flies missions and returns the figures of each. If a scenario has faults, a link is between plant and brick.
 
-    Missions without faults fly side by side, which takes less time and changes no byte; they have one firmware.
+    Missions without faults fly side by side, with one firmware: this takes less time and changes no byte.
 
-    Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why not, and
-    is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest of the
-    waypoints' closest approaches, `charge_c` what the battery gave. A number that a flight does not have is NaN.
-    A flight whose simulation diverges fails for that cause, and has no further figures.
+    Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why a mission
+    failed, and is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest
+    of the waypoints' closest approaches, `charge_c` what the battery gave. A number that a flight does not have is NaN.
+    A flight whose simulation diverges has this as its cause, and no further figures.
 
     Raises:
         InputError: the plant refuses the model.
@@ -129,7 +129,7 @@ def figures(flown: flight.Flight) -> Row:
 
 
 def over_a_link(flown: HilFlight) -> Row:
-    """Returns the row of a flight over a link, which fails too where the link ends it."""
+    """Returns the row of a flight over a link, which also fails if the link ends it."""
     row = figures(flown.flight)
     if flown.broke_off is None:
         return row

@@ -20,7 +20,7 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: what the campaign drew for it; None: of an effect that its robot lacks.
+        inputs: the values that the campaign drew for the run; None: of an effect that its robot lacks.
         figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """

@@ -1,4 +1,4 @@
-"""Conducts a campaign in a folder: flies what is not there yet, and writes table, summary and page."""
+"""Conducts a campaign in a folder: flies the runs that are missing, and writes table, summary and page."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def conduct(
 
     Raises:
         InputError: the folder holds another campaign, or the workers cannot be reached.
-        WorkFailedError: the disk is full, or no worker is left. What is done stays, and the same command goes on.
+        WorkFailedError: the disk is full, or no worker is left. Finished parts stay, and the same command resumes.
     """
     keys = [part.key for part in runs.parts(campaign)]
     identity = {"campaign": campaign.identity(), "runs": count_of(campaign), "design": designs.made_by(campaign)}

@@ -1,4 +1,4 @@
-"""The inputs of a campaign: what may differ between runs, each with its name, unit and distribution."""
+"""The inputs of a campaign, which may differ between runs: each has a name, unit and distribution."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Input:
 
     @property
     def levels(self) -> int:
-        """How many values an input has that is drawn from a list."""
+        """The number of values of an input that is drawn from a list."""
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
@@ -80,7 +80,7 @@ def labelled(name: str, labels: Sequence[str]) -> Input | None:
 
 
 def _switch(toml: TomlFile, key: Key, name: str, value: object) -> list[Input]:
-    """Returns the switch of an effect or a fault; none where it is on in every run."""
+    """Returns the switch of an effect or a fault; none if it is on in every run."""
     chance = toml.number(key, value, 0.0, 1.0)
     if chance in (0.0, 1.0):
         return [Input(f"{name}.{ON}", "", Distribution("fixed", values=(chance,)), chance=chance)]
@@ -131,9 +131,9 @@ def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:
 
 
 def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Input]]:
-    """Reads `[[faults]]`: name -> fault as far as it is fixed, and the inputs of the faults.
+    """Reads `[[faults]]`: name -> the fixed part of a fault, and the inputs of the faults.
 
-    A fault's name is its kind, with a number where a kind is there before: drop, drop_2.
+    A fault's name is its kind, with a number if the kind occurred before: drop, drop_2.
 
     Raises:
         InputError: naming file, line and key.
@@ -169,7 +169,7 @@ def _name(counted: str) -> str:
 
 
 def _latest(law: Distribution) -> float:
-    """Returns the largest value: a fault has to end after the latest start."""
+    """Returns the largest value, because a fault has to end after the latest start."""
     return max(law.values) if law.values else law.high
 
 

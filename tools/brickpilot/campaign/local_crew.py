@@ -1,8 +1,7 @@
 """Processes of this machine that call a function, each on one part at a time.
 
-Each has a pipe of its own and shares no lock with the others: one that is killed, at whatever moment, takes nothing
-with it but its part. The pools of the standard library and of loky break as a whole when one process dies, and do not
-say whose part it had.
+Each has its own pipe and shares no lock with the others: if one is killed, at any moment, only its part is lost. The
+pools of the standard library and of loky break as a whole when one process dies, and do not say which part it had.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from brickpilot.campaign.crew import Finished, Function, Part
 from brickpilot.errors import WorkFailedError
 
 DEATHS = 3
-"""Workers that a part may end before the campaign does: one may have been killed by chance, or for want of memory."""
+"""Workers that a part may end before the campaign does: one may have been killed by chance or by a lack of memory."""
 
 _STOP_S = 2.0  # for a process to end by itself, before it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -64,7 +63,7 @@ class LocalCrew:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
         for worker in self._workers:
-            worker.pipe.close()  # a worker that waits for a part ends at this
+            worker.pipe.close()  # this ends a worker that waits for a part
             if worker.part is not None:
                 worker.process.terminate()
         for worker in self._workers:
@@ -109,12 +108,12 @@ class LocalCrew:
         return worker
 
     def _heard(self, worker: _Worker) -> Finished | None:
-        """Returns what a worker says, or gives its part again if it died."""
+        """Returns a worker's answer, or gives its part again if it died."""
         part = worker.part
         assert part is not None
         try:
             if not worker.process.is_alive() and not worker.pipe.poll():
-                raise EOFError  # a process that the worker began holds the pipe open
+                raise EOFError  # a process that the worker started holds the pipe open
             done, answer = worker.pipe.recv()
         except (EOFError, OSError):  # the end of the pipe, also in the middle of an answer
             self._workers.remove(_buried(worker))
@@ -133,12 +132,12 @@ class LocalCrew:
 
 
 def _end(number: int, frame: object) -> None:
-    """Ends this process by way of each `with`, with the status that a shell gives a signal."""
+    """Ends this process through each `with`, with the status that a shell gives for a signal."""
     sys.exit(128 + number)
 
 
 def _buried(worker: _Worker) -> _Worker:
-    """Returns a worker after its end: one that closed its pipe and lives on is killed."""
+    """Returns a worker after its end: it is killed if it closed its pipe but still runs."""
     worker.pipe.close()
     worker.process.join(_STOP_S)
     if worker.process.is_alive():
@@ -156,7 +155,7 @@ def _how(exitcode: int | None) -> str:
 
 @contextmanager
 def _quiet_and_single_threaded() -> Iterator[None]:
-    """Lets processes that start here have one thread of BLAS each, and leaves Ctrl-C to this process."""
+    """Gives each process that starts here one thread of BLAS, and leaves Ctrl-C to this process."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
     if has_masks:
@@ -176,7 +175,7 @@ def _quiet_and_single_threaded() -> Iterator[None]:
 
 
 def _serve(pipe: Connection) -> None:
-    """Calls what comes through the pipe until its other end is closed. Runs in the worker."""
+    """Calls each function that comes through the pipe, until the other end is closed. Runs in the worker."""
     while True:
         try:
             function, argument = pipe.recv()

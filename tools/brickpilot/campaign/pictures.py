@@ -21,17 +21,17 @@ SHOWN = (
 """The figures whose distribution the page draws."""
 
 MOST_DOTS = 1500
-"""Runs of a scatter: more are neither told apart nor quickly drawn."""
+"""Runs of a scatter plot: more points overlap and take long to draw."""
 
 STRONGEST = 3
 """Inputs of each figure that are drawn against it."""
 
-_DRAWN_OUT = (0.001, 0.999)  # quantiles: a histogram's range, beyond which runs stand in the outermost bars
+_DRAWN_OUT = (0.001, 0.999)  # quantiles: a histogram's range; runs beyond it are counted in the outermost bars
 _BARS = 40
 
 
 def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[Histogram]:
-    """Returns the distributions of the figures that runs have, and how they differ between success and failure."""
+    """Returns the distributions of the runs' figures, for success and failure apart."""
     success = table.numbers("success") > 0
     found = []
     for name in SHOWN:

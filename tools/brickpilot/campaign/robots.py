@@ -1,12 +1,12 @@
 """Draws robots that the data allow: from what `calibrate` and `discover` write beside model.toml.
 
 - Fitted parameters lie about their estimates as the fit's covariance says, all together. Along a direction that the
-  data do not tell, a draw goes no further than `VAGUE_SD`: the covariance is that of a linearised fit.
-- What nobody measured has the spread that is usual for its kind: a nominal parameter `shares`, an effect's size
+  data do not determine, a draw goes no further than `VAGUE_SD`, because the covariance is that of a linearised fit.
+- Unmeasured values have the spread that is usual for their kind: a nominal parameter `shares`, an effect's size
   `EFFECT_SHARE`, the battery `BATTERY_SHARE`, a bias of a sensor its stated size.
-- Where a verdict is ambiguous, each explanation that the data cannot tell from the best one is drawn as often.
+- If a verdict is ambiguous, each explanation that the data cannot tell from the best one is drawn equally often.
 
-A robot is the same whatever the number of robots that are drawn: its random numbers depend on seed, stream and place.
+A robot does not depend on how many robots are drawn: its random numbers depend on seed, stream and place.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Of a coordinate (a logarithm, or a share of what moves the signals by their rms) that the data do not tell."""
+"""Of a coordinate that the data do not determine (a logarithm, or a share of what moves the signals by their rms)."""
 
 EFFECT_SHARE = 0.1
 """Of the size of an effect that was given without an interval: as discovery takes it for a model of other data."""
@@ -40,7 +40,7 @@ BATTERY_SHARE = 0.05
 """Of the battery's voltage: from full to half empty, six cells lose about a tenth."""
 
 SOURCES = ("calibrate.json", "verdict.json")
-"""What stands beside model.toml; the first one that is there is read."""
+"""The files that may stand beside model.toml; the first that exists is read."""
 
 _TRIES = 1000  # of a draw that lies outside the physical ranges
 _SAME = 1e-6  # relative: a value of model.toml and its estimate in the other file
@@ -56,7 +56,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Allowed:
-    """What the data allow of a robot.
+    """The robots that the data allow.
 
     Attributes:
         explanations: of the data, the best first; one of them, unless a verdict is ambiguous.
@@ -74,7 +74,7 @@ class Allowed:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """The values that robots differ in, "mass" or "effect.parameter"; an explanation need not have all of them."""
+        """The values in which robots differ, "mass" or "effect.parameter"; an explanation may lack some of them."""
         first = self.model.parameters
         others = [one.model.parameters for one in self.explanations[1:]]
         found = dict.fromkeys(name for name, value in first.items() if any(one.get(name) != value for one in others))
@@ -85,7 +85,7 @@ class Allowed:
         return tuple(found)
 
     def identity(self) -> str:
-        """Returns a text that differs where the drawn robots would."""
+        """Returns a text that differs if the drawn robots differ."""
         spread = None if self.spread is None else self.spread.to_json()
         devices = None if self.devices is None else dict(self.devices)
         return json.dumps([spread, dict(self.shares), devices, repr(self.explanations)])
@@ -114,14 +114,14 @@ class Robot:
 
 
 def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
-    """Returns what the files beside model.toml allow.
+    """Returns the robots that the files beside model.toml allow.
 
     Args:
         model: of `path`.
         shares: see `Allowed`.
 
     Raises:
-        InputError: the file beside it is no result of the command, or belongs to another model.
+        InputError: a file beside it is no result of these commands, or belongs to another model.
     """
     for name in SOURCES:
         beside = path.with_name(name)
@@ -139,7 +139,7 @@ def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
         raise InputError(f"is no result of calibrate or discover: {error}", file=file, field="spread") from error
     if spread is not None:
         for name, value in zip(spread.names, spread.values, strict=True):
-            if "@" in name:  # the value of one run, which is no value of the robot
+            if "@" in name:  # a value of one run does not belong to the robot
                 continue
             own = values(model).get(name)
             if own is None or not math.isclose(own, value, rel_tol=_SAME, abs_tol=1e-12):
@@ -162,12 +162,12 @@ def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
-    """Returns a table's values as numbers; ValueError, TypeError or OverflowError where one is none."""
+    """Returns a table's values as numbers; ValueError, TypeError or OverflowError: one of them is not valid."""
     return {name: float(value) for name, value in table.items()}
 
 
 def draw(allowed: Allowed, seed: int, stream: int, places: Sequence[int]) -> list[Robot]:
-    """Returns the robots of these places in a stream; those of two streams have nothing in common.
+    """Returns the robots of these places in a stream; robots of two streams are independent.
 
     Raises:
         InputError: the data allow no robot within the physical ranges.
@@ -196,7 +196,7 @@ def _powered_on(devices: Mapping[str, float], random: np.random.Generator) -> di
 
 
 def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of the fitted parameters that this explanation has, about its own values."""
+    """Returns a draw of this explanation's fitted parameters about its own values."""
     if allowed.spread is None:
         return {}
     own = values(model)
@@ -209,20 +209,20 @@ def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict
 
 
 def _root(spread: Spread) -> Array:
-    """Returns the root of the covariance, without what is beyond `VAGUE_SD` in a direction."""
+    """Returns the root of the covariance, limited to `VAGUE_SD` in each direction."""
     values, axes = np.linalg.eigh(spread.covariance)
     return np.asarray(axes * np.sqrt(np.clip(values, 0.0, VAGUE_SD**2)))
 
 
 def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of everything that has a spread although nothing was fitted; those fitted too are overwritten."""
+    """Returns a draw of every value with a spread that needs no fit; fitted ones are overwritten later."""
     shares, own = _usual(allowed, model), values(model)
     draws = random.normal(size=len(shares))
     return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
 
 
 def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
-    """Returns the spread of everything that has one although nothing was fitted, as a share of its value."""
+    """Returns the spread of every value that has one without a fit, as a share of the value."""
     shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
     shares |= {"battery_voltage": BATTERY_SHARE}
     for name, table in model.effects.items():

@@ -25,10 +25,10 @@ Array = NDArray[np.float64]
 
 PART_RUNS = 100
 LINK_PART_RUNS = 10
-"""Runs of a part at most: a few seconds of work. A flight over a link takes some fifty times as long."""
+"""Runs of a part at most: a few seconds of work. A flight over a link takes about fifty times as long."""
 
 _LEAST_PARTS = 20
-"""A campaign has so many parts or more, so that all workers have some."""
+"""A campaign has at least so many parts, so that all workers get some."""
 
 _TRIES = 1000
 
@@ -38,12 +38,12 @@ _ROUTE = "route.waypoints_m"
 _PURPOSE = "route"
 _ROBOT = "robot."
 _EXPLANATION = "robot.explanation"
-_STREAM = zlib.crc32(b"robots")  # above every number of a run, so that no other draw of a campaign has its key
+_STREAM = zlib.crc32(b"robots")  # above the number of every run, so that no other draw of a campaign has this key
 
 
 @dataclass(frozen=True)
 class Block:
-    """The runs start..stop - 1 of a campaign: what a part's worker gets.
+    """The runs start..stop - 1 of a campaign, as the worker of a part gets them.
 
     Attributes:
         shares: (runs, inputs drawn): see `designs.shares`.
@@ -66,7 +66,7 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns how many runs a part has. It depends on the campaign alone, as a table's bytes do."""
+    """Returns how many runs a part has. It depends on the campaign alone, so that the bytes of a table do so, too."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-runs(campaign) // _LEAST_PARTS))
 
@@ -113,7 +113,7 @@ def _robot(campaign: Campaign, index: int) -> Robot | None:
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
-    """Returns the inputs of runs, fixed ones too, from their shares (runs, inputs drawn)."""
+    """Returns the inputs of runs, fixed ones too; `shares` (runs, drawn inputs) are the drawn numbers from 0 to 1."""
     columns, at = {}, 0
     for one in campaign.inputs:
         columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))
@@ -156,7 +156,7 @@ def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) ->
 
 
 def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the inputs of a run as columns: what an effect or a fault would have is blank where the run lacks it."""
+    """Returns the inputs of a run as columns: those of an effect or a fault that the run lacks are blank."""
     found: dict[str, Any] = dict(run.drawn) | of_robot(campaign, run)
     for name, value in run.drawn.items():
         if name.endswith(f".{ON}") and value is False:
@@ -171,7 +171,7 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns what the run's robot has of the values that its data leave open, less those that `[vary]` gives."""
+    """Returns the values of the run's robot that its data leave open, without those that `[vary]` gives."""
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)
@@ -211,7 +211,7 @@ _KINDS = (
 
 
 def table(campaign: Campaign, rows: list[dict[str, Any]]) -> pa.Table:
-    """Returns rows as a table; a number that is not there is null."""
+    """Returns rows as a table; a missing number is null."""
     columns = schema(campaign)
     arrays = [pa.array([row[field.name] for row in rows], field.type, from_pandas=True) for field in columns]
     return pa.Table.from_arrays(arrays, schema=columns)

@@ -1,10 +1,10 @@
 """Which inputs a figure depends on: SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
-  The runs that are compared share their noise, so what an input does together with noise counts as its own.
+  The runs that are compared share their noise, so an input's interaction with noise counts as its own effect.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
-  that matters only together with another one has none.
+  that matters only together with another one has no index.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 FIGURES = ("success", "cross_track_rms_m", "position_estimate_error_m", "time_s")
 
 LEAST_RUNS = 100
-"""Runs whose figure is known, below which RBD-FAST is mostly bias: it looks at ten harmonics."""
+"""The least number of runs with a known figure: with fewer, RBD-FAST is mostly bias, since it uses ten harmonics."""
 
 METHODS = {
     "saltelli": "Sobol indices: the share of the figure's variance that the input explains alone, and with all others "
@@ -62,19 +62,19 @@ class Index:
 
 
 def method(campaign: Campaign) -> str | None:
-    """Returns what the indices are, in words; None: the design has none."""
+    """Returns a description of the indices; None: the design has none."""
     if campaign.design == "grid" or not campaign.drawn:
         return None
     return METHODS.get(campaign.design, METHODS[""])
 
 
 def indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> list[Index]:
-    """Returns the indices of one figure, the largest first; none where too few runs have it, or all the same.
+    """Returns the indices of one figure, the largest first; none if too few runs have it, or all have the same.
 
     Args:
         inputs: input that was drawn -> (runs,); texts as their numbers, NaN where the run lacks its effect or fault.
-        figure: (runs,); NaN where a run does not have it. Where a design compares runs with one another, a block
-            that lacks one is left out.
+        figure: (runs,); NaN where a run does not have it. If a design compares runs with one another, a block with a
+            missing one is left out.
 
     Raises:
         InputError: SALib is not installed.
@@ -120,7 +120,7 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         ]
     columns = np.column_stack([inputs[name][kept] for name in names])
     if np.isnan(columns).any():
-        # A number of an effect that is off has no value. A filled one would stand for the switch, and get its index.
+        # A number of an effect that is off has no value. A filled-in value would act as the switch, and get its index.
         columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
     found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
     return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]

@@ -1,8 +1,8 @@
 """The folder of a campaign: each part as a file, until all of them are merged into one table.
 
 A part is written beside its place and then renamed, so that it is there as a whole or not at all. Its name holds the
-checksum of its bytes, KEY.CRC32.parquet: what a power cut left of a file is found and made again. The bytes depend on
-the table alone: neither time nor host stand in them.
+checksum of its bytes, KEY.CRC32.parquet: a file that a power cut damaged is found and made again. The bytes depend on
+the table alone, not on time or host.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from brickpilot.campaign import versions
 from brickpilot.errors import InputError, WorkFailedError
 
 ROWS = 16_384
-"""Rows of a row group of the merged table, or more by a part: of 50 numbers each they need 7 MB."""
+"""Rows of a row group of the merged table, at most a part more: with 50 numbers a row it needs 7 MB."""
 
 _CAMPAIGN = "campaign.json"
 _PARTS = "parts"
@@ -36,7 +36,7 @@ _BESIDE = ".unfinished"
 _KEY = re.compile(r"[A-Za-z0-9_-]{1,100}")
 _NAME = re.compile(r"([A-Za-z0-9_-]{1,100})\.([0-9a-f]{8})\.parquet")
 
-# Everything that decides bytes is stated, so that a default of another version changes nothing.
+# Every option that affects the bytes is stated, so that another version's defaults change nothing.
 _WRITER: dict[str, Any] = {
     "version": "2.6",
     "data_page_version": "1.0",
@@ -50,14 +50,14 @@ _WRITER: dict[str, Any] = {
 
 
 class Parts:
-    """The parts in a folder, for a `with`: until its end no other process can open the folder.
+    """The parts in a folder, for a `with`: no other process can open the folder until the `with` ends.
 
     Attributes:
         damaged: keys of the parts that were damaged and therefore removed.
     """
 
     def __init__(self, folder: Path, campaign: Mapping[str, Any]) -> None:
-        """Takes a folder, which need not exist.
+        """Uses a folder, which need not exist.
 
         Args:
             campaign: what the rows depend on, as JSON has it. A folder of another campaign, or of another version of
@@ -70,7 +70,7 @@ class Parts:
         self._open = ExitStack()
 
     def __enter__(self) -> Parts:
-        """Locks the folder and looks through it.
+        """Locks the folder and reads its parts.
 
         Raises:
             InputError: another process has it open, or it holds another campaign.
@@ -108,7 +108,7 @@ class Parts:
         self._files[key] = path
 
     def merge(self, keys: Iterable[str], path: Path) -> None:
-        """Writes the rows of these parts into one table, in this order, with the memory of a row group.
+        """Writes the rows of these parts into one table, in this order; it needs the memory of one row group.
 
         Raises:
             WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. There is no new table.
@@ -144,7 +144,7 @@ class Parts:
         return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # parts are small
 
     def _claim(self) -> None:
-        """Writes whose folder this is, or refuses it if it is another campaign's."""
+        """Writes to which campaign the folder belongs, or refuses the folder of another one."""
         path = self.folder / _CAMPAIGN
         here = dataclasses.asdict(versions.here())
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
@@ -181,13 +181,13 @@ class Parts:
 
 
 def _whole(path: Path) -> bytes | None:
-    """Returns the bytes of a part, or None where they are not those that were written."""
+    """Returns the bytes of a part, or None if they differ from those that were written."""
     data = path.read_bytes()
     return data if path.name.split(".")[-2] == f"{zlib.crc32(data):08x}" else None
 
 
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
-    """Yields the rows of tables in tables of `ROWS` rows or a little more, but for the last."""
+    """Yields the rows of tables in tables of `ROWS` rows or a little more; the last may have fewer."""
     waiting: list[pa.Table] = []
     for table in tables:
         waiting.append(table)
@@ -209,9 +209,9 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
-    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: it outlives a power cut too.
+    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: it survives a power cut, too.
 
-    A part need not: its checksum tells.
+    A part need not, because it has a checksum.
     """
     beside = path.with_name(f".{path.name}{_BESIDE}")
     try:
@@ -229,7 +229,7 @@ def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]
 
 @contextmanager
 def _one_line(path: Path) -> Iterator[None]:
-    """Turns an error of the system into one that names the file and what is wrong with it."""
+    """Turns an error of the system into one that names the file and the cause."""
     try:
         yield
     except OSError as error:

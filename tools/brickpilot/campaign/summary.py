@@ -1,4 +1,4 @@
-"""What the table of a campaign says: rates with intervals, quantiles, causes, worst runs, and sensitivity."""
+"""The results of a campaign's table: rates with intervals, quantiles, causes, worst runs, and sensitivity."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 WORST = 10
 MOST_CHOICES = 12
-"""Values of an input, with more of which the success rate is not given for each."""
+"""An input with more values than this has no success rate for each value."""
 
 QUANTILES = {"min": 0.0, "q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95, "max": 1.0}
 
@@ -31,7 +31,7 @@ _NO_DISTRIBUTION = ("waypoints_total", "seed")
 
 
 class Table:
-    """The merged table, of which columns are read when they are asked for."""
+    """The merged table, whose columns are read on demand."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -49,7 +49,7 @@ class Table:
         return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-_Z = 1.959963984540054  # of a normal distribution: 95 % lie within so many sd
+_Z = 1.959963984540054  # 95 % of a normal distribution lie within so many sd
 
 
 def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any]:
@@ -57,8 +57,8 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
     Args:
         success: (runs,).
-        blocks: (runs,), see `designs.block`. Runs of a block are alike, so they count as fewer: as many as independent
-            runs of whose share the variance is that among blocks (Kish's effective size).
+        blocks: (runs,), see `designs.block`. Runs of a block are alike, so they count as fewer: as the number of
+            independent runs whose share would have the variance among blocks (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)
     share = count / of
@@ -69,7 +69,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
 
 def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
-    """Returns how many independent runs tell as much; as many as blocks, where all runs end alike."""
+    """Returns how many independent runs give as much information; if all runs end alike, the number of blocks."""
     _, codes = np.unique(blocks, return_inverse=True)
     members, hits = np.bincount(codes), np.bincount(codes, weights=success)
     number, of, share = len(members), len(success), float(success.mean())
@@ -143,7 +143,7 @@ def _figures(table: Table) -> dict[str, dict[str, Any]]:
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
-    """Returns the worst runs: failed ones, then those with fewer waypoints, then those that passed one widest."""
+    """Returns the worst runs: failed ones first, then fewer waypoints, then the largest distance from a waypoint."""
     order = np.lexsort(
         (-np.nan_to_num(table.numbers("closest_approach_max_m"), nan=np.inf), table.numbers("waypoints_reached"),
          table.numbers("success"))

@@ -1,4 +1,4 @@
-"""What a campaign can vary: names, units and physical ranges, and how a value gets into the plan of a flight."""
+"""The inputs that a campaign can vary: names, units and physical ranges, and how a value gets into a flight's plan."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def devices() -> Mapping[str, float]:
 
 @cache
 def ranges() -> Mapping[str, Mapping[str, Range]]:
-    """Returns kind -> name -> range of what `[vary]` takes: parameter, sensor, gain and start."""
+    """Returns kind -> name -> range of all inputs of `[vary]`: parameter, sensor, gain and start."""
     far = float(interface()[1].BP_MAX_COORDINATE_M)
     tuned = {
         name: Range(one.value(one.low), one.value(one.high), "" if one.format.unit == "1" else one.format.unit)
@@ -87,7 +87,7 @@ def effects() -> Mapping[str, Mapping[str, Range]]:
 
 
 def tuned(known: gains.Gains | None, drawn: Drawn) -> gains.Gains | None:
-    """Returns the gain set of a run: the known one with the gains that were drawn; None: the firmware's own."""
+    """Returns the gain set of a run: the known one with the drawn gains; None: the firmware's own."""
     raw = {name: settings()[name].raw(float(value)) for name, value in _by_kind(drawn).get("gain", {}).items()}
     if not raw:
         return known
@@ -107,8 +107,8 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
 
     Args:
         plan: of the scenario, the sensors and the gains that were drawn for the run.
-        drawn: the inputs that are named KIND.NAME; other names are passed over.
-        faults: name -> fault as far as the file fixes it.
+        drawn: the inputs that are named KIND.NAME; other names are ignored.
+        faults: name -> the part of a fault that the file fixes.
     """
     of = _by_kind(drawn)
     numbers = {kind: {name: float(value) for name, value in of.get(kind, {}).items()} for kind in ranges()}
@@ -133,7 +133,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
 
 
 def _effects(effects: Mapping[str, Mapping[str, float]], drawn: Mapping[str, Value]) -> dict[str, Mapping[str, float]]:
-    """Returns the effects of a run: the model's own, with the parameters that were drawn, less those that are off."""
+    """Returns the effects of a run: the model's own that are on, with the drawn parameters."""
     found: dict[str, Mapping[str, float]] = dict(effects)
     for name, value in drawn.items():
         effect, _, parameter = name.partition(".")
@@ -147,7 +147,7 @@ def _effects(effects: Mapping[str, Mapping[str, float]], drawn: Mapping[str, Val
 
 
 def _faults(drawn: Mapping[str, Value], faults: Mapping[str, Fault]) -> list[Fault]:
-    """Returns the faults that a run has, with the numbers that were drawn."""
+    """Returns the faults of a run, with the drawn numbers."""
     found = []
     for name, fault in faults.items():
         if drawn.get(f"{name}.{ON}", True) is False:

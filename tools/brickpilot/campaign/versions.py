@@ -1,4 +1,4 @@
-"""What a result may depend on beside its argument: the versions of this program and of what it calculates with."""
+"""The versions that a result may depend on besides its argument: of this program and of its libraries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DIGITS = 12
 
 @dataclass(frozen=True)
 class Versions:
-    """The versions of one process. Two processes with equal ones give the same bytes for the same part.
+    """The versions of one process. Two processes with equal versions give the same bytes for the same part.
 
     Attributes:
         brickpilot: the version of the program.
@@ -37,7 +37,7 @@ class Versions:
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
-        """Returns what differs as text, this one's first: "brickpilot 0.1.0, not 0.2.0". Nothing if nothing does."""
+        """Returns the differences as text, this one's first: "brickpilot 0.1.0, not 0.2.0". Nothing if nothing does."""
         pairs = [(one.name, getattr(self, one.name), getattr(other, one.name)) for one in dataclasses.fields(self)]
         return "; ".join(f"{name} {mine}, not {theirs}" for name, mine, theirs in pairs if mine != theirs)
 

@@ -1,4 +1,4 @@
-"""Where a campaign runs: on processes of this machine, on a Dask cluster, or in this process itself."""
+"""The workers of a campaign: processes of this machine, a Dask cluster, or this process itself."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Here:
-    """This process, which does one part after the other, in order, and may be given what cannot be pickled."""
+    """This process, which does one part after the other, in order; its parts need not be picklable."""
 
     @contextmanager
     def crew(self, function: Function) -> Iterator[Crew]:
@@ -90,10 +90,10 @@ def cluster(scheduler: str) -> Cluster:
 
 
 def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
-    """Returns the workers that options ask for; a scheduler comes first.
+    """Returns the workers that the options name; a scheduler takes precedence.
 
     Raises:
-        InputError: the scheduler's address is none.
+        InputError: the scheduler's address is not valid.
     """
     return local(jobs) if scheduler is None else cluster(scheduler)
 
@@ -105,5 +105,5 @@ def shared(path: Path) -> Path:
         InputError: it is not on this worker.
     """
     if not path.exists():
-        raise InputError(f"is not there on the worker {platform.node()}: each worker needs the same files", file=path)
+        raise InputError(f"is missing on the worker {platform.node()}: each worker needs the same files", file=path)
     return path

@@ -36,11 +36,11 @@ def campaign(
     file: str, out: str | None, jobs: int, scheduler: str | None, count: int | None, seed: int | None,
     index: int | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Flies many missions, Monte Carlo or a designed sweep, and shows how many succeed and what that depends on.
+    """Flies many missions, Monte Carlo or a designed sweep, and shows how many succeed and which inputs matter.
 
-    FILE says what differs between the runs: parameters, effects, noise of sensors, faults of the link, gains, routes.
-    The folder holds runs.parquet with a row for each run, summary.json and report.html. The same command goes on where
-    it was stopped; the same seed gives the same bytes, whatever the number of workers.
+    FILE names the inputs that differ between runs: parameters, effects, sensor noise, faults of the link, gains,
+    routes. The folder holds runs.parquet with a row for each run, summary.json and report.html. The same command
+    resumes a stopped campaign; the same seed gives the same bytes with any number of workers.
     """
     if index is not None:
         _replay(file, index, out, count, seed, as_json)

@@ -16,10 +16,10 @@ from brickpilot.cli.terminal import as_json, jobs_option, seed_option, wiring_li
 @jobs_option
 @as_json
 def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
-    """Says in seconds what a measured DATASET is worth.
+    """Shows within seconds what a measured DATASET can tell.
 
-    It shows timing, noise and damage; what the runs tell of each nominal value, and which effects they would show, from
-    which size on; which manoeuvres would tell more; and how long discover will take. It writes nothing.
+    It shows timing, noise and damage, what the runs tell about each nominal value, which effects they would show and
+    from which size, which manoeuvres would tell more, and how long discover will take. It writes nothing.
     """
     from brickpilot.data import reading
     from brickpilot.discover import readiness as check_module

@@ -1,4 +1,4 @@
-"""What the shell completes: scenarios, kinds of log, effects, settings and mechanisms, by `shell_complete` of click."""
+"""Completion in the shell: scenarios, kinds of log, effects, settings and mechanisms, by `shell_complete` of click."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from click.shell_completion import CompletionItem
 
 
 def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the packaged scenarios, and files where none begins so."""
+    """Completes the packaged scenarios, or files if no scenario begins like this."""
     from brickpilot.vehicle.scenario import packaged
 
     found = [CompletionItem(name) for name in packaged() if name.startswith(typed)]
@@ -29,7 +29,7 @@ def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str
 
 
 def effect_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the names of effects, with what they are where the shell shows it."""
+    """Completes the names of effects, with a description if the shell shows it."""
     from brickpilot import catalogue
 
     return [CompletionItem(one.name, help=one.summary) for one in catalogue.effects() if one.name.startswith(typed)]
@@ -44,7 +44,7 @@ def mechanisms(_context: click.Context, _parameter: click.Parameter, typed: str)
 
 
 def setting_names(_context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the names of settings; behind `--set` with the sign that its value follows."""
+    """Completes the names of settings; after `--set` with the sign before the value."""
     from brickpilot.vehicle.settings import settings
 
     end = "=" if isinstance(parameter, click.Option) else ""

@@ -22,12 +22,12 @@ from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_sho
     "--budget",
     type=click.FloatRange(min=0, min_open=True),
     metavar="SECONDS",
-    help="Give the best answer so far after this time, and say what was left out.",
+    help="Give the best answer so far after this time, and list what was left out.",
 )
 @click.option(
     "--predictor",
     metavar="FILE",
-    help="Also write the model that predicts best. Nobody claims its parts; model.toml holds what the verdict states.",
+    help="Also write the model that predicts best. Its parts are no claim; model.toml holds the verdict's effects.",
 )
 @seed_option
 @jobs_option
@@ -42,7 +42,7 @@ def discover(
     jobs: int,
     as_json: bool,
 ) -> None:
-    """Finds where simulation and the measured DATASET disagree, names the missing effect and adds it to the model.
+    """Finds where the simulation differs from the measured DATASET, names the missing effect and adds it to the model.
 
     The verdict is "named", "none", "ambiguous" (no explanation is surely the best, and an experiment is proposed that
     separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option("--long", "whole", is_flag=True, help="Show equation, source, prior and parameters of each effect.")
 @as_json
 def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool) -> None:
-    """Lists the effects that the simulator can switch on, a line each: name, mechanism and what it is.
+    """Lists the effects that the simulator can switch on, a line each: name, mechanism and description.
 
     NAME shows one effect with its equation, source, prior and parameters. WORD shows the effects whose name or
     description contains it.
@@ -56,7 +56,7 @@ def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None
     """Returns the effect of that name, else those that contain the word.
 
     Raises:
-        InputError: there is none; names that are like it are told.
+        InputError: there is none; the message lists similar names.
     """
     if word is None:
         return list(known)

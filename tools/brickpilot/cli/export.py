@@ -53,8 +53,8 @@ def fmu(model_file: str | None, fmi: str, sources_only: bool, out: str | None) -
 def mjcf(model_file: str | None, out: str | None) -> None:
     """Writes a model as MJCF, for MuJoCo 3.8 or newer.
 
-    Masses, wheels on the floor, motors and losses, and those effects that MuJoCo has a counterpart for. What is not in
-    the file is printed, and stands in it as a comment.
+    The file holds masses, wheels on the floor, motors, losses, and the effects that MuJoCo can simulate. The missing
+    parts are printed, and listed in a comment of the file.
     """
     for one in _written(model_file, "mjcf", out):
         click.echo(f"MJCF: {one}")
@@ -66,14 +66,14 @@ def mjcf(model_file: str | None, out: str | None) -> None:
 def urdf(model_file: str | None, out: str | None) -> None:
     """Writes a model as URDF: links, masses, wheels, losses and limits.
 
-    What is not in the file is printed, and stands in it as a comment.
+    The missing parts are printed, and listed in a comment of the file.
     """
     for one in _written(model_file, "urdf", out):
         click.echo(f"URDF: {one}")
 
 
 def _written(what: str | None, kind: str, out: str | None, **options: Any) -> tuple[Path, ...]:
-    """Writes the files, prints what is not in them, and returns them."""
+    """Writes the files, prints the missing parts, and returns the files."""
     from brickpilot.public.making import export
 
     made = export(what, kind, out, **options)
@@ -88,8 +88,8 @@ def _written(what: str | None, kind: str, out: str | None, **options: Any) -> tu
 def mcap(source: str, out: str | None) -> None:
     """Writes a run as MCAP, and a layout for Foxglove beside it.
 
-    SOURCE is a run folder of `run` or `hil`, or a recording of `hil --record`. Every column and every signal is there
-    at every sample, as JSON with a schema; of a run also its poses. The layout has the same name and ends in
+    SOURCE is a run folder of `run` or `hil`, or a recording of `hil --record`. The file has every column and every
+    signal at every sample, as JSON with a schema, and the poses of a run. The layout has the same name and ends in
     .foxglove.json.
     """
     content, layout = _written(source, "mcap", out)

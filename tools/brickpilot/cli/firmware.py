@@ -62,12 +62,12 @@ def firmware(
 ) -> None:  # fmt: skip
     """Makes the firmware of your own robot, and flies the robot with it in simulation.
 
-    The constants follow from the robot: its model, gains with the packaged robot's closed-loop poles, and what undoes
-    the effects of the model file. A value that a fixed-point format cannot hold is an error that names it and its
-    range. DIR gets the image, robot.toml with every value and where it is from, the generated headers, build.sh to
-    build it again, and the flight; avr an Arduino library, too, and rcx brickpilot.h8sim, the same firmware without
-    brickOS and drivers, which `hil --image` flies. A mission that was not flown gives one line and exit status 1. It
-    builds a checkout of the project in this folder or above it, else what the package holds of it.
+    The constants follow from the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
+    compensation for the effects of the model file. A value that a fixed-point format cannot hold is an error that names
+    it and its range. DIR gets the image, robot.toml with every value and its source, the generated headers, build.sh to
+    build it again, and the flight; for avr also an Arduino library, and for rcx brickpilot.h8sim, the same firmware
+    without brickOS and drivers, which `hil --image` flies. If the mission was not flown, one line says so and the exit
+    status is 1. The sources are those of a checkout in this folder or above it, or else the package's.
     """
     from brickpilot.public import making
 

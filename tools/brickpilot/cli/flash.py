@@ -109,7 +109,7 @@ def flash_rcx(
     show_default=True,
     help="The boot loader's rate.",
 )
-@click.option("-n", "--dry-run", is_flag=True, help="Do all but write: tell whether this board is there.")
+@click.option("-n", "--dry-run", is_flag=True, help="Only check whether this board is there; write nothing.")
 @as_json
 def flash_avr(file: str, port: str | None, part: str, baud: int, dry_run: bool, as_json: bool) -> None:
     """Puts FILE (Intel HEX) on an Arduino Uno, Nano or Mega by its boot loader.

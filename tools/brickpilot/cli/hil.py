@@ -118,8 +118,8 @@ def hil(
 
     Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
     `brickpilot run`, bit for bit, to the end of the scenario. A flight in real time ends a second after the mission.
-    The run folder holds log.csv, ticks.csv, summary.json and report.html. A mission that was not flown, a fault, a
-    safe stop and a lost link give one line and exit status 1.
+    The run folder holds log.csv, ticks.csv, summary.json and report.html. After a mission that was not flown, a fault,
+    a safe stop or a lost link, one line says so and the exit status is 1.
     """
     from brickpilot.public import flights
 
@@ -149,16 +149,16 @@ def hil(
 
 
 def _check_avr(target: str, list_settings: bool, replay_file: str | None) -> None:
-    """Raises InputError for options that an AVR on simavr does not have."""
+    """Raises InputError for options that do not apply to an AVR on simavr."""
     if list_settings:
         raise InputError("only flies; `brickpilot settings` lists the settings", field=f"--target {target}")
     if replay_file is not None:
-        raise InputError("has sensors of its own, so no recorded readings can be replayed", field=f"--target {target}")
+        raise InputError("has its own sensors, so no recorded readings can be replayed", field=f"--target {target}")
 
 
 @contextmanager
 def _progress(as_json: bool) -> Iterator[Progress]:
-    """Yields what shows the progress of a flight in a bar."""
+    """Yields a function that shows the progress of a flight in a bar."""
     quiet = as_json or not sys.stderr.isatty()
     with tqdm(disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
 

@@ -41,7 +41,7 @@ def cli() -> None:
 
 
 def whole_lines(command: click.Command) -> click.Command:
-    """Returns `command` with its first sentence as its line in lists, which click would cut off."""
+    """Returns `command` with its whole first sentence as its line in lists, because click would cut it off."""
     text = inspect.cleandoc(command.help or "").partition("\n\n")[0].replace("\n", " ")
     command.short_help = command.short_help or text.split(". ")[0].rstrip(".") + "."
     if isinstance(command, click.Group):
@@ -59,7 +59,7 @@ for command in COMMANDS:
 
 
 LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
-"""What a link to a brick, and `flash`, need: the extra `hil` of the package installs them."""
+"""The libraries of a link to a brick and of `flash`: the extra `hil` of the package installs them."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -88,7 +88,7 @@ def run_to_exit(command: click.Command, arguments: list[str] | None, program: st
         click.echo(f"{program}: interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of stdout has closed it: there is no one to write to
+        sys.stderr.close()  # the reader of stdout has closed it: nobody reads further output
         sys.exit(1)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]

@@ -26,7 +26,7 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     """Flies SCENARIO (a file, or one of: mission, fig4, fig5, forward_1m, spin_one_motor) in software-in-the-loop.
 
     Without SCENARIO it flies the paper's eight waypoints. The run folder holds log.csv, summary.json and report.html.
-    A mission whose waypoints were not all reached, or that ended with a fault, gives one line and exit status 1.
+    If a mission missed a waypoint or ended with a fault, one line says so and the exit status is 1.
     """
     from brickpilot.report import run_folder, run_page
     from brickpilot.vehicle import scenario_flight
@@ -48,7 +48,7 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
 
 
 def _lines(title: str, figures: dict[str, Any]) -> list[str]:
-    """Returns what is printed of a mission, or the motion at the end of a manoeuvre."""
+    """Returns the printed lines of a mission, or the motion at the end of a manoeuvre."""
     if "waypoints_total" in figures:
         return [*waypoint_lines(figures), *figure_lines(figures)]
     return [f"{title}: {figures['final_speed_m_s']:.3f} m/s, {figures['final_yaw_rate_rad_s']:.3f} rad/s at the end"]

@@ -76,8 +76,8 @@ def interval(ci95: tuple[float, float] | None) -> str:
 def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
     """Yields a function that takes (done, total, text) and shows the progress; 0 of 0 is a line on its own.
 
-    On a terminal it draws a bar. Where stderr is piped it prints a line for each new text. Both say how long it will
-    go on, from the time so far. `quiet` shows nothing.
+    On a terminal it draws a bar. If stderr is piped it prints a line for each new text. Both estimate the remaining
+    time from the time so far. `quiet` shows nothing.
     """
     piped, began = not sys.stderr.isatty(), time.monotonic()
     with tqdm(total=1, disable=quiet or piped, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
@@ -100,5 +100,5 @@ def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
 
 
 def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
-    """Returns the lines on channels that are wired or stated wrongly, which stand before all others."""
+    """Returns the lines on channels that are wired or stated wrongly, which come before all others."""
     return [*(f"wiring: {one}" for one in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     "model_file",
     metavar="FILE",
     shell_complete=model_files,
-    help="The robot: a model.toml. calibrate.json or verdict.json beside it says how far its values are known.",
+    help="The robot: a model.toml. calibrate.json or verdict.json beside it gives the spread of its values.",
 )
-@click.option("--dataset", metavar="DIR", help="Calibrate this data set first, and tune what it allows.")
+@click.option("--dataset", metavar="DIR", help="Calibrate this data set first, and tune for the robots that it allows.")
 @click.option(
     "--board",
     type=click.Choice(["rcx", "avr", "avr:2560", "packaged"]),
@@ -60,19 +60,18 @@ def tune(
     model_file: str | None, dataset: str | None, board: str, sensors: str, scenario: str | None, robots: int,
     judges: int, budget: str, seed: int, jobs: int, scheduler: str | None, out: str | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Tunes the gains of PIDs and guidance for a robot whose values are known only so far.
+    """Tunes the gains of PIDs and guidance for a robot whose values are not known exactly.
 
-    The start is what `brickpilot firmware` gives the robot today. CMA-ES flies drawn robots, each as the data allow
-    it, and lowers the mean over robots of
+    The start are the gains that `brickpilot firmware` gives the robot. CMA-ES flies drawn robots, each as the data
+    allow it, and lowers the mean over robots of
 
     \b
       100 (waypoints missed, share) + cross-track rms / radius
         + time / (2 start's time) + wear / (10 start's wear)
 
-    as the raw integers that fly. Fresh robots judge it: if the gains found are not better beyond chance, those of the
-    start are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`, mission.toml, summary.json and
-    report.html. Sources are those of a
-    checkout in this folder or above it, else the package's.
+    as the raw integers that fly. Fresh robots judge the result: if the new gains are not better beyond chance, those of
+    the start are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`, mission.toml, summary.json and
+    report.html. Sources are those of a checkout in this folder or above it, else the package's.
     """
     from brickpilot.public import making
 

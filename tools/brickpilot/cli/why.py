@@ -1,4 +1,4 @@
-"""`brickpilot why`: from logs to an answer, by import, calibration and discovery behind one door."""
+"""`brickpilot why`: from logs to an answer: import, calibration and discovery in one command."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 @click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Default: guessed from a table, else FRD.")
 @click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable.")
 @click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")
-@click.option("--as-wired", is_flag=True, help="Mend nothing that looks wired wrongly: notes say what does.")
+@click.option("--as-wired", is_flag=True, help="Keep channels that look wired wrongly: notes name them.")
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/why-NAME.")
 @click.option(
     "--budget", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help="As in discover: the best so far."
 )
-@click.option("--verbose", is_flag=True, help="Print every step to take, every symptom and every note, too.")
+@click.option("--verbose", is_flag=True, help="Also print every step to take, every symptom and every note.")
 @seed_option
 @jobs_option
 @as_json
@@ -30,12 +30,13 @@ def why(
     logs: tuple[str, ...], vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...],
     as_wired: bool, out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Says why a robot does not do what the simulation does, from logs that import reads, or data sets, of one robot.
+    """Says why a robot behaves differently from its simulation, from logs that import reads, or data sets, of one
+    robot.
 
     A table needs no map: its columns are guessed, and it is split at its rests. The page why.html says first what is
     wrong, how sure that is and what to do: nothing is wrong; or a cause; or something is missing, and what to drive
-    next; or the data contradict themselves. Beside it lie discover's page, the model, a compensation for the firmware,
-    the manoeuvre to drive next, and the robot's constants for ros2_control and for C.
+    next; or the data contradict themselves. The folder also gets discover's page, the model, a compensation for the
+    firmware, the manoeuvre to drive next, and the robot's constants for ros2_control and for C.
     """
     from brickpilot.discover.finding import verdict_json
     from brickpilot.importers.mapping import parse_nominal

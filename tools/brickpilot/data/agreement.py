@@ -3,7 +3,7 @@
     fit % = 100 (1 - norm of the error / norm of the signal)
 
 The error is measured less simulated, sample by sample, and every sample counts once. No mean is removed from the
-signal, so a model that says nothing but 0 has 0 %. Beside it stand R2, which asks how much better the model is than the
+signal, so a model that gives only zeros has 0 %. There are also R2, which says how much better the model is than the
 signal's mean, and the rms of the error in the signal's own unit.
 """
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_OVER_NOISE = 3.0  # a signal whose rms is smaller, in sd of its noise, holds nothing to explain
-_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input, which only some models give too
+_OVER_NOISE = 3.0  # sd of the noise: a signal with a smaller rms holds nothing to explain
+_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input, which only some models give as an output, too
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,10 @@ class Agreement:
 
     @property
     def fit_percent(self) -> float | None:
-        """The share of the signal that is explained, in percent: at most 100, which is perfect; no least value.
+        """The share of the signal that is explained, in percent: at most 100, which is perfect, and without a lower
+        limit.
 
-        None: the signal is zero or no more than its noise, or the model gives no finite value.
+        None: the signal is zero or not larger than its noise, or the model gives no finite value.
         """
         return self.percent_of(self.error)
 
@@ -56,7 +57,7 @@ class Agreement:
         return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
 
     def percent_of(self, error: float) -> float | None:
-        """Returns `fit_percent` of a model that leaves another sum of squares."""
+        """Returns `fit_percent` of a model with another sum of squared errors."""
         return None if not self._exceeds_noise(self.signal) else _percent(error / self.signal)
 
     @property

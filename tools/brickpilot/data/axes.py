@@ -1,4 +1,4 @@
-"""Coordinates along which what a model leaves may repeat: time, a wheel's angle and the position, with its spectra."""
+"""Coordinates along which a residual may repeat: time, a wheel's angle and the position, with its spectra."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Segment:
         place: its rows.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
-        at: what the base model gives at these rows, by name: wheel angles, "x", or "angle" and "position" of a motor.
-            Terms that depend on a missing one are not screened.
+        at: the values of the base model at these rows, by name: wheel angles, "x", or "angle" and "position" of a
+            motor. Terms that depend on a missing value are not screened.
     """
 
     run: str
@@ -51,12 +51,12 @@ class Axis:
     """A coordinate along which a residual may repeat: time, a wheel's angle or the position.
 
     Attributes:
-        setting: what holds a period along it: a frequency in Hz, an order, or a wavelength in m.
+        setting: the name of a period along it: a frequency in Hz, an order, or a wavelength in m.
         clock: of time: ("clock", 0) where it counts from the start of each run, ("clock", 1) from power-on.
         tracks: the segments with their coordinate (n,), once for each name that it has.
         step: of the spectrum, in the coordinate's unit.
-        turn: what one period is counted for, in the coordinate's unit.
-        extent: the longest way along it that has one phase.
+        turn: the length over which periods are counted, in the coordinate's unit.
+        extent: the longest part of it that has one phase.
     """
 
     setting: str
@@ -78,7 +78,7 @@ class Axis:
 
     @property
     def least(self) -> float:
-        """The least frequency: what repeats less than once in all time is a drift."""
+        """The least frequency: a slower change, with less than one period in all, is a drift."""
         return self.resolution if self.clock else 0.0
 
     def peaks(self, residual: Array) -> list[float]:
@@ -106,7 +106,7 @@ class Axis:
 
 
 def axes(segments: Sequence[Segment]) -> list[Axis]:
-    """Returns the coordinates that are known: time first, from power-on too if the runs differ in age."""
+    """Returns the known coordinates: time first, and the time from power-on if the runs differ in age."""
     step = min(float(np.median(np.diff(one.time))) for one in segments if len(one.time) > 1)
     found = []
     for clock in (0.0, 1.0) if len({one.age for one in segments}) > 1 else (0.0,):
@@ -125,7 +125,7 @@ def axes(segments: Sequence[Segment]) -> list[Axis]:
 def _spectrum(
     track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
-    """Returns frequencies and power over each segment's coordinate. Coherent: runs are added with their phases."""
+    """Returns frequencies and power over each segment's coordinate. If coherent, runs are added with their phases."""
     low = min(float(np.min(coordinate)) for _, coordinate in track)
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))

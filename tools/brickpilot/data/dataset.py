@@ -1,4 +1,4 @@
-"""A data set as the program works on it: runs in SI and in the paper's frame (x forward, y right, clockwise positive).
+"""A data set in the program's form: runs in SI and in the paper's frame (x forward, y right, clockwise positive).
 
 `reading` makes one of a folder of files, or of DataFrames.
 """
@@ -38,7 +38,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 
 _SHOWN_RUNS = 8  # in a printed data set
 
-_DROPOUT_SHARE = 0.25  # of the running median: a battery sags by less within one sample
+_DROPOUT_SHARE = 0.25  # of the running median: a battery's voltage drops by less within one sample
 _MEDIAN_SAMPLES = 5
 
 
@@ -49,15 +49,15 @@ class Run:
     Attributes:
         name: unique in its data set.
         file: the text file it came from.
-        role: None where the program chooses it.
-        time: s, strictly increasing, as logged: it need not begin at 0 nor be regular. Rows faster than the plant's
+        role: None: the program chooses it.
+        time: s, strictly increasing, as logged: it need not begin at 0 or be regular. Rows faster than the plant's
             motor step are taken together (`decimation`).
         inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: the same with the damaged samples as measured.
         gap_s: s of pause between the end of the run before it in the file and this one's start.
         replicate_of: name of the run that this one repeats.
-        initial: state at the start, where the data set states it (`signals.INITIAL_UNITS`).
+        initial: state at the start, if the data set states it (`signals.INITIAL_UNITS`).
     """
 
     name: str
@@ -94,9 +94,9 @@ class Dataset(Result):
         notes: for the user: presets used, readings repaired, damage found. One sentence each.
         input_timing: what an input does between two rows. The runs of "linear" have rows of at most 5 ms where an input
             changes, with blank outputs; those of "unknown" are held.
-        guessed: bases that nobody stated and everything rests on, such as "960 counts a turn"; see `guesses`.
-        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; the runs here have them mended
-            where that is sure.
+        guessed: unstated numbers that everything depends on, such as "960 counts a turn"; see `guesses`.
+        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; in the runs here they are
+            mended if that is sure.
     """
 
     name: str
@@ -114,11 +114,11 @@ class Dataset(Result):
     wiring: tuple[Miswired, ...] = ()
     guessed: tuple[str, ...] = ()
 
-    _of_frames: ClassVar[Callable[..., Dataset]]  # `reading` puts it here: it knows this type, which does not know it
+    _of_frames: ClassVar[Callable[..., Dataset]]  # `reading` sets it, because that module imports this one
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """What nobody stated and every speed or voltage rests on; what depends on it is confirmed by no run."""
+        """Unstated numbers that every speed or voltage depends on; no run can confirm their consequences."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
@@ -162,11 +162,11 @@ class Dataset(Result):
             initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; what is
                 absent is taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
-            as_wired: nothing is mended that looks swapped, reversed or scaled wrongly.
+            as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
             floats: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
-            InputError: anything is wrong; the message names run, row (from 0, as in `iloc`) and column.
+            InputError: something is wrong; the message names run, row (from 0, as in `iloc`) and column.
 
         >>> import brickpilot as bp, pandas as pd
         >>> bench = pd.DataFrame({"time": [0.0, 0.1, 0.2], "u": [0.0, 6.0, 6.0], "rpm": [0.0, 12.0, 30.0]})
@@ -193,7 +193,7 @@ class Dataset(Result):
     def to_frame(self, run: str | None = None) -> pandas.DataFrame:
         """Returns a row for each run: its role, samples, duration (s), median step (s) and faults.
 
-        With the name of a run it returns that one, a row for each sample, in SI and the data set's own frame.
+        With the name of a run it returns that run, a row for each sample, in SI and the data set's own frame.
         """
         import pandas
 
@@ -229,7 +229,7 @@ class Dataset(Result):
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:
-    """Returns the runs of several data sets of one robot as one data set; all but the signals is the first one's.
+    """Returns the runs of several data sets of one robot as one data set, which is else like the first one.
 
     Raises:
         InputError: one is of another vehicle or states another nominal value.

@@ -1,6 +1,6 @@
-"""Decimation: takes rows together that follow each other faster than the plant moves its motors.
+"""Decimation: merges rows that follow each other faster than the plant's motor step.
 
-A simulation holds an input for a motor step at least, so such rows cost time and memory and tell the model nothing.
+A simulation holds an input for at least a motor step, so such rows only cost time and memory.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Vector = NDArray[np.float64]
 
 
 def decimated(run: Run) -> Run:
-    """Returns the run with several rows in one; the run itself unless two rows fit into a motor step.
+    """Returns the run with several rows merged into one; the run itself unless two rows fit into a motor step.
 
-    An input becomes the mean of its rows, and floats where it floats in one of them. An output stays a reading of one
-    instant: the first that is there, so a channel that is logged less often than the others loses none.
+    An input becomes the mean of its rows, and floats if it floats in one of them. An output stays a reading of one
+    instant: the first that is there, so a channel that is logged less often loses none.
     """
     step = float(np.median(np.diff(run.time)))
     together = int(MOTOR_STEP_S / step * (1 + 1e-6))

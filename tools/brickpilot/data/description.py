@@ -6,8 +6,8 @@
     csv     = { delimiter = ",", header = true }    # or semicolon, tab, blank, bar; header = false: columns from 0
     gap_s   = 0                  # pause between runs in s: charge and heat carry over from one to the next
     input_timing = "held"        # what an input does between two rows: "held" (the default), "linear" or "unknown"
-    as_wired = false             # true: nothing is mended that looks swapped, reversed or scaled wrongly
-    guessed = []                 # what an importer guessed and nobody stated, in words
+    as_wired = false             # true: what looks swapped, reversed or scaled wrongly is not mended
+    guessed = []                 # guesses of an importer that nobody stated, in words
 
     [signals]                    # column and unit; optional, in unit: scale and offset (value = scale * cell
     time          = { column = "t_s", unit = "s" }                       # + offset), noise_sd, resolution, range
@@ -32,15 +32,15 @@
   program all values are in SI and FRD.
 - A blank voltage means that the motor floats. 0 V means that it is shorted. A blank output is a missing sample.
   Sampling may be irregular.
-- Duty is a share of the battery voltage, -1 to 1. The program takes the measured battery voltage; without one,
-  `battery_voltage` of `[nominal]`; without that, 9 V, and says so. `duty_mean` is (left + right) / 2, and `duty_diff`
-  is left - right.
+- Duty is a share of the battery voltage, -1 to 1. The program uses the measured battery voltage, or else
+  `battery_voltage` of `[nominal]`, or else 9 V, with a note. `duty_mean` is (left + right) / 2, and `duty_diff` is left
+  - right.
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
   acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
-  which of the two the data show. The wrong one moves the inductance and the resistance of the fit.
-- Rows closer than the plant's motor step of 0.3 ms are taken together, which is said: inputs as means, outputs as
-  readings. A channel that is logged faster than it is sampled holds each sample for some rows; each sample is used
-  once, in the first row that has it. Inputs stay as logged, and so do the files.
+  which of the two the data show. The wrong choice changes the fitted inductance and resistance.
+- Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
+  channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
+  first row that has it. Inputs stay as logged, and so do the files.
 - A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
 """
 
@@ -92,7 +92,7 @@ class Signal:
     noise_sd: float | None
     resolution: float | None
     range: tuple[float, float] | None
-    sampling: Sampling | None = None  # of an accelerometer: what a sample is
+    sampling: Sampling | None = None  # of an accelerometer: the meaning of a sample
 
     @property
     def to_si(self) -> float:
@@ -180,7 +180,7 @@ def described(toml: TomlFile) -> Description:
 
 
 def _guessed(toml: TomlFile, given: object) -> list[str]:
-    """Returns what an importer guessed and nobody stated, such as "960 counts a turn"."""
+    """Returns the guesses of an importer that nobody stated, such as "960 counts a turn"."""
     if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
         toml.refuse(("guessed",), "is no list of texts")
     return list(map(str, given))

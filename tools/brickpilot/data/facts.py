@@ -1,4 +1,4 @@
-"""What a log shows before any model: timing, manoeuvre and repeats of runs; size, noise and blanks of signals."""
+"""The facts of a log without a model: timing, manoeuvre and repeats of runs; size, noise and blanks of signals."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 _LATE = 0.99  # quantile of the steps between samples that is reported beside their median
 _EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
-_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # over which the sides are compared, and how many of them are needed
+_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # the window over which the sides are compared, and how many are needed
 _FAST = 0.5  # of the fastest window: a slower one is a start or a stop
 _REST = 10  # samples without a command, at a run's start: their mean is the gyro's bias
-_BLOCKS = 20  # of windows that follow each other, from which the error of a ratio is taken
+_BLOCKS = 20  # of consecutive windows, which give the error of a ratio
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class RunFacts:
 
     Attributes:
         role: "fit" or "held_out", as discovery takes it.
-        manoeuvre: what is driven, such as "straight step forward".
+        manoeuvre: the kind of drive, such as "straight step forward".
         step_s: median time between samples, s; `late_s`: 99 of 100 are no longer.
     """
 
@@ -82,14 +82,14 @@ class WeakerSide:
 
 
 def drives_straight_alone(dataset: Dataset) -> bool:
-    """Returns whether all runs of a robot that are driven at all are driven straight."""
+    """Returns whether all driven runs of a robot are driven straight."""
     kinds = {kind_of(np.nan_to_num(motor_inputs(run, dataset))) for run in dataset.runs}
     return dataset.vehicle == "diff_drive" and kinds - {"rest"} == {"straight"}
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A size that the channels show without a model, with the ends of its 95 % interval."""
+    """A value that the channels show without a model, with the ends of its 95 % interval."""
 
     size: float
     low: float
@@ -97,9 +97,9 @@ class Measure:
 
 
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
-    """Returns which wheel turns less under equal commands; None: neither, or the runs do not tell.
+    """Returns which wheel turns less under equal commands; None: neither, or the runs do not show it.
 
-    It compares how far both wheels turn in windows of 0.25 s in which both get the same voltage. No model is asked.
+    It compares the turns of both wheels in windows of 0.25 s in which both get the same voltage. No model is asked.
     """
     windows = _equal_windows(dataset)
     if len(windows) < _LEAST_WINDOWS:
@@ -114,10 +114,11 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
-    """Returns how much the path bends under equal commands, rad/m, to the right above 0; None: the runs do not tell.
+    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: the runs do not show
+    it.
 
     Args:
-        wheel_radius: m, for the way of wheels whose angles are measured.
+        wheel_radius: m, for the distance of wheels whose angles are measured.
     """
     windows = _equal_windows(dataset)
     windows = windows[np.isfinite(windows[:, 2])]
@@ -130,9 +131,9 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns how far the yaw turns over how far the wheels say with the stated lengths; None: the runs do not tell.
+    """Returns the measured yaw over the yaw from wheels and stated lengths; None: the runs do not show it.
 
-    A constant bias of the gyro is no part of it. None as well where slip or the gyro's range bends the ratio.
+    A constant bias of the gyro does not count. None also means that slip or the gyro's range disturbs the ratio.
     """
     stated = {name: known.value for name, known in dataset.nominal.items()}
     if dataset.vehicle != "diff_drive":
@@ -161,7 +162,7 @@ def _reach(each: Array) -> float:
 
 def _equal_windows(dataset: Dataset) -> Array:
     """Returns (w, 3): how far the left and the right wheel turn, rad or m, and the yaw, rad, in the fast windows of all
-    runs in which both motors get one voltage; none where the wheels turn against each other."""
+    runs in which both motors get one voltage; without windows in which the wheels turn against each other."""
     found = [window for run in dataset.runs for window in _windows(run, dataset)]
     windows: Array = np.array(found, dtype=np.float64).reshape(-1, 3)
     sizes = np.abs(windows[:, :2]).min(axis=1, initial=np.inf)
@@ -204,7 +205,7 @@ def _yaw(run: Run, volts: Array) -> Array:
 
 
 def of_run(run: Run, role: str, inputs: Array) -> RunFacts:
-    """Returns the facts of a run. `inputs`: what its motors got, (n, 1) or (n, 2) V."""
+    """Returns the facts of a run. `inputs`: the voltages of its motors, (n, 1) or (n, 2) V."""
     time = run.time[_logged(run)]
     steps = np.diff(time)
     late = float(np.quantile(steps, _LATE))
@@ -234,7 +235,7 @@ def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
 
 
 def _logged(run: Run) -> NDArray[np.bool_]:
-    """Returns which rows the log had: those with an output, and the ends; others were added where an input changes."""
+    """Returns the rows that the log had: those with an output, and the ends; the others were added later."""
     rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
     rows[[0, -1]] = True
     return rows

@@ -1,7 +1,7 @@
 """A feedback loop around the data: whether the commands follow the outputs.
 
-A simulation from the commands alone is biased there: noise of the outputs comes back in the commands, so that a model
-can explain it, by a delay that no machine has. Sources: Granger (1969), Econometrica 37; Gustavsson, Ljung and
+Such a loop biases a simulation from the commands alone: the commands hold noise of the outputs, so that a model can
+explain this noise, by a delay that no machine has. Sources: Granger (1969), Econometrica 37; Gustavsson, Ljung and
 Soederstroem (1977), Automatica 13.
 """
 
@@ -41,11 +41,12 @@ class Loop:
     """A feedback loop around the data.
 
     Attributes:
-        command: the input that follows.
+        command: the input that follows an output.
         output: the signal that it follows most surely.
-        gain: 0..1, share of what the command's own past leaves open that the output tells, in blocks not fitted.
-        lag: s from the reading that tells most to the command; 0: the command is of the same row.
-        chance: probability of so much without a loop, times the number of questions.
+        gain: 0..1, of the command's change that its own past does not explain, the share that the output explains, in
+            blocks not fitted.
+        lag: s from the most telling reading to the command; 0: the command is in the same row.
+        chance: probability of such a gain without a loop, times the number of questions.
     """
 
     command: str
@@ -65,22 +66,21 @@ class Loop:
 
 
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
-    """Returns the feedback loop that the data show most surely; None: they show none, or cannot.
+    """Returns the feedback loop that the data show most surely; None: they show no loop, or cannot show one.
 
-    A planned command may be told by its own past, but never better by what the sensors showed meanwhile (Granger's
-    causality from outputs to commands). So only the rows count in which a command changes, and how much it does is
-    predicted from all commands before: the last ones, and means over 2 to 256 rows, which hold what a machine keeps of
-    them. Then from the readings before, too, and last from the reading of the same row. As a command held from its row
-    on cannot move that reading, but one that was logged late can, this counts only where it opposes the motion, as
-    feedback does; the signs have to be right. Each block of a run is predicted by a fit to the others; what is gained
-    is the logarithm of the ratio of the squared errors, judged by its scatter over blocks. Runs too short for their own
-    fit are pooled.
+    The past of a planned command may predict it, but readings of the sensors do not improve this prediction (Granger's
+    causality from outputs to commands). Only the rows count in which a command changes. Its change is predicted from
+    all commands before: the last ones, and means over 2 to 256 rows, which hold what a machine remembers. A second
+    prediction also uses the readings before, a third the reading of the same row. A command held from its row on cannot
+    move that reading, but one that was logged late can: so the third counts only if the command opposes the motion, as
+    feedback does, with the right signs. Each block of a run is predicted by a fit to the others. The gain is the log of
+    the ratio of the squared errors, judged by its scatter over blocks. Runs too short for their own fit are pooled.
 
     Outputs are those that measure motion or sum it up: accelerations, forces and currents answer in the command's row.
-    A voltage with a measured battery has to follow as volts and as duty, as either may be what was planned, and the
-    battery sags with the motion. Not seen: a loop whose readings carry no noise or disturbance, as there the past of
-    the commands tells all; and one with too few changes, such as a relay. Seen wrongly at
-    times: a loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
+    A voltage with a measured battery has to follow both as volts and as duty, because either may have been planned, and
+    the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance,
+    because there the past of the commands predicts all, and one with too few changes, such as a relay. At times it
+    finds a loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
 
     Args:
         level: the chance of being wrong up to which it counts as shown.
@@ -113,7 +113,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns what `output` tells of the first of `commands`, and the chance for both questions."""
+    """Returns how well `output` predicts the first of `commands`, and the chance for both questions."""
     runs = [run for run in runs if output in run.outputs]
     own = [_told([run], commands, output) for run in runs]
     pooled = _told([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
@@ -131,14 +131,14 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 
 def _chance(gained: Array) -> float:
-    """Returns the probability of so large a mean of `gained` (blocks,) if its expectation were 0."""
+    """Returns the probability that the mean of `gained` (blocks,) is so large although its expectation is 0."""
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
 
 def _sign(command: str, output: str) -> float:
-    """Returns the direction in which a command drives an output, by the signals' definition; 0: that does not tell.
+    """Returns the direction in which a command drives an output, by the signals' definition; 0: it is not defined.
 
-    It is not read off the data: where a loop holds one speed, they show the feedback's sign and not the motor's.
+    The data cannot give it: if a loop holds one speed, they show the feedback's sign and not the motor's.
     """
     if output.startswith("yaw"):
         return {"left": 1.0, "right": -1.0, "diff": 1.0}.get(command.rpartition("_")[2], 0.0)
@@ -150,13 +150,13 @@ def _sign(command: str, output: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What the readings of some runs tell of a command.
+    """How well the readings of some runs predict a command.
 
     Attributes:
         past: (blocks,) log of the squared error from commands alone over that with the readings before.
         now: the same, and with the reading of the same row.
         feedback: the coefficient of that; below 0: the command opposes the reading.
-        lag: s, the age of the reading that tells most.
+        lag: s, the age of the most telling reading.
     """
 
     past: Array
@@ -166,7 +166,7 @@ class _Told:
 
 
 def _told(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Told | None:
-    """Returns what runs of one controller tell; None: their decisions are too few, or a plan tells them exactly."""
+    """Returns the result for runs of one controller; None: too few decisions, or a plan predicts them exactly."""
     best, ages, least = None, np.empty(0), math.inf
     for number in _PAST:
         found = [one for run in runs if (one := _decisions(run, commands, output, number)) is not None]
@@ -205,8 +205,8 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
     """Returns the decisions of runs in one table, and the mean log of the sd; None: a plan tells them exactly.
 
-    Each run's rows stand over the sd of what the plan leaves there, those far from it count less, and each column but
-    the first stands over its rms.
+    Each run's rows are divided by the sd of what the plan leaves there, rows far from the plan count less, and each
+    column except the first is divided by its rms.
     """
     table = np.concatenate(tables)
     change, planned = table[:, 0], table[:, 1:-_SHOWN]
@@ -225,8 +225,8 @@ def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
 def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tuple[Array, Array] | None:
     """Returns a run's rows in which the first command changes, with so many of them before each; None: there are none.
 
-    The table (n, columns) is in units of the rms change. Its columns are the change; what the commands before tell of
-    it; what the output showed before; and its change up to the same row. Behind it the ages, s, of what it showed.
+    The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
+    before, and the output's change up to the same row. The second result are the ages of the output's readings, s.
     """
     inputs, reading = np.column_stack([run.inputs[name] for name in commands]), run.outputs[output]
     with np.errstate(invalid="ignore"):

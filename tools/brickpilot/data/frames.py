@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     import pandas
 
 Column = str | tuple[str, str] | Mapping[str, Any]
-"""What a signal's column is: its name, in SI; (name, unit); or all that a data set's file may state of a signal."""
+"""A signal's column: its name, in SI; (name, unit); or all that a data set's file may state of a signal."""
 
-_ARGUMENTS = {"role": "roles"}  # of `Dataset.from_frames`, where they have other names than the keys
+_ARGUMENTS = {"role": "roles"}  # of `Dataset.from_frames`, if their names differ from the keys
 
 
 class StatedTables(TomlFile):
-    """What `Dataset.from_frames` was given, as the tables that a dataset.toml would hold. Errors name no file."""
+    """The arguments of `Dataset.from_frames`, as the tables that a dataset.toml would hold. Errors name no file."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.path = Path("from_frames")
@@ -35,7 +35,7 @@ class StatedTables(TomlFile):
         self._check_integers((), self.data)
 
     def file_beside(self, key: Key, value: object) -> Path:
-        """Returns what errors call a run: it has no file."""
+        """Returns the name of a run in errors, because it has no file."""
         return Path(f"run {value}")
 
 
@@ -63,7 +63,7 @@ def tables(
         stated: the other keys of the file; None: not stated.
 
     Raises:
-        InputError: no frame, something that is no DataFrame, or a statement on an unknown run.
+        InputError: there is no frame, one is no DataFrame, or an argument names an unknown run.
     """
     import pandas
 
@@ -99,7 +99,7 @@ def read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | in
     """Returns the wanted columns of a frame; the index counts as a column if it has the column's name.
 
     Args:
-        run: what errors call it.
+        run: its name in errors.
         wanted: signal -> column.
 
     Raises:
@@ -124,7 +124,7 @@ def read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | in
 
 
 def _signal(name: str, column: Column) -> dict[str, Any]:
-    """Returns the table of a signal; a signal that is not known gets its error later, with all others."""
+    """Returns the table of a signal; an unknown signal gets its error later, with all others."""
     unit = SIGNALS[name].unit if name in SIGNALS else "1"
     if isinstance(column, Mapping):
         return {"unit": unit, **column}

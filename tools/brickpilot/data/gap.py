@@ -1,4 +1,4 @@
-"""The gap: how far measured and simulated signals of free runs are apart, in sd of noise; how much, and where."""
+"""The gap: the distance of measured and simulated signals of free runs, in sd of noise, and its place."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # a difference is an rms over windows of this length
 _BRIDGED_S = 0.3  # a shorter break in a span is part of it
-_CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers less is not reported
-_CONDITION_LIFT = 1.3  # the condition covers so many times more of the gap than of the time
+_CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers a smaller part is not reported
+_CONDITION_LIFT = 1.3  # the condition's share of the gap is so many times its share of the time
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Place:
     """Where the gap was: a time span of one signal of one run.
 
     Attributes:
-        share_of_gap: its share of all squared change, in noise sd, that what was added to the model makes, 0..1.
+        share_of_gap: its share of the squared change, in noise sd, that the additions to the model make in all, 0..1.
         when: what the vehicle was doing.
     """
 
@@ -101,7 +101,7 @@ def places(
         changed, plain: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
         motion: run -> outputs of the augmented model: they say what the vehicle was doing.
         noise_sd: signal -> sd of the noise of a sample.
-        above: a difference whose rms over `_SHOWN_S` is larger, in noise sd, is shown.
+        above: differences with a larger rms over `_SHOWN_S`, in noise sd, are shown.
     """
     found: list[tuple[Run, str, slice, Array]] = []
     for run in dataset.runs:

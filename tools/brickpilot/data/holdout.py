@@ -1,6 +1,6 @@
-"""Chooses fit runs and held-out runs where the data set does not state them, and some fit runs where there are many.
+"""Chooses fit runs and held-out runs if the data set does not state them, and some of the fit runs if there are many.
 
-It also tells which runs repeat each other.
+It also finds runs that repeat each other.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _STEP_SPREAD = 0.2
 # With the smaller of sum and difference of two motors' inputs below this share of the larger, a run is straight or a
 # turn on the spot.
 _PURE = 0.25
-# Two runs whose inputs differ by a larger factor do not stand for each other.
+# Two runs whose inputs differ by a larger factor cannot replace each other.
 _AS_LARGE = 1.5
-# With a smaller share of its input in one direction, a run goes in the other.
+# A run with a smaller share of its input in one direction belongs to the other direction.
 _ONE_WAY = 0.1
-# A stretch of fewer s is not held out: it says little about a free run.
+# A shorter stretch (s) is not held out, because it says little about a free run.
 _SHORTEST_S = 0.3
 # Shares of the input's energy: what the fit keeps of all, and of each direction; the least that is held out.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
@@ -67,7 +67,7 @@ class Roles:
         return [name for name, role in self.by_run.items() if role == "held_out" or name in self.stretches]
 
     def samples(self, run: Run, role: str, name: str = "") -> Run:
-        """Returns a run with the outputs of its samples that have not this role blanked.
+        """Returns a run in which the outputs of all samples with another role are blank.
 
         `name`: of the run that it was cut from, if any.
         """
@@ -82,11 +82,11 @@ class Roles:
 def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = False) -> Roles:
     """Returns the role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
 
-    If the file holds a run out, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre and
-    direction: straight, turn on the spot or curve, each as step or ramp, forward or backward, right or left. A model
-    that never saw a direction cannot tell friction from an asymmetry, so each group keeps runs in the fit, among them
-    the one of the largest input; see `_held_out_of`. Replicates are held out. The same data set always gives the same
-    roles.
+    If the file names held-out runs, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre
+    and direction: straight, turn on the spot or curve, each as step or ramp, forward or backward, right or left.
+    Without data in a direction a model cannot tell friction from an asymmetry. So each group keeps runs in the fit,
+    among them the one with the largest input; see `_held_out_of`. Replicates are held out. The same data set always
+    gives the same roles.
 
     Args:
         stretches: the last part of a run whose manoeuvre occurs once may be held out; see `_last_drive`.
@@ -116,7 +116,7 @@ def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = F
 
 
 def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
-    """Returns one sentence on what the program held out."""
+    """Returns one sentence on the runs that the program held out."""
     if not out and not stretches:
         return "No run is held out: the data set names none, and each manoeuvre occurs once in a direction."
     parts = []
@@ -138,9 +138,9 @@ def _groups(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[dict[str, 
 
 
 def _held_out_of(group: Mapping[str, float]) -> list[str]:
-    """Returns which runs of one manoeuvre are held out: of three, the middle one; of more, every third, never the last.
+    """Returns the held-out runs of one manoeuvre: of three, the middle one; of more, every third, but not the last.
 
-    Of two, the smaller one, if it is not much smaller: else it is the only one that shows how friction holds.
+    Of two it is the smaller one, unless it is much smaller: then it alone shows how friction holds.
     """
     names, sizes = list(group), list(group.values())
     if len(names) == 2:
@@ -189,10 +189,10 @@ def _direction(values: Array, positive: str, negative: str) -> str:
 
 
 def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
-    """Returns from when to when the samples of a run are held out, s on its clock; None: none of them.
+    """Returns the start and end of the held-out samples of a run, s on its clock; None: none of them.
 
-    The fit keeps three quarters of the input's energy, and half of that in each direction. So it sees every part of the
-    manoeuvre, and nearly the largest input of a ramp. It also keeps what follows the drive: how the vehicle stops.
+    The fit keeps three quarters of the input's energy, and half of that in each direction. So the fit has every part of
+    the manoeuvre, and nearly the largest input of a ramp. It also keeps the stop after the drive.
     """
     ahead, apart = driven.sum(axis=1), driven[:, 0] - driven[:, -1]
     steps = np.gradient(run.time)
@@ -210,15 +210,16 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""Samples of fit runs above which some are chosen, and how many. The model's own error, and not the number of samples,
-then limits how well a value is known. A dozen runs of 10 s at 500 Hz have 60,000, and all of them are fitted."""
+"""Samples of fit runs above which some are chosen, and how many. With so many samples the model's own error limits how
+well a value is known, not their number. A dozen runs of 10 s at 500 Hz have 60,000, and all of them are fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
-    """Returns a data set of some fit runs and a note; all of it and None where these have no more than `MANY` samples.
+    """Returns a data set of some fit runs and a note, or the whole data set and None if it has at most `MANY` fit
+    samples.
 
-    Runs are taken in turn from each manoeuvre and direction, that of the largest input first, the others evenly over
-    the file's order. Pauses grow by what is left out, so that a run is as old as before.
+    Runs are taken in turn from each manoeuvre and direction, first the one with the largest input, then the others
+    evenly over the file's order. Pauses grow by the runs left out, so that each run has the same age as before.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
@@ -244,7 +245,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
 
 
 def _in_turn(group: list[tuple[float, Run]]) -> list[Run]:
-    """Returns the runs of one manoeuvre: that of the largest input, then halves, quarters and so on of the others."""
+    """Returns the runs of one manoeuvre: first the largest input, then halves, quarters and so on of the others."""
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
     bits = max(len(others) - 1, 1).bit_length()
@@ -253,7 +254,7 @@ def _in_turn(group: list[tuple[float, Run]]) -> list[Run]:
 
 
 def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
-    """Returns the chosen runs, stated as fit runs, each as old as before."""
+    """Returns the chosen runs, stated as fit runs, each with the same age as before."""
     kept, left_out = [], 0.0
     for run in dataset.runs:
         if run.name in chosen:

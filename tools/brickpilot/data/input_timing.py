@@ -1,7 +1,7 @@
-"""What an input does between two rows of a log, and when: it holds, or it goes in a straight line to the next row.
+"""The inputs between two rows of a log, and their delay: an input holds, or goes in a straight line to the next row.
 
-A simulation holds an input from row to row. So a straight line becomes rows of its own, short ones with the mean of
-each; what is measured stays blank there.
+A simulation holds an input from row to row. So a straight line becomes short rows of its own, each with its mean;
+measured signals stay blank there.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ Kind = Literal["delay", "lag"]
 
 INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 
-UNKNOWN_TIMING = "what the inputs do between two rows is not known: they are taken as held"
+UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
 """The note of a data set that states "unknown"."""
 
 _STEP_S = 0.005  # a linear input is held for so long at most
 _MOST_STEPS = 200  # between two rows
-_PARTS = 8  # of a row, between two of which the inputs are followed
+_PARTS = 8  # of a row: the step in which the inputs are followed
 
 
 def with_linear_inputs(run: Run) -> Run:
@@ -98,9 +98,9 @@ def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
 
 
 def later(time: Vector, driven: Vector, delay_s: float) -> Vector:
-    """Returns (n, columns): inputs that act `delay_s` s later, or earlier below 0, at the same samples.
+    """Returns (n, columns): inputs that act `delay_s` s later, or earlier if it is negative, at the same samples.
 
-    Before the first input arrives, 0 V act; the last one holds.
+    Before the first input arrives, 0 V acts; the last input holds.
     """
     beyond = max(float(time[-1]), float(time[-1]) + delay_s) + 1.0
     arrives = np.append(time + delay_s, beyond)
@@ -122,7 +122,7 @@ def scaled(_: Vector, driven: Vector, gain: float) -> Vector:
 
 @dataclass(frozen=True)
 class Behind:
-    """What the inputs are behind: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
+    """What delays the inputs: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
 
     kind: Kind = "delay"
     seconds: float = 0.0
@@ -132,7 +132,7 @@ class Behind:
 
 
 def refined(dataset: Dataset) -> Dataset:
-    """Returns the data set with eight rows for each, between which inputs of either kind can act late."""
+    """Returns the data set with eight rows for each row, so that inputs of both kinds can act late."""
     runs = []
     for run in dataset.runs:
         rows = np.arange(len(run.time))
@@ -148,7 +148,7 @@ def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dic
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))
     values = np.column_stack(list(inputs.values()))
     delay = behind.seconds if behind.kind == "delay" else 0.0
-    before = at[0] - delay - 1.0  # what acts before the first row
+    before = at[0] - delay - 1.0  # the input before the first row
     means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
     if behind.kind == "lag":
         means = _lagged(time, means, behind.seconds)

@@ -1,4 +1,4 @@
-"""What a log shows of motion before any model: rates, the angles of wheels, starts of runs, and windows of them."""
+"""The motion that a log shows without a model: rates, the angles of wheels, starts of runs, and windows of them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _REST_S = 0.5  # at the start of a run at rest: the longest time that is average
 MOVING_SAMPLES = 12
 """So many samples are fitted by a line where a run starts in motion."""
 _LEAST_KNOWN = 4  # of these, for a line
-_HELD_S = 0.1  # within which the first sample of a held channel is looked for
-_TREND_SD = 3.0  # a slope beyond so many of its sd is motion
-_SPIKE = 3.0  # times what 90 % of the run's samples span: a sample this far off the others is damaged
+_HELD_S = 0.1  # in which the first sample of a held channel is searched
+_TREND_SD = 3.0  # a slope of more than so many of its sd is motion
+_SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample at this distance from the others is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
     """Returns a motor's data set with velocities beside positions; positions only keep their first sample.
 
-    A position sums every error up while the run lasts. So the velocity is compared, and the position says where the
-    run starts.
+    A position sums up every error of a run. So the velocity is compared, and the position only gives the start of the
+    run.
     """
     runs = []
     for run in dataset.runs:
@@ -47,8 +47,8 @@ def with_rates(dataset: Dataset) -> Dataset:
 def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Dataset:
     """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
 
-    A run starts from the state that its first sample measured. The noise of one sample would go on as a motion that
-    never was. Before the first command the samples are averaged; in motion a line is fitted to a few.
+    A run starts from the state that its first sample measured. The noise of one sample would be simulated as a motion
+    that did not happen. Before the first command the samples are averaged; in motion a line is fitted to a few.
 
     Args:
         inputs: run -> (n, 1) or (n, 2) V.
@@ -97,7 +97,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns those of the first samples that lie no impossible way off the others."""
+    """Returns the first samples without those at an impossible distance from the others."""
     low, high = np.nanpercentile(values, [5, 95])
     if len(known) < _LEAST_KNOWN or high <= low:
         return known
@@ -109,7 +109,7 @@ MOTOR_RATE_OF = {summed: RATE_OF[summed] for summed in ("position", "angle")}
 """Position or angle of a motor -> its rate."""
 
 _SAMPLES = 21  # in the filter's window
-_FINEST = 20  # interpolated samples for each measured one, at most, where measured samples crowd
+_FINEST = 20  # interpolated samples for each measured one, at most, if the spacing is very uneven
 
 
 def measured_rates(run: Run) -> dict[str, Array]:
@@ -142,21 +142,21 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     return np.where(known, np.interp(time, even, rate), np.nan)
 
 
-_STILL = 0.01  # of the mean rate in the fastest run: a wheel that turns less and is not driven rests
+_STILL = 0.01  # of the mean rate in the fastest run: an undriven wheel that is slower rests
 HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
 
 
 def run_of(name: str) -> str:
-    """Returns the name of the run that a window was cut from; the name of a whole run stays."""
+    """Returns the name of the run that a window was cut from; a whole run keeps its name."""
     return name.rsplit(_WINDOW, 1)[0]
 
 
 def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
     """Returns the data set cut into windows, each a run from the measured state, wheel angles included.
 
-    An effect that repeats with the angle of a wheel gets out of phase with a simulation in which the wheel turned a
-    little less. Over a short window it stays in phase.
+    An effect that repeats with the angle of a wheel loses its phase if the simulated wheel turns a little less. In a
+    short window it stays in phase.
 
     Returns None where neither angles nor speeds of the wheels were measured.
     """
@@ -170,7 +170,7 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     still = _STILL * length_s * max(rates, default=0.0)
     for run in dataset.runs:
         angles = turned[run.name]
-        if not run.outputs:  # nothing of it is compared; heat and charge carry over
+        if not run.outputs:  # it is not compared, but heat and charge carry over
             windows.append(run)
             continue
         if angles is None:
@@ -181,9 +181,9 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
 
 
 def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: float) -> Iterator[Run]:
-    """Yields the windows of a run. Of an angle only the first sample stays: it says where the window starts.
+    """Yields the windows of a run. Only the first sample of an angle stays, as the start of the window.
 
-    A window in which nothing was measured, or in which the vehicle rests, is left out.
+    A window without a measurement, or with a vehicle at rest, is left out.
     """
     count = max(1, round(float(run.time[-1] - run.time[0]) / length_s))
     edges = np.searchsorted(run.time, np.linspace(run.time[0], run.time[-1], count + 1))
@@ -210,7 +210,7 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: floa
 
 
 def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: float) -> bool:
-    """Whether nothing was measured in a window, or nothing was driven in it and no wheel moved by more than `still`."""
+    """Whether a window has no measurement, or no drive and no wheel that moved by more than `still`."""
     if not any(np.isfinite(values[rows]).any() for values in run.outputs.values()):
         return True
     driven = any(np.nan_to_num(values[rows]).any() for values in run.inputs.values())
@@ -222,7 +222,7 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
-    holes = np.diff(time[np.concatenate([[0], known])])  # what follows the last sample stays as it was
+    holes = np.diff(time[np.concatenate([[0], known])])  # values after the last sample stay as they were
     return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= HOLE_S else None
 
 

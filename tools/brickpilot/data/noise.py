@@ -1,9 +1,9 @@
-"""The noise of a measured signal: its size, its colour, and what is left of it in a mean over several samples.
+"""The noise of a measured signal: its size, its colour, and its sd in a mean over several samples.
 
-Noise is told from motion by third differences of the samples at distances of one sample to several. A smooth motion
-adds to their variance with the sixth power of the distance. White noise adds the same at every distance; noise that was
-differentiated adds more at the shortest one, and noise that was filtered adds less there. The colour decides what
-a mean is worth: filtered noise falls more slowly than white noise in it, and differentiated noise faster.
+Third differences of the samples, at distances of one sample to several, distinguish noise from motion. A smooth motion
+adds to their variance with the sixth power of the distance. White noise adds the same at every distance; differentiated
+noise adds more at the shortest one, and filtered noise less. The noise of a mean depends on the colour: filtered noise
+falls more slowly than white noise, and differentiated noise faster.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
 _LEAST_SAMPLES = 40  # of a run, for a colour; noise of fewer counts as white
 _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
-_MOST = 0.85  # of these: noise that is smoother looks like motion, and its size would be a guess
+_MOST = 0.85  # of these: smoother noise looks like motion, and its size would be a guess
 _CLEARLY = 0.5  # misfit of a colour over that of white noise, for it to be believed
-_MULTIPLE = 0.05  # of a step: how far a distance may be from a whole number of steps, as texts are rounded
+_MULTIPLE = 0.05  # of a step: how far a distance may be from a whole number of steps, because texts are rounded
 _DISTANCES_TRIED = 300  # between values, the smallest ones
 _SKIPPED = 60  # values that a counter skips between two samples, at most
-_TEXT = 30.0  # times the step: a converter shows its noise in fewer steps
+_TEXT = 30.0  # times the step: the noise of a converter has fewer steps
 _ALL = 0.98  # share of the values that are whole numbers of steps
 _LEAST_PIECE = 8  # samples of a piece, and missing samples that end one
 _COARSE = 0.5  # share of samples that repeat: the steps, and not the noise, set the error
@@ -84,16 +84,17 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def _without_long_holes(part: Array) -> list[Array]:
-    """Returns the known samples, cut where many are missing: what moved on in the meantime is no noise."""
+    """Returns the known samples, cut where many are missing, because motion in the gap is no noise."""
     known = np.flatnonzero(np.isfinite(part))
     return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 
 
 def step_of(parts: Sequence[Array]) -> float:
-    """Returns the step of a converter or a counter, SI: nearly all values are whole numbers of it apart; 0: none shows.
+    """Returns the step of a converter or a counter, SI: nearly all differences of values are multiples of it; 0: none
+    shows.
 
     A counter of a fast wheel skips most of its values, so the step may be a part of the smallest distance. A step far
-    below the noise is that of the text, if hardly a value occurs twice.
+    below the noise comes from the text's digits, if few values occur twice.
 
     Args:
         parts: the known samples of each run, which may count from another zero.
@@ -110,7 +111,7 @@ def step_of(parts: Sequence[Array]) -> float:
 
 
 def _common_divisor(apart: Array) -> float:
-    """Returns the largest number of which nearly all of `apart`, sorted, are whole multiples; 0: there is none."""
+    """Returns the largest number that divides nearly all of the sorted `apart`; 0: there is none."""
     for divisor in range(1, _SKIPPED + 1):
         step = float(apart[0]) / divisor
         reach = 2.0 * divisor
@@ -127,7 +128,7 @@ def _common_divisor(apart: Array) -> float:
 
 
 def _coloured(parts: Sequence[Array], white: float) -> Noise:
-    """Returns the noise whose colour explains the third differences best, white noise where none does clearly."""
+    """Returns the noise whose colour explains the third differences best, or white noise if none does so clearly."""
     variance = np.array([np.median([_third_difference(part, k) ** 2 for part in parts]) for k in _DISTANCES])
     if variance[0] <= 0:
         return Noise(white)

@@ -10,7 +10,7 @@ from brickpilot import catalogue
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# Effects that act here have lateral values along the axes of the frame, unless the name is that of a side.
+# Effects that act here have lateral values along the axes of the frame, unless the name contains a side.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
@@ -52,7 +52,7 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
     """Returns the effects that the experimenter's model already contains.
 
     Values are read in the file's frame and returned in the paper's. From FLU, lateral and yaw values of a sensor or the
-    body change their sign, as their signals do. Values named left or right keep it.
+    body change their sign, as their signals do. Values named left or right keep their sign.
 
     Raises:
         InputError: the message names the effect's line.
@@ -79,7 +79,7 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
 
 
 def turns_with_frame(effect: str, parameter: str) -> bool:
-    """Returns whether a parameter's sign depends on the frame; False for what is no parameter of an effect."""
+    """Returns whether a parameter's sign depends on the frame; False if it is no parameter of an effect."""
     for one in catalogue.effects_of((effect,)):
         odd = any(info.odd for info in one.parameters if info.name == parameter)
         return odd and one.acts_on in _IN_AXES and parameter not in _SIDES

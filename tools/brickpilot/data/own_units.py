@@ -21,7 +21,7 @@ class OwnUnit:
     Attributes:
         unit: as the data set names it.
         per_si: how many of it are one SI unit, above 0.
-        sign: -1 where the data set's frame turns the signal round, else 1.
+        sign: -1 if the data set's frame reverses the signal, else 1.
     """
 
     unit: str
@@ -43,7 +43,7 @@ def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
 
 
 def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
-    """Returns how the data set states a signal. Where it writes the SI unit in another way, that is what it is."""
+    """Returns how the data set states a signal. If it writes the SI unit in another way, this is kept."""
     stated = dataset.signals.get(signal)
     sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
     if stated is None or stated.to_si == 1.0:

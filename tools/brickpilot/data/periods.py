@@ -1,4 +1,4 @@
-"""Where data are periodic: the wheels' speeds as measured, and what a model leaves, in time.
+"""Finds periods in data: of the measured wheel speeds, and of a model's residual in time.
 
 An order is a number of periods per turn.
 """
@@ -24,7 +24,7 @@ Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
-_SLOW = 0.1  # quantile of the turn from sample to sample: the slow parts of the runs show the highest orders
+_SLOW = 0.1  # quantile of the turn from sample to sample: slow parts of runs show the highest orders
 _TURNS = 1e-3  # rad between samples: a wheel that turns less stands
 PADDING = 4
 """Points of a spectrum per resolution."""
@@ -33,7 +33,7 @@ _NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
 _PROMINENCE = 6.0  # times the median of its neighbourhood
 _PEAKS = 3  # of a spectrum, that are tried
 _LEAST_ROWS = 3  # a shorter part of a run has no acceleration
-_SAME = 0.003  # orders nearer than this are one: a search finds the way between them
+_SAME = 0.003  # orders nearer than this are one: a search refines it
 _LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
@@ -41,9 +41,9 @@ _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 def orders(dataset: Dataset) -> tuple[float, ...]:
     """Returns the orders at which the wheels' acceleration repeats with their angle, the strongest first.
 
-    There are three spectra: one phase for all runs of a wheel; the same in proportion to the current, as a motor's
-    ripple is; and a phase for each run. The current is taken as the voltage that the speed does not explain. No model
-    is needed, because an effect repeats more often per turn than the drive does.
+    There are three spectra: one phase for all runs of a wheel; the same in proportion to the current, like a motor's
+    ripple; and a phase for each run. The voltage that the speed does not explain stands for the current. No model is
+    needed, because an effect repeats more often per turn than the drive does.
     """
     alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
@@ -74,7 +74,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
 def _measured(run: Run) -> tuple[Run, slice]:
     """Returns the longest part of a run that was measured without a long hole, and its rows: some may be held out.
 
-    Behind a hole nobody knows the wheel's angle any more.
+    After a hole the wheel's angle is not known any more.
     """
     known = np.flatnonzero(np.any([np.isfinite(one) for one in run.outputs.values()], axis=0))
     is_hole = (np.diff(run.time[known]) > HOLE_S) & (np.diff(known) > 1)
@@ -88,8 +88,8 @@ def _measured(run: Run) -> tuple[Run, slice]:
 def resolved_order(dataset: Dataset) -> float | None:
     """Returns the highest order that the samples can show; None if no wheel was measured.
 
-    Two samples a period are needed. A ripple of a higher order than this is seen at a wrong one or not at all, and what
-    it does on average may pose as friction or as dead time.
+    Two samples a period are needed. A ripple of a higher order appears at a wrong order or not at all, and its mean may
+    look like friction or dead time.
     """
     steps = [np.abs(np.diff(angle)) for run in dataset.runs for angle in (wheel_angles(run) or {}).values()]
     turning = np.concatenate([step[step > _TURNS] for step in steps]) if steps else np.empty(0)
@@ -97,7 +97,7 @@ def resolved_order(dataset: Dataset) -> float | None:
 
 
 def _peaks(power: Array) -> list[float]:
-    """Returns the orders at which `power` (orders,) stands out of its neighbourhood, the strongest first."""
+    """Returns the orders at which `power` (orders,) is clearly above its neighbourhood, the strongest first."""
     order = np.asarray(np.arange(len(power)) * _RESOLUTION, dtype=np.float64)
 
     def stands_out(index: int) -> bool:
@@ -142,7 +142,7 @@ class Period:
         frequency: Hz.
         amplitude: of the sine, in the residual's unit, rms over the pieces.
         share: 0..1, of the residual's power.
-        chance: probability of so high a peak at any frequency without a period.
+        chance: probability of a peak this high at any frequency without a period.
     """
 
     frequency: float
@@ -152,7 +152,7 @@ class Period:
 
     @property
     def sentence(self) -> str:
-        """Returns the sentence for the user."""
+        """Returns a sentence for the user."""
         return (
             f"a disturbance of {self.frequency:.3g} Hz that no command makes holds {100 * self.share:.2g} % of what is "
             f"left, with an amplitude of {self.amplitude:.3g}"
@@ -162,11 +162,12 @@ class Period:
 def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
     """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
 
-    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each (Scargle 1982, Astrophys. J.
-    263), over its piece's variance, is added up at the multiples of one over a piece's duration, and compared with the
-    mean of eight frequencies on either side, without the nearest, which a peak between two fills too: where the
-    background is smooth their ratio is Fisher's F, with two degrees of freedom a piece and frequency. So a period must
-    repeat ten times in a piece. A lightly damped resonance looks the same.
+    Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each piece (Scargle 1982, Astrophys.
+    J. 263) is divided by the variance of the piece. It is summed over the pieces at multiples of one over their
+    duration. The sum is compared with the mean of eight frequencies on either side. The nearest one is left out,
+    because a peak between two frequencies fills both. On a smooth background the ratio is Fisher's F, with two degrees
+    of freedom a piece and frequency. So a period must repeat ten times in a piece. A lightly damped resonance looks the
+    same.
 
     Args:
         residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.

@@ -1,7 +1,7 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
-Values are converted to SI and to the paper's frame, channels that are surely wired wrongly are mended, and damaged
-samples are blanked.
+It converts values to SI and to the paper's frame, mends channels that are surely wired wrongly, and blanks damaged
+samples.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def read(folder: Path | str) -> Dataset:
         folder: its folder, or the dataset.toml in it.
 
     Raises:
-        InputError: anything is wrong; the message names file, line and field.
+        InputError: something is wrong; the message names file, line and field.
     """
     path = Path(folder)
     try:
@@ -74,10 +74,10 @@ def _of_frames(
     stated: Mapping[str, Any],
     floats: bool,
 ) -> Dataset:
-    """Returns a data set of DataFrames; `Dataset.from_frames` has the arguments, an example, and what it raises.
+    """Returns a data set of DataFrames; `Dataset.from_frames` has the arguments, an example, and the errors.
 
     Args:
-        of_runs: what is stated of single runs, as their tables in a data set's file: key -> run -> value.
+        of_runs: statements on single runs, as their tables in a data set's file: key -> run -> value.
         stated: the top of that file.
     """
     toml = tables(frames, signals, of_runs, stated)
@@ -100,7 +100,7 @@ Dataset._of_frames = staticmethod(_of_frames)
 def _checked(
     path: Path, description: Description, columns: Callable[[RunEntry, Mapping[str, str | int]], Columns]
 ) -> Dataset:
-    """Returns the data set whose runs' columns `columns` reads, audited."""
+    """Returns the audited data set; `columns` reads the columns of its runs."""
     measured = [_run(entry, description, columns) for entry in description.runs]
     wiring, guessed, wired = _wired(measured, description)
     kept = [f"kept as it is stated: {one.sentence}" for one in wiring if description.as_wired]
@@ -178,7 +178,7 @@ def channels_of(run: Run) -> Channels:
 
 
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns what is wired wrongly in all runs, the guesses after it, and the runs with what is sure of it mended."""
+    """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
     channels = [channels_of(run) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = miswired(channels, nominal)
@@ -213,7 +213,7 @@ def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...]
 
 
 def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
-    """Returns the runs with no more rows than the plant can use, and a note if rows were taken together."""
+    """Returns the runs with no more rows than the plant can use, and a note if rows were merged."""
     fewer = tuple(decimated(run) for run in runs)
     rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
     return fewer, (decimation_note(rows, kept),) if kept < rows else ()

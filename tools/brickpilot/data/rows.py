@@ -1,4 +1,4 @@
-"""Reads columns of numbers from text files, parsed by pyarrow: of a run here, of logs in `importers.text_table`.
+"""Reads columns of numbers from text files by pyarrow: those of a run here, those of logs in `importers.text_table`.
 
 In a run's file anything that is not a plain number is refused with its line.
 """
@@ -31,9 +31,9 @@ NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
 """The pattern of a plain number, for Python and pyarrow."""
 
 CUT = "\x1f"
-"""Stands between the cells of rows that are cut already (`joined`)."""
+"""The separator of rows that are already cut into cells (`joined`)."""
 
-_EMPTY = " "  # for an empty line, which pyarrow takes for a row of blank cells
+_EMPTY = " "  # for an empty line, which pyarrow reads as a row of blank cells
 _NO_CUT = str.maketrans(f"{CUT}\n", "  ")
 
 
@@ -113,7 +113,7 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the cells as text, and the rows of another width, which the table lacks: (row from 0, its cells).
+    """Returns the cells as text, and the rows of another width, which the table does not hold: (row from 0, its cells).
 
     Args:
         rows: a line each, without quotes. An empty line has no cells.
@@ -133,7 +133,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
     names = [str(column) for column in range(width)]
     table = read_csv(
         pyarrow.BufferReader(content),
-        # One block, as a row has to end in its block; one thread, as rows are counted only then.
+        # One block, because a row has to end in its block; one thread, because only then rows are counted.
         ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
         ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
         ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),
@@ -171,7 +171,7 @@ def read_text(path: Path, *, damaged: bool = False) -> str:
 
     Args:
         path: UTF-8 text.
-        damaged: whether bytes that are no text may be in it, and whether it may be UTF-16.
+        damaged: whether it may contain bytes that are no text, and whether it may be UTF-16.
 
     Raises:
         InputError: it cannot be read, is larger than `SIZE_LIMIT`, or is no text.

@@ -1,4 +1,4 @@
-"""How results of all rooms are shown: as a table in a notebook, and as JSON can hold them."""
+"""The display of all results: as a table in a notebook, and as values for JSON."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import brickpilot
 
 
 class Result:
-    """What a notebook shows as a table, and a terminal in some lines."""
+    """A result that a notebook shows as a table, and a terminal in some lines."""
 
     def __init_subclass__(cls) -> None:
-        """Puts the short text into each result, as a dataclass would else write one of all its fields."""
+        """Gives each result its short text, because a dataclass would write all its fields."""
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns some lines; the pages' room makes them, which the others must not know."""
+        """Returns some lines; `report` makes them, which the other rooms may not import."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
-        """Returns the table; the pages' room makes it, which the others must not know."""
+        """Returns the table; `report` makes it, which the other rooms may not import."""
         return brickpilot.to_html(self)
 
 

@@ -84,7 +84,7 @@ class TomlFile:
                     yield (*key, inner.strip("\"'")), number
 
     def _check_integers(self, key: Key, value: object) -> None:
-        """Refuses integers of more than 64 bits, which TOML forbids and Python reads but may not print."""
+        """Refuses integers of more than 64 bits: TOML forbids them, and Python reads them but may not print them."""
         if isinstance(value, int) and abs(value) >= 2**63:
             self.refuse(key, "is an integer of more than 64 bits")
         if isinstance(value, dict | list):
@@ -136,7 +136,7 @@ class TomlFile:
     def file_beside(self, key: Key, value: object) -> Path:
         """Returns the file that `value` names in this file's folder or below it, or refuses it.
 
-        Every path that stands in a file is opened through this. A symbolic link counts as where it leads to.
+        Every path in a file is opened through this function. A symbolic link counts as its target.
         """
         name = self.text(key, value)
         folder = self.path.parent
@@ -165,7 +165,7 @@ class TomlFile:
 
 
 def write_whole(path: Path | str, text: str) -> None:
-    """Writes a text file so that a reader finds the old content or the new one, never a part of it.
+    """Writes a text file so that a reader finds the old content or the new content, never a part of it.
 
     It is written beside `path` and renamed.
 

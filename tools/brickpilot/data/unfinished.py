@@ -1,4 +1,4 @@
-"""What is written beside its place and then renamed, and what a killed run left there."""
+"""Files that are written beside their place and then renamed, and the removal of those that a killed run left."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from secrets import token_hex
 
 try:
     import fcntl
-except ImportError:  # no POSIX: what is left over stays
+except ImportError:  # no POSIX: leftovers stay
     fcntl = None  # type: ignore[assignment]
 
 
@@ -20,8 +20,8 @@ except ImportError:  # no POSIX: what is left over stays
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
     """Yields a new and empty file, or folder, beside `place`, to be filled and renamed; else it is removed at the end.
 
-    What a killed run of the same `place` has left is removed first. A lock says which are left over: it ends with the
-    process that holds it.
+    Leftovers of a killed run of the same `place` are removed first. They have no lock, because it ends with its
+    process.
 
     Raises:
         OSError: nothing can be made there.
@@ -37,7 +37,7 @@ def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
         made.mkdir() if is_folder else made.touch(exist_ok=False)
         lock = _locked(made)
         if lock is not None or fcntl is None:
-            break  # else another run took it for left over in between
+            break  # else another run treated it as a leftover in between
     try:
         yield made
     finally:
@@ -47,7 +47,7 @@ def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
 
 
 def _locked(path: Path) -> int | None:
-    """Returns a lock; None: another process has it or has removed what is locked, or the system has no locks."""
+    """Returns a lock; None: another process holds the lock or has removed the file, or the system has no locks."""
     if fcntl is None:
         return None
     with suppress(FileNotFoundError):

@@ -28,7 +28,7 @@ _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor
 
 @dataclass(frozen=True)
 class Mjcf:
-    """A file for MuJoCo, and what of the model is not in it, one line each."""
+    """A file for MuJoCo, and one line for each part of the model that it does not hold."""
 
     text: str
     left_out: tuple[str, ...]

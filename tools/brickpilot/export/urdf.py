@@ -27,7 +27,7 @@ _PAPER = "the profile paper, whose wheels do not carry the body"
 
 @dataclass(frozen=True)
 class Urdf:
-    """A URDF file, and what of the model is not in it, one line each."""
+    """A URDF file, and one line for each part of the model that it does not hold."""
 
     text: str
     left_out: tuple[str, ...]

@@ -207,7 +207,7 @@ def voltage_bits(vehicle: Mapping[str, Any]) -> int:
 def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
     """Returns the vehicle that the model holds: one that drives alike, and whose motion fits the model's formats.
 
-    What the model reads are voltages, and what is read of it are speed and yaw rate of the body. The rest is free:
+    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. The rest is free:
 
     - With wheels of n times the radius, and motors geared to them, a wheel turns at an n-th of the speed.
     - A motor of n times the resistance, inductance and torque per current has an n-th of the current (eq. 12).

@@ -31,7 +31,7 @@ START_EVERY = 20
 """The command to start is sent again after so many steps without its reply."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""A flight ends so many steps after a reset. The image rests for 2 s before it drives by itself, which it must not."""
+"""A flight ends so many steps after a reset. An image that drives by itself rests for 2 s before; it must not drive."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses at a rotation sensor where `encoder_noise` has a rate of 1."""
@@ -85,7 +85,7 @@ def fly(
 
 
 def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None]) -> None:
-    """Flies until a second after the mission's end, or until it is plain what the robot does after a reset."""
+    """Flies until a second after the mission's end, or until the robot's behaviour after a reset is clear."""
     ends_at = run.plan.steps
     resets = robot.tell().resets
     while run.step < ends_at and run.over_for() < over_a_link.REST_STEPS:
@@ -109,7 +109,7 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
-    """Begins or ends a fault of the brick, where it does so at this step."""
+    """Begins or ends a fault of the brick, if this is its first step or the step after it."""
     if not (fault.begins(step) or fault.ends(step)):
         return
     acts = fault.begins(step)

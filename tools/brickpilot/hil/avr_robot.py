@@ -81,7 +81,7 @@ class AvrRobot:
         self.send_bytes(data)
 
     def send_bytes(self, data: bytes) -> None:
-        """Puts bytes on the line, whatever they mean. What finds no room is lost."""
+        """Puts any bytes on the line. Bytes without room are lost."""
         self._library.bp_avr_send(self._brick, data, len(data))
 
     def receive(self, timeout: float) -> list[Message]:
@@ -136,7 +136,7 @@ class AvrRobot:
         return self._report
 
     def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
-        """Counts from now on what the program's parts cost: `bp_avr_profile`.
+        """Counts from now on the cycles of the program's parts: `bp_avr_profile`.
 
         Args:
             functions: entry and part of each.
@@ -151,7 +151,7 @@ class AvrRobot:
     def profiled(self) -> tuple[NDArray[np.int64], int]:
         """Returns the cycles of each control step since `profile`, and the most bytes of stack.
 
-        The first has the shape (steps, parts + 2): the parts, the interrupts, and all that was not slept.
+        The first has the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
         """
         told = self.tell()
         rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
@@ -225,7 +225,7 @@ def open_robot(
 
 
 def _refuse(status: int, plan: flight.Plan, image: Path, trace: Path | None) -> None:
-    """Raises what the status of a robot that does not start means."""
+    """Raises the error for the status of a robot that does not start."""
     if status == -23:
         raise InputError("cannot be written", file=trace)
     if status in _TROUBLE:

@@ -1,4 +1,4 @@
-"""What a board tells of its newest start and of its devices: the message BOARD, in words."""
+"""The message BOARD in words: a board's report on its newest start and its devices."""
 
 from __future__ import annotations
 

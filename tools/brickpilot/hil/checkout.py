@@ -25,7 +25,7 @@ def checkout(field: str | None = None) -> Path:
 
 
 def sources(field: str | None = None) -> Path:
-    """Returns the checkout of the project, or what an installed package holds of it: to read, and not to build in.
+    """Returns the checkout of the project, or its copy in an installed package: only to read, not to build in.
 
     Raises:
         InputError: there is neither.

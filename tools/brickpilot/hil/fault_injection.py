@@ -1,7 +1,7 @@
 """Faults of a scenario's [[faults]]: in messages, in sensors, and in the plant or the brick. They are seeded.
 
-They act on messages, above the transport, and so are the same on every transport. So the CRC of a message has to find
-the damage that is done here, and not the checksum of a transport.
+They act on messages, above the transport, and so are the same on every transport. So the CRC of a message, not the
+checksum of a transport, has to find this damage.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Direction:
         self._held: list[tuple[int, Message]] = []  # (number of messages that still overtake it, message)
 
     def through(self, messages: Sequence[Message], step: int) -> list[Message]:
-        """Returns the messages that come out when `messages` go in at control step `step`."""
+        """Returns the messages that the link delivers when it gets `messages` at control step `step`."""
         if not self._held and not any(fault.acts(step) for fault in self._faults):
             return list(messages)
         out: list[Message] = []
@@ -47,7 +47,7 @@ class _Direction:
         return out
 
     def _hit(self, fault: Fault, message: Message) -> list[Message]:
-        """Returns what becomes of a message that meets `fault`."""
+        """Returns the result of `fault` on a message."""
         dice = self._dice
         if dice.random() >= fault.rate:
             return [message]
@@ -104,7 +104,7 @@ STALE = 2
 
 
 class SensorFaults:
-    """Changes sensor readings as the faults demand.
+    """Changes sensor readings according to the faults.
 
     Args:
         faults: the faults of the scenario; those of messages do not act here.

@@ -26,7 +26,7 @@ from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
-"""In lockstep, the link is lost when a set was sent so often without a reply."""
+"""In lockstep, the link is lost after a set was sent so often without a reply."""
 
 LOST_STEPS = int(SILENT_S / STEP_S)
 """In real time, the motors stop after so many steps without a motor command."""
@@ -48,7 +48,7 @@ class HilFlight:
         lost_frames: missing replies, and frames that were damaged or incomplete, at both ends.
         safe_stops: times that either end stopped the motors because the other was silent.
         broke_off: the reason why the flight ended early, or None.
-        ticks: what was recorded of each tick.
+        ticks: the record of each tick.
         board: signal of the newest BOARD -> its raw value; empty: the brick has sent none.
     """
 
@@ -224,7 +224,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
 
 
 def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
-    """Returns the flight as far as it went: the plant's log with the columns that telemetry gives, and the counts."""
+    """Returns the flight until its end: the plant's log with the columns of telemetry, and the counts."""
     done = run.step
     run.break_off_if_reset()
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}

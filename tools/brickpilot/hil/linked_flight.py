@@ -23,7 +23,7 @@ RESET = "the brick was reset: it restarted, or took an OPEN that this session ha
 """Why a flight ends before its time."""
 
 MISSION_ENDED = {2, 3}
-"""The modes arrived and fault: only a reset leads on."""
+"""The modes arrived and fault: only a reset leaves them."""
 
 Progress = Callable[[int, int, str], None]
 """Takes (steps done, steps in all, text)."""
@@ -63,14 +63,14 @@ class LinkedFlight:
         self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults", by["BOARD"].id: "board"}
 
     def take(self, identifier: int, data: bytes) -> None:
-        """Takes a message that is not the expected reply to a request."""
+        """Handles a message that is not the expected reply to a request."""
         self.session.resets.take(identifier, data)
         if self.telemetry.take(identifier, data, self.step, lockstep=self.lockstep):
             return
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
             left, right, sequence, _, _ = self._motors.unpack(data)
             self.recorder.replied(sequence)
-            if (self.sent_sequence - sequence) & 255 < 128:  # neither from the future nor more than 127 sets old
+            if (self.sent_sequence - sequence) & 255 < 128:  # not from the future, and at most 127 sets old
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
             self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
@@ -83,7 +83,7 @@ class LinkedFlight:
         self.broke_off = f"{why}, {step * STEP_MS / 1e3:.3f} s into the flight"
 
     def break_off_if_reset(self) -> bool:
-        """Breaks the flight off where the brick has begun anew. Returns whether it has."""
+        """Ends the flight if the brick has restarted. Returns whether it has."""
         if self.session.resets.reset and self.broke_off is None:
             self.break_off(RESET, self.step)
             self.safe_stops += 1
@@ -130,7 +130,7 @@ class LinkedFlight:
         self.step += 1
 
     def count(self) -> None:
-        """Records what went wrong until the end of the present step, as far as it is known."""
+        """Records the known faults until the end of the present step."""
         faults = self.faults
         refused = self.link.damaged + faults.get("bad", 0) + faults.get("stale", 0)
         lost = self.without_reply + faults.get("incomplete", 0) + faults.get("lost", 0)

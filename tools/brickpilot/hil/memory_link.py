@@ -1,7 +1,7 @@
-"""A brick in this thread, at the other end of a link that is memory alone: no system between them, and no clock.
+"""A brick in this thread, at the other end of a link in memory, without the system's lines and clock.
 
-Its time goes on only while a message is waited for in vain. So a flight in lockstep depends on nothing but its plan,
-however busy the machine is, and what would be a wait of a quarter of a second costs none.
+Its time passes only while the host waits for a message that does not come. So a flight in lockstep depends on its plan
+alone, even on a busy machine, and a wait of a quarter of a second costs no time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle.flight import Plan
 
 SPEC = "memory"
-"""What error messages call the link."""
+"""The name of the link in error messages."""
 
 
 class MemoryLink:
@@ -37,7 +37,7 @@ class MemoryLink:
         self.restart()
 
     def restart(self) -> None:
-        """Switches the brick off and on. What it had sent is lost with it."""
+        """Switches the brick off and on. Messages that it had sent are lost."""
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
         self._come.clear()
         self._library.bp_brick_time(self._brick, self._now_us)
@@ -54,7 +54,7 @@ class MemoryLink:
             self._collect()
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns what has come; where nothing has, lets up to `timeout` s of the link's time pass."""
+        """Returns the messages that have come; without any, lets up to `timeout` s of the link's time pass."""
         until = self._now_us + max(round(timeout * 1e6), 1)
         while not self._come and self._now_us < until:
             wait_us = self._library.bp_brick_time(self._brick, self._now_us)

@@ -43,7 +43,7 @@ class PlantEnd:
 
     @property
     def tick_ms(self) -> int:
-        """The low byte of the readings' time, which the reply carries too."""
+        """The low byte of the readings' time, which the reply also carries."""
         return int(self._sensed.time_ms) & 255
 
     def messages(self, sequence: int) -> list[Message]:

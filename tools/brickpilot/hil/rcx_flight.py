@@ -42,13 +42,13 @@ AFTER_S = 1.0
 ARRIVED = "donE"
 
 MIDDLE, RAW_MOST = 512, 1022
-"""Of the converter at 2.5 V, and the most that is no open input."""
+"""The converter's reading at 2.5 V, and the highest one that is no open input."""
 
 ROTATION_LEVELS = (960, 832, 384, 576)
 """What a LEGO rotation sensor shows in its four positions, in the order of turning forward."""
 
 BATTERY_MV = 0xABD4 / 0x618
-"""Of one count of the converter; brickOS's own formula."""
+"""Millivolts of one count of the converter, by brickOS's own formula."""
 
 T = TypeVar("T")
 
@@ -61,7 +61,7 @@ class RcxFlight:
         reached: the waypoints that the plant has passed.
         shown: what the display showed at the end: ARRIVED, a fault as "Err 7", or None: the mission had not ended.
         ticks_ms: from the beginning of one control step to that of the next, for all steps.
-        tally: what the processor did from Run on.
+        tally: the work of the processor from Run on.
     """
 
     reached: Reached
@@ -140,7 +140,7 @@ def start(rcx: SimulatedRcx, image: Image) -> None:
 
 
 def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
-    """Loads the image, presses Run and flies until the mission ends, or the plan does.
+    """Loads the image, presses Run and flies until the mission or the plan ends.
 
     Args:
         plan: its route must be the image's own; its duration counts from Run on.
@@ -176,7 +176,7 @@ def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
 
 
 _ENDS = (ARRIVED, *(f"Err {fault}" for fault in range(1, 10)))
-_LOOK_STEPS = 100  # the display is looked at so often
+_LOOK_STEPS = 100  # the display is read at this interval
 
 
 def _duty(us: int) -> int:
@@ -184,7 +184,7 @@ def _duty(us: int) -> int:
 
 
 def _raw(now: Any, sensors: str) -> tuple[int, int, int, int]:
-    """Returns what the converter measures at the battery and at inputs 1, 2 and 3."""
+    """Returns the converter's readings of the battery and of inputs 1, 2 and 3."""
     battery = min(1023, round(now.battery_mv / BATTERY_MV))
     gyro = _axis(now.yaw_rate_mrad_s, GYRO_RANGE)
     if sensors == "imu":

@@ -22,7 +22,7 @@ PRESS_MS = 250
 """Long enough for the kernel's driver of the buttons, which notices a change twice in 100 ms."""
 
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
-"""What the processor's time goes to, in the order of hal/h8sim.
+"""The uses of the processor's time, in the order of hal/h8sim.
 
 idle: it sleeps; program, kernel: tasks; the others are interrupts: clock is the NMI of each ms; motors, the timer's
 compare match A of every 2 ms, which also switches tasks; subsystems, its match B: buttons, display, time-outs; ERI to
@@ -44,7 +44,7 @@ _SEGMENTS = (
 
 @dataclass(frozen=True)
 class Tally:
-    """What the processor did in some time.
+    """The work of the processor in some time.
 
     Attributes:
         states: clock periods in all.
@@ -78,7 +78,7 @@ class SimulatedRcx:
     def __init__(self) -> None:
         self.ms = 0.0
         self.driven = (0, 0)
-        self._lock = threading.Lock()  # a line's thread may use it beside the owner's
+        self._lock = threading.Lock()  # a line's thread may use it at the same time as the owner's
         simulator, kernel = script_output("hal/h8sim/simulator"), script_output("hal/h8sim/kernel")
         self._process = subprocess.Popen(
             [simulator, kernel],
@@ -115,7 +115,7 @@ class SimulatedRcx:
             self.run(PRESS_MS)
 
     def convert(self, battery: int, *inputs: int) -> None:
-        """Sets what the converter measures at the battery and at inputs 1 to 3, 0..1023."""
+        """Sets the converter's readings of the battery and of inputs 1 to 3, 0..1023."""
         command = b"".join(struct.pack(">sBH", b"a", at, raw) for at, raw in enumerate((battery, *inputs)))
         with self._lock:
             self._write(command)
@@ -138,7 +138,7 @@ class SimulatedRcx:
         return shown == [font[ord(character)] for character in text.ljust(len(_SEGMENTS))]
 
     def watch(self, address: int) -> None:
-        """Keeps the time whenever the instruction at `address` begins, from now on. `watched` tells."""
+        """Records, from now on, each time at which the instruction at `address` begins. `watched` tells."""
         with self._lock:
             self._write(struct.pack(">sH", b"b", address))
 
@@ -150,7 +150,7 @@ class SimulatedRcx:
             return np.frombuffer(self._read(8 * count), dtype=">u8").astype(float) / CLOCK_HZ
 
     def tally(self) -> Tally:
-        """Returns what the processor has done since the start."""
+        """Returns the work of the processor since the start."""
         with self._lock:
             self._write(b"t")
             states = int.from_bytes(self._read(8), "big")

@@ -1,4 +1,4 @@
-"""What a flight over a link records of each tick: its times on this machine's clock, and what went wrong in it."""
+"""The record of each tick of a flight over a link: its times on this machine's clock, and its faults."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from brickpilot.constants import STEP_S
 Array = NDArray[np.float64]
 
 TROUBLES = ("late_ticks", "lost_frames", "refused_frames", "safe_stops")
-"""What is counted at both ends: late ticks, frames that were missing, frames that were damaged or old, safe stops."""
+"""The faults that both ends count: late ticks, frames that were missing, damaged or old, and safe stops."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Ticks:
         time_s: of the flight.
         begun_s: when the tick began, s of the clock after the first.
         round_trip_ms: from sending the sensors' set to its motor command; NaN: none came.
-        troubles: by name, how many were counted in the tick. The brick reports its own a while after they happen.
+        troubles: by name, how many were counted in the tick. The brick reports its own with a delay.
     """
 
     time_s: Array
@@ -65,7 +65,7 @@ class TickRecorder:
         self._counted[step] = totals
 
     def ticks(self, steps: int) -> Ticks:
-        """Returns the first `steps` ticks. Those that were not counted, as after a lost link, repeat the counts."""
+        """Returns the first `steps` ticks. Ticks without counts, as after a lost link, repeat the last counts."""
         counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
         last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))
         more = np.diff(counted[last], axis=0)

@@ -21,19 +21,19 @@ VEHICLE = Option(
     "vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_drive", "motor"), required=True, unless="guessed"
 )
 FRAME = Option(
-    "frame", "--frame", "The frame of sway and yaw; without it, the one that wheels and yaw show, else FRD.",
+    "frame", "--frame", "The frame of sway and yaw; the default is the one that wheels and yaw show, or else FRD.",
     choices=("FRD", "FLU"),
 )  # fmt: skip
 DELIMITER = Option(
-    "delimiter", "--delimiter", "The character between two columns; without it, it is found.", metavar="TEXT"
+    "delimiter", "--delimiter", "The character between two columns; by default it is found.", metavar="TEXT"
 )
 HEADER = Option(
-    "header", "--header", "The first line names the columns, even if it looks like numbers; without it, a header is "
+    "header", "--header", "The first line names the columns, even if it looks like numbers; by default a header is "
     "found.", default=False,
 )  # fmt: skip
 GUESS = Option(
-    "guessed", "--guess", "Takes each column that --map does not name for what its name and values look like, and "
-    "says why; --vehicle is then found too.", default=False,
+    "guessed", "--guess", "Guesses the columns that --map does not name from their names and values, and says why; "
+    "finds --vehicle, too.", default=False,
 )  # fmt: skip
 SPLIT = Option(
     "split", "--split", "Makes runs of one log: rests splits where the vehicle rests for 0.3 s; FROM,TO takes a span "
@@ -46,18 +46,18 @@ INPUTS = Option(
 INPUT_TIMING = Option(
     "input_timing",
     "--input-timing",
-    "What an input does between two rows; of an unknown one, check and discover find which of both.",
+    "The inputs between two rows; for unknown, check and discover find which of the two it is.",
     choices=("held", "linear", "unknown"),
     default="held",
 )
 AS_WIRED = Option(
-    "as_wired", "--as-wired", "Mends nothing that looks swapped, reversed or scaled wrongly: notes say what does.",
+    "as_wired", "--as-wired", "Keeps channels that look swapped, reversed or scaled wrongly: notes name them.",
     default=False,
 )  # fmt: skip
 RATE = Option(
     "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
 )
-CUT = Option("cut", "--cut", "Read a file that ends inside a record, up to there.", default=False)
+CUT = Option("cut", "--cut", "Read a file that ends inside a record, without that record.", default=False)
 CHANNELS = (MAP, VEHICLE, FRAME, AS_WIRED, RATE, SPLIT, CUT)
 
 IMPORTERS = (

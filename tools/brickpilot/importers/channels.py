@@ -1,4 +1,4 @@
-"""The form that every reader of a log with channels gives, and what all of these readers need."""
+"""The result of every reader of a log with channels, and the functions that all these readers need."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Channel:
 
     Attributes:
         name: as the map names it, e.g. ``/drive/left``, ``IMU.GyrZ`` or ``/joint_states.velocity[left]``.
-        type: what the file calls it, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
+        type: its name in the file, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
         time: s since the log began, one for each value; None: a column of a table, whose time is another column.
         values: as written in the file; NaN: blank.
         unit: that the file states; None: it states none.
@@ -73,7 +73,7 @@ def libraries(extra: str) -> Iterator[None]:
 
 
 def check_file(file: Path, start: bytes, kind: str) -> None:
-    """Refuses what is no file, and a file that does not begin with `start`.
+    """Refuses a path that is no file, and a file that does not begin with `start`.
 
     Raises:
         InputError: it names the file, and `kind` as words, e.g. "a WPILOG file".
@@ -91,7 +91,7 @@ def is_wanted(group: str, texts: Collection[str] | None) -> bool:
 
 
 def in_order(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Returns time and values by time, with the last value where a time repeats."""
+    """Returns times and values in the order of time; if a time repeats, the last value counts."""
     order = np.argsort(time, kind="stable")
     time, values = time[order], values[order]
     last = np.append(np.diff(time) > 0, True)[: time.size]

@@ -23,7 +23,7 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 
 _CLOCK = {"time": Source("time", "s")}
 _NEAREST = 4  # names that an error proposes
-_ALIKE = 0.4  # of difflib: how like the name they are at least
+_ALIKE = 0.4  # of difflib: the least likeness to the name
 
 
 class ChannelImporter(Protocol):
@@ -34,14 +34,14 @@ class ChannelImporter(Protocol):
     Args:
         files: logs with the same channels.
         out: the new folder.
-        mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; without a unit the one that the file states holds,
+        mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file states,
             or else the SI unit.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
         as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
         rate: rows per second; None: the rows are the samples of the fastest output.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
-        cut: whether a file that ends inside a record is read up to there.
+        cut: whether a file that ends inside a record is read without that record.
 
     Raises:
         InputError: naming file and channel, or the option. Nothing is written then.
@@ -66,7 +66,7 @@ class ChannelImporter(Protocol):
 
 @dataclass(frozen=True)
 class _Read:
-    """What one log gives: its signals on common rows, signal -> unit, and notes."""
+    """The content of one log: its signals on common rows, signal -> unit, and notes."""
 
     signals: Mapped
     units: dict[str, str]
@@ -195,7 +195,7 @@ def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, C
 
 
 def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source: Source) -> str:
-    """Returns the unit of the map; without one that of the file, if the channel is taken as it stands; else SI.
+    """Returns the unit of the map, or else the file's unit if the channel is taken unchanged, or else SI.
 
     Raises:
         InputError: the file states a unit, and it does not fit the signal, or the formula is more than the channel.

@@ -1,4 +1,4 @@
-"""The rules by which a column of a log is taken for a signal: words in its name, and the range of its values."""
+"""The rules that guess the signal of a log's column: words in its name, and the range of its values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 COUNTS_PER_TURN = 960
-"""Taken where nobody says how many counts an encoder has in a turn of the wheel."""
+"""Used if nobody states how many counts an encoder has in a turn of the wheel."""
 
 _SIDES = {
     **dict.fromkeys(("l", "left", "lt", "lf", "links"), "left"),
@@ -34,7 +34,7 @@ _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 _ODD_FULL = (300.0, 400.0)  # the largest values of drives that may be of 400 as well as of 1000
 _SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
-_TURN_RATE = 12.0  # what turns faster than so many rad/s is logged in deg/s
+_TURN_RATE = 12.0  # rad/s: a faster turn is logged in deg/s
 _RAW_GYRO = 131.0  # counts per deg/s of the commonest sensor at its finest range
 _GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
 
@@ -63,7 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a column is taken for, and why."""
+    """The guessed signal of a column, and the reason."""
 
     signal: str
     formula: str
@@ -99,12 +99,12 @@ def column_of(name: str, values: Vector) -> Column:
 
 
 def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken | str:
-    """Returns what a column is taken for, or why it is left out.
+    """Returns the guessed signal of a column, or why it is left out.
 
     Args:
         column: the column.
         columns: all of the log.
-        driven: whether a column of the log is a duty, so that a "v" is no commanded voltage.
+        driven: whether the log has a duty, so that a column "v" is no commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"
@@ -163,7 +163,7 @@ def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
 
 
 def _is_servo(column: Column) -> bool:
-    """Whether all values are pulses of a servo, but for a 0 where no pulse is sent."""
+    """Whether all values are pulses of a servo, or 0 where no pulse is sent."""
     known = column.values[np.isfinite(column.values)]
     sent = known[known != 0.0]
     is_pulse = sent.size > 0 and _SERVO[0] <= sent.min() and sent.max() <= _SERVO[1]
@@ -171,7 +171,7 @@ def _is_servo(column: Column) -> bool:
 
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
-    """Returns what has to be stated of drives that are not guessed."""
+    """Returns the statement that is missing for drives that cannot be guessed."""
     maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
     return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
 
@@ -225,7 +225,7 @@ def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
 
 
 def _wheel(column: Column, driven: bool) -> Taken | str:
-    """Returns what a column with a speed, an angle, a current or a voltage of a wheel is taken for."""
+    """Returns the guessed signal of a column with a speed, an angle, a current or a voltage of a wheel."""
     words, unit, tail = column.words, column.unit, f"_{column.side}" if column.side else ""
     wheel = "wheel_" if column.side else ""
     if words & {"voltage", "volt", "volts", "u"} or (words & {"v"} and not driven and (column.side or words == {"v"})):

@@ -1,7 +1,7 @@
 """Unwraps counters that overflow, and finds where a counter was set to 0.
 
-A step is taken for an overflow only if it is one step of the usual size once the range of the counter is added. Any
-other jump stays: it may be real.
+A jump counts as an overflow only if it has the usual size after the range of the counter is added. Any other jump
+stays, because it may be real.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ Vector = NDArray[np.float64]
 
 _BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # width; how many overflows show it. 12 and 14 are those of angle sensors
 _NEAR = 20  # steps on either side that show the usual size
-_USUAL = 3.0  # times the largest step nearby: an overflow may be as large
+_USUAL = 3.0  # times the largest step nearby: the largest step of an overflow
 _LATE = 50.0  # times the usual step of a clock: the pause that may lie in its overflow
 _FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a jump to 0 is further than so many usual steps and so many smallest ones
-_RETURNS = 5  # samples; a counter that has come back by then was misread and not set to 0
+_RETURNS = 5  # samples: a counter that comes back within them was misread, not set to 0
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
 
 
 def unturn(values: Vector, turn: float) -> Unwrapped:
-    """Returns a heading that goes on where it jumps by a turn, as from 359 to 0 degrees or from 180 to -180.
+    """Returns a heading without its jumps by a turn, as from 359 to 0 degrees or from 180 to -180.
 
     Args:
         values: cells as logged; NaN where blank.
-        turn: how many of their units are a turn.
+        turn: the length of a turn in their unit.
     """
     known = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[known])
@@ -93,7 +93,7 @@ def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
 
 
 def resets(values: Vector) -> list[int]:
-    """Returns the rows at which a counter starts again near 0, far from where it was, and does not come back."""
+    """Returns the rows at which a counter jumps to a value near 0, from far away, and does not come back."""
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
     steps = np.diff(counts)

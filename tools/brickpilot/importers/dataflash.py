@@ -92,7 +92,7 @@ def _channels(name: str, message: _Message, structs: Mapping[str, Any]) -> Itera
 
 
 def _unit(stated: str) -> str | None:
-    """Returns a unit as data sets write it, or None where it is none, e.g. that of a Mach number."""
+    """Returns a unit in a data set's form, or None if it has none there, e.g. that of a Mach number."""
     unit = _SPELLINGS.get(stated, stated)
     return unit or None
 

@@ -1,7 +1,7 @@
 """Joins a log with the events at which its inputs change between its rows.
 
-A simulation holds an input from row to row. So a row is added where the input changes between two rows of a log; what
-is measured stays blank there.
+A simulation holds an input from row to row. So a row is added if the input changes between two rows of a log; measured
+signals stay blank there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Reads formulas over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``.
 
 A formula has names of columns, numbers, ``+ - * /`` and parentheses, and nothing else is evaluated. A name may hold any
-character where the log has a column of this name: ``/drive/left`` is then a name and no division.
+character if the log has a column of this name: ``/drive/left`` is then a name and no division.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from brickpilot.data.rows import NUMBER
 
 Vector = NDArray[np.float64]
 
-_LONGEST = 300  # characters: a formula is typed by hand, and Python's parser has a limit of depth
+_LONGEST = 300  # characters: formulas are typed by hand, and Python's parser has a limited depth
 _NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
 _INDEX = r"(?:\[(?P<index>\d{1,5})\])?"
@@ -37,7 +37,7 @@ _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
 }
 _ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
-_ALIKE = 0.8  # of difflib: a text as like as this to a name like /drive/left is that name misspelt
+_ALIKE = 0.8  # of difflib: a text with this likeness to a name such as /drive/left is a misspelling of it
 
 
 class FormulaError(ValueError):
@@ -46,7 +46,7 @@ class FormulaError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where numbers stand in a log: a column or variable, and in a matrix the column's index from 0."""
+    """The place of numbers in a log: a column or variable, and in a matrix the column's index from 0."""
 
     name: str
     index: int | None = None
@@ -66,8 +66,8 @@ class Formula:
 
     Attributes:
         text: as the user wrote it.
-        places: what it takes from the log, each once, in the order of the text.
-        scaling: its straight line where it is linear in the only place that it names; else None.
+        places: the places in the log that it uses, each once, in the order of the text.
+        scaling: its straight line if it is linear in its only place; else None.
     """
 
     text: str
@@ -95,7 +95,7 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
 
     Args:
         text: a name, ``name[index]``, or a formula of them.
-        names: the columns that the log has. A text that is one of them whole is that name. A name that is not among
+        names: the columns that the log has. A text that equals one of them is that name. A name that is not among
             them is no error here: `Formula.places` has it.
 
     Raises:
@@ -155,7 +155,7 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
             part = f"_{places.index(place)}"
         elif found["number"]:
             part = repr(_finite(float(part)))
-        parts.append(f"{part} ")  # the blank keeps a number apart from a name
+        parts.append(f"{part} ")  # the blank separates a number from a name
         at.extend([position] * len(parts[-1]))
         position = found.end()
     return places, _tree("".join(parts), text, at)
@@ -208,7 +208,7 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
 
 
 def _scaling(tree: ast.expr, places: int) -> Scaling | None:
-    """Returns the straight line of a formula with one place; None: it has another number of them, or is no line.
+    """Returns the straight line of a formula with one place; None: it has more or fewer places, or is no straight line.
 
     Raises:
         FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.

@@ -1,6 +1,7 @@
 """Guesses which signal each column of a log is, from its name and its values, and says why.
 
-What neither the name nor the values tell is left out and said. Nothing is guessed of a log without a header.
+A column that neither the name nor the values explain is left out, with a note. Nothing is guessed in a log without a
+header.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_LOOKED_AT = 200_000  # rows, so that a long log is guessed in a moment
+_LOOKED_AT = 200_000  # rows, so that the guess for a long log is fast
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What the columns of a log are taken for.
+    """The guessed signals of a log's columns.
 
     Attributes:
         sources: signal -> column, formula and unit.
         vehicle: None: neither stated nor guessed.
-        reasons: signal -> why it was taken for this.
+        reasons: signal -> the reason of the guess.
         notes: for the user, a sentence each.
-        guessed: the numbers that nobody stated and everything rests on, such as "960 counts a turn".
+        guessed: unstated numbers that everything depends on, such as "960 counts a turn".
     """
 
     sources: dict[str, Source]
@@ -45,11 +46,11 @@ class Guess:
 
 
 def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> Guess:
-    """Returns what the columns of a table are taken for.
+    """Returns the guessed signals of a table's columns.
 
     Args:
         table: with a header.
-        mapping: entries of ``--map``, which stand as they are.
+        mapping: entries of ``--map``, which are kept.
         vehicle: None: a log with a column of the left or the right is a diff_drive's, any other a motor's.
 
     Raises:
@@ -83,7 +84,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
 
 
 def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]:
-    """Returns each number that nobody stated and on which every speed or voltage rests, and a loud note on it."""
+    """Returns each unstated number that every speed or voltage depends on, and a note on it in capitals."""
     bases, notes = [], []
     for stems, base, what, spoiled, form in (
         (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
@@ -121,7 +122,7 @@ def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
 
 
 def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle: Vehicle) -> list[str]:
-    """Leaves one complete set of inputs in `sources`, and returns what is left out."""
+    """Keeps one complete set of inputs in `sources`, and returns the others."""
     sets = INPUT_SETS[vehicle]
     stated = {signal for signal in sources if SIGNALS[signal].kind == "input" and reasons[signal] == "stated by --map"}
     complete = [names for names in sets if all(name in sources for name in names)]

@@ -1,4 +1,4 @@
-"""Says what the channels of a log hold: type, unit, samples, rate, times and range."""
+"""Describes the channels of a log: type, unit, samples, rate, times and range."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds: its channels in the file's order, notes, and whether it ends inside a record."""
+    """The content of a file: its channels in the file's order, notes, and whether it ends inside a record."""
 
     channels: list[Listed]
     notes: tuple[str, ...]
@@ -45,7 +45,8 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns what a log holds.
 
-    The columns of a table have no times of their own. Theirs are the values of the first column that only increases.
+    The columns of a table have no times of their own. Their times are the values of the first column that only
+    increases.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]
@@ -56,7 +57,7 @@ def contents(log: Log) -> Contents:
 
 
 def _clock(channels: Mapping[str, Channel]) -> Channel | None:
-    """Returns the first column in s that only increases, or else the first that only increases."""
+    """Returns the first column in s that only increases, or else the first column in any unit that does."""
     rising = [
         one for one in channels.values() if one.time is None and one.values.size > 1 and (np.diff(one.values) > 0).all()
     ]

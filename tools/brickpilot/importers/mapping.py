@@ -1,4 +1,4 @@
-"""Reads two options: where a signal stands in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`."""
+"""Reads two options: the source of a signal in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
     Args:
         entries: as the user wrote them.
         has_time: whether the samples of the log have times of their own, so that none is mapped.
-        partly: whether the time may be missing, as something else finds what is not mapped.
+        partly: whether the time may be missing, because a guess finds all that is not mapped.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -99,7 +99,7 @@ def _unit_apart(text: str) -> tuple[str, str | None]:
 def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[str, Formula]:
     """Returns signal -> formula, for a log that has the columns `names`.
 
-    A formula may name a column that is not among them: who reads the log refuses it (`formula.unknown_name`).
+    A formula may name a column that is not among them: the reader of the log refuses it (`formula.unknown_name`).
 
     Raises:
         InputError: a text that is no formula.
@@ -143,7 +143,7 @@ def common_scalings(logs: Sequence[Mapped], files: Sequence[Path]) -> dict[str, 
     """Returns signal -> scaling of all the logs of a data set.
 
     Raises:
-        InputError: a log whose columns have such names that a formula means something else in it.
+        InputError: the column names of a log give a formula another meaning there.
     """
     for log, file in zip(logs, files, strict=True):
         if log.scalings != logs[0].scalings:
@@ -173,7 +173,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
-    """Returns the options of `import` that take each signal from where it should be taken from; "": there are none."""
+    """Returns the options of `import` that take each signal from the right source; "": there are none."""
     found = []
     for signal, one in taken.items():
         if one.source not in sources or not math.isfinite(one.factor):

@@ -1,4 +1,4 @@
-"""Parquet files turned into a data set. pyarrow reads them; each has a table, as `table` has in text."""
+"""Parquet files turned into a data set. pyarrow reads them; each holds a table, like the text files of `table`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def import_parquet(
         files: Parquet files with the same columns.
         out: the new folder.
         mapping: ``SIGNAL=COLUMN[:UNIT]``, or a formula of columns; a field of a struct is ``column.field``. A column of
-            time stamps or durations is in s, from its first value or as it stands.
+            time stamps is in s from its first value, a column of durations in s.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
         as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.

@@ -23,9 +23,9 @@ class Option:
         keyword: the argument's name in the importers' functions.
         flag: how it is written on the command line, e.g. ``--map``.
         help: for the user, in one or two sentences. The command adds the kinds of log that take the option.
-        metavar: what stands for its value in the help; empty for a choice or a switch.
+        metavar: the word for its value in the help; empty for a choice or a switch.
         choices: the values allowed; empty: any text.
-        default: the value where the user gives none. False makes the option a switch.
+        default: the value if the user gives none. False makes the option a switch.
         repeatable: whether the importers get a tuple of all values given.
         required: whether every importer that takes it needs it.
         unless: the keyword of an option that makes this one unnecessary.
@@ -50,12 +50,12 @@ class Importer:
         kind: its name on the command line.
         function: ``module:function``. It is called as ``function(files, out, nominal=..., name=..., **options)``, with
             one keyword for each of `options`, and returns `writer.Imported`.
-        help: what it reads, in one sentence.
+        help: the files that it reads, in one sentence.
         reader: ``module:function`` that reads a file whole, as a `channels.Log`, for ``--list``; empty: it has no list.
         suffixes: the endings of its files, e.g. ``.csv``; the name of a file that lies in the folder of a log, e.g.
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
-        options: those it takes beside ``--out``, ``--nominal`` and ``--name``.
+        options: those it takes besides ``--out``, ``--nominal`` and ``--name``.
         reports_progress: whether it also takes `progress`, which it calls with (done, total, text).
     """
 
@@ -76,14 +76,14 @@ class Importer:
         return contents(getattr(importlib.import_module(module), name)(file))
 
     def load(self) -> Callable[..., Imported]:
-        """Imports the function; only then are the readers of this kind of log loaded."""
+        """Imports the function; the readers of this kind of log are loaded only then."""
         module, name = self.function.split(":")
         function: Callable[..., Imported] = getattr(importlib.import_module(module), name)
         return function
 
 
 def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
-    """Returns the kind of log that a file's ending shows, or what lies in a folder; None: none that is known."""
+    """Returns the kind of log, from a file's ending or from the files in a folder; None: none that is known."""
     for row in importers:
         if file.suffix.lower() in row.suffixes or (
             file.is_dir() and any((file / one).is_file() for one in row.suffixes)
@@ -125,10 +125,11 @@ def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
 def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the options that `importer` takes, by keyword; those that are not given have their defaults.
 
-    An option without a default, and a switch, has to be one that the importer takes; others are left at their default.
+    The importer has to take every given option without a default, and every given switch; other options are ignored.
 
     Raises:
-        InputError: an option of other kinds of log is given, or one that is needed is not, or there is no such option.
+        InputError: a given option belongs to other kinds of log, a needed option is missing, or there is no such
+            option.
     """
     known = {option.keyword for option in all_options(importers)}
     for keyword in given:

@@ -16,7 +16,7 @@ _LARGEST = 64
 """Values; a longer array, e.g. an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""s; stamps and log times that differ by more come from two clocks. A message is not that long on its way."""
+"""s; stamps and log times that differ by more come from two clocks. A message does not travel that long."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -51,9 +51,9 @@ class Topic:
 
 
 def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, cut: bool = False) -> Log:
-    """Returns the log of the topics. A message's time is the stamp of its header where it has one, or the log time.
+    """Returns the log of the topics. A message's time is the stamp of its header, or the log time if it has none.
 
-    Where stamps follow another clock than the log, e.g. that of a simulation, the log times of other topics are moved
+    If the stamps follow another clock than the log, e.g. that of a simulation, the log times of other topics are moved
     to it by the median difference.
     """
     full = [topic for topic in topics if topic.log_ns]

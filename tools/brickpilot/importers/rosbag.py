@@ -40,7 +40,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
 
 
 def _bag(file: Path) -> Path:
-    """Returns what rosbags opens: the folder of a bag of ROS 2, or the file of ROS 1."""
+    """Returns the path for rosbags: the folder of a bag of ROS 2, or the file of ROS 1."""
     if not file.exists():
         raise InputError("no such file", file=file)
     if file.suffix == ".bag" and file.is_file():

@@ -1,4 +1,4 @@
-"""Puts the rows of a log in the order of time: overflows, stamps that stand still or are misread, and restarts."""
+"""Puts the rows of a log in the order of time: it handles overflows, repeated or misread stamps, and restarts."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from brickpilot.importers.counters import unwrap
 
 Vector = NDArray[np.float64]
 
-_STANDING = 0.5  # share of rows; a clock that stands in more is no clock
-_FIRST_STEP = 100.0  # times the usual step: a first row so far from the second was cut off within its time
+_STANDING = 0.5  # share of rows: a clock that stands still in more rows is no clock
+_FIRST_STEP = 100.0  # times the usual step: in a first row at this distance from the second the time was cut off
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ Vector = NDArray[np.float64]
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # of the rest before a manoeuvre and after it
 _SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
-_STILL = 0.05  # of the fastest motion of the log: what is slower counts as rest
+_STILL = 0.05  # of the fastest motion of the log: a slower motion counts as rest
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
 
 
 def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
-    """Returns the rows of a manoeuvre with some of the rest around it; two runs share no row."""
+    """Returns the rows of a manoeuvre with some of the rest before and after it; two runs share no row."""
     first, last = busy.start, busy.stop
     for rest in rests:
         middle = (rest.start + rest.stop) // 2
@@ -137,7 +137,7 @@ def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
 
 
 def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns where a wheel, the motor or the body moves; accelerations and currents do not tell."""
+    """Returns where a wheel, the motor or the body moves; accelerations and currents do not count."""
     moves = np.zeros(time.size, dtype=bool)
     for name, values in signals.items():
         known = np.isfinite(values)
@@ -171,7 +171,7 @@ def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
 
 
 def _kind(inputs: Mapping[str, Vector]) -> str:
-    """Returns what is driven: straight, spin or curve; of a motor: drive."""
+    """Returns the kind of drive: straight, spin or curve; for a motor: drive."""
     driven = np.column_stack(list(inputs.values()))
     if "duty_mean" in inputs:
         driven = np.column_stack([inputs["duty_mean"] + sign * inputs["duty_diff"] / 2 for sign in (1, -1)])

@@ -67,7 +67,7 @@ def import_table(
     delimiter = _delimiter(delimiter)
     names = run_names(files)
     if not guessed:
-        parse_mapping(mapping)  # a fault in an option is told before a fault in a file
+        parse_mapping(mapping)  # a fault in an option is reported before a fault in a file
     tables = [read_table(file, delimiter, header) for file in files]
     found = guess(tables[0], mapping, vehicle) if guessed else Guess(parse_mapping(mapping), vehicle)
     if found.vehicle is None:
@@ -116,7 +116,7 @@ def runs_of(
         log: its signals, of which time is one.
         sources: signal -> source; of time, the unit is taken.
         spans: of `split.parse_split`.
-        names: of a run that is the whole log, and what the names of its parts begin with.
+        names: of a run that is the whole log, and the beginning of its parts' names.
     """
     columns, scalings = log.signals.columns, log.signals.scalings
     signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}

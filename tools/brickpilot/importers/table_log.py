@@ -1,4 +1,4 @@
-"""Reads the signals of one text file: broken rows left out, counters and clock unwrapped, in the order of time."""
+"""Reads the signals of one text file in the order of time, without broken rows and overflows."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
     """Returns the signals of a table.
 
     Raises:
-        InputError: a formula that is none, a column that the table lacks or that holds text, or too few sound rows.
+        InputError: a formula is not valid, the table lacks a column or it holds text, or there are too few sound rows.
     """
     formulas = read_formulas(sources, table.formula_names)
     notes = list(table.notes)
@@ -74,7 +74,7 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
 
 
 def _unturned(signals: Mapped, unit: str, lines: NDArray[np.int64]) -> list[str]:
-    """Lets the heading of `signals` go on where it jumps by a turn, and returns notes."""
+    """Removes jumps by a turn from the heading of `signals`, and returns notes."""
     scale = signals.scalings.get("yaw_angle", Scaling()).scale
     found = unturn(signals.columns["yaw_angle"], 2 * np.pi / abs(si_factor(unit, "rad") * scale))
     signals.columns["yaw_angle"] = found.values

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from brickpilot.data.rows import NUMBER
 from brickpilot.data.units import si_factor
 
-_MOST_LINES = 400  # that are looked at to find the layout
+_MOST_LINES = 400  # that are read to find the layout
 _NUMBER = re.compile(NUMBER).fullmatch
 _NAME = re.compile(r"[^\W\d][^\ufffd\x00-\x1f]{0,60}").fullmatch
 BLANK_WORDS = frozenset(
@@ -29,7 +29,7 @@ class Layout:
         delimiter: one of `data.rows.DELIMITERS`; a blank stands for any number of blanks and tabs.
         decimal: "." or ",".
         width: how many cells a row has.
-        trailing: whether a row ends with a delimiter that begins no cell.
+        trailing: whether a row ends with an extra delimiter.
     """
 
     delimiter: str
@@ -61,7 +61,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 
 
 def _unquoted(cell: str) -> str:
-    """Returns a cell without quotes round it; a single one is damage, which makes the cell no number."""
+    """Returns a cell without the quotes round it; a single quote is damage, which makes the cell no number."""
     return cell[1:-1] if len(cell) > 1 and cell[0] in "\"'" and cell[-1] == cell[0] else cell
 
 
@@ -70,7 +70,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
     Args:
         lines: of the file.
-        delimiters: those that may be; of two that fit alike the first is taken.
+        delimiters: those that are tried; of two that fit equally the first is taken.
     """
     filled = [line for line in lines if line.strip()]
     sample = filled[:: max(1, len(filled) // _MOST_LINES)]
@@ -84,7 +84,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
 
 def _tried(sample: Sequence[str], delimiter: str, decimal: str) -> tuple[Layout, float]:
-    """Returns the layout with this delimiter, and how many lines it makes rows, times the share of numbers in them."""
+    """Returns the layout with this delimiter, and the number of its rows times the share of numbers in them."""
     ends = sum(line.rstrip(" ").endswith(delimiter) for line in sample)
     trailing = delimiter != " " and ends > 0.9 * len(sample)
     draft = Layout(delimiter, decimal, 0, trailing)
@@ -106,10 +106,10 @@ def is_row(layout: Layout, line: str) -> bool:
 
 
 def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int, tuple[str, ...]] | None:
-    """Returns where the header stands and its names; None: there is none.
+    """Returns the line of the header and its names; None: there is none.
 
-    The header is the last line of names above the rows; a line of units below it is none. A log that was begun before
-    its logger started again has rows above its header.
+    The header is the last line of names above the rows; a line of units below it does not count. If the logger started
+    again during a log, there are rows above the header.
 
     Args:
         lines: of the file.

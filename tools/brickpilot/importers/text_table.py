@@ -1,6 +1,6 @@
 """Reads the table in a text file as loggers write it: with lines before the header, repeated headers and broken lines.
 
-What is left out is counted and said. The numbers are parsed as those of a run's file (`data.rows`).
+Rows that are left out are counted in a note. The numbers are parsed as those of a run's file (`data.rows`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 _MOST_COLUMNS = 1000  # that have a number; a higher one is refused as a column that the file lacks
-_MOST_BROKEN = 0.2  # share of the rows; a file with more broken lines is not what it was taken for
+_MOST_BROKEN = 0.2  # share of the rows: a file with more broken lines is no such table
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
 assert set(_PREFERRED) == set(DELIMITERS)
@@ -148,9 +148,9 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
 def _rows(
     lines: Sequence[str], layout: Layout, start: int, header: int | None
 ) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
-    """Returns the lines that are rows, their cells, and what is left out: kind -> lines. Lines are counted from 0.
+    """Returns the lines that are rows, their cells, and the lines left out: kind -> lines. Lines are counted from 0.
 
-    The last line is no row, as it has no end.
+    The last line is no row, because it has no end.
     """
     again = lines[header].strip() if header is not None else None
     rows = ["" if line.strip() == again else line for line in lines[start:-1]]

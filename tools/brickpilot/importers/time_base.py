@@ -1,4 +1,4 @@
-"""Puts channels that have times of their own on the rows of one table."""
+"""Puts channels with different times on the rows of one table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Vector, in_order
 
-_SAME = 0.01  # of a row's duration; a sample that is nearer to its row is not told
+_SAME = 0.01  # of a row's duration; a smaller shift gets no note
 _ROWS = 10_000_000  # a larger table is refused: --rate is too high
 
 
@@ -18,9 +18,9 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
     """Returns signal -> values on common rows, with `time`, and notes for the user.
 
     The rows are the times of the output with most samples, or follow `rate`. A sample of an output stands in the row
-    nearest to its time, at most half a row away; its other rows are blank, for nothing is interpolated. An input holds
-    until it changes. Without `rate`, a row is added where an input changes between two rows; what is measured is blank
-    there. With `rate`, it changes in the nearest row. The first row is the first at which all inputs are known.
+    nearest to its time, at most half a row away; the other rows are blank, because nothing is interpolated. An input
+    holds until it changes. Without `rate`, a row is added where an input changes between two rows; measured signals are
+    blank there. With `rate`, it changes in the nearest row. The first row is the first at which all inputs are known.
 
     Args:
         channels: signal -> channel with times, and with at least one output.
@@ -72,9 +72,9 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
 
 
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
-    """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s that counts.
+    """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s.
 
-    A channel of commands is held; a measured one stands at the nearest time and is blank elsewhere.
+    A command is held; a measured value stands at the nearest time, and the others are blank.
     """
     tracks = [_track(channel) for channel in channels]
     rows = max((time for time, _ in tracks), key=lambda time: time.size)
@@ -125,7 +125,7 @@ def _placed(time: Vector, values: Vector, rows: Vector, half: float) -> tuple[Ve
     right = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
     nearest = np.where(time - rows[right - 1] <= rows[right] - time, right - 1, right)
     distance = np.abs(time - rows[nearest])
-    far_first = np.argsort(-distance, kind="stable")  # so that the nearest sample of a row is written last
+    far_first = np.argsort(-distance, kind="stable")  # so that the sample nearest to a row is written last
     kept = far_first[distance[far_first] <= half * (1 + 1e-9)]
     column[nearest[kept]] = values[kept]
     return column, float(distance[kept].max()) if kept.size else 0.0

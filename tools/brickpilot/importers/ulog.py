@@ -51,7 +51,7 @@ def _is_cut(content: bytes) -> bool:
 
 
 def _channels(data: Any) -> Iterator[Channel]:
-    """Yields the fields of one message. Their time is its `timestamp`, s since the board's start."""
+    """Yields the fields of one message. The fields' time is the `timestamp`, s since the board's start."""
     topic = data.name if data.multi_id == 0 else f"{data.name}[{data.multi_id}]"
     time = data.data["timestamp"] / 1e6
     types = {field.field_name: field.type_str for field in data.field_data}

@@ -77,7 +77,7 @@ def import_wpilib(
     """Makes a data set of WPILib JSON files; each test becomes a run.
 
     With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
-    clock, and ``gap_s`` is the pause between them. The wheels show which way the gyro counts; the result is written as
+    clock, and ``gap_s`` is the pause between them. The wheels show the direction in which the gyro counts; this gives
     the data set's frame. Idle rows are kept; rows whose time does not increase are left out.
 
     Args:
@@ -235,7 +235,7 @@ def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int,
 
 
 def _shared_columns(runs: list[NewRun], notes: list[str]) -> tuple[list[NewRun], dict[str, str]]:
-    """Returns the runs with the signals that all of them have, and signal -> unit; without a gyro that never moves."""
+    """Returns the runs with the signals that all of them have, without a gyro that never moves, and signal -> unit."""
     shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
     if "yaw_angle" in shared and all(np.ptp(run.columns["yaw_angle"]) == 0.0 for run in runs):
         shared = [name for name in shared if name not in {"yaw_angle", "yaw_rate"}]
@@ -245,7 +245,7 @@ def _shared_columns(runs: list[NewRun], notes: list[str]) -> tuple[list[NewRun],
 
 
 def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
-    """Returns FLU where the gyro counts up while the right wheel is the faster one, FRD where it counts down."""
+    """Returns FLU if the gyro counts up while the right wheel is faster, FRD if it counts down."""
     if "yaw_angle" not in runs[0].columns:
         return "FLU"
     wheel = "wheel_travel" if "wheel_travel_left" in runs[0].columns else "wheel_angle"

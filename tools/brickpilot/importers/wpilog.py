@@ -23,7 +23,7 @@ _GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.item
 
 @dataclass
 class _Place:
-    """The records of an entry, or of one place of its arrays, while they are read; times in µs."""
+    """The records of an entry, or of one element of its arrays, while they are read; times in µs."""
 
     time: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)

@@ -27,7 +27,7 @@ from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
 
-_ROWS_AT_ONCE = 50_000  # are turned into text, so that a long log needs little memory
+_ROWS_AT_ONCE = 50_000  # that are turned into text at a time, so that a long log needs little memory
 _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
 
 
@@ -40,7 +40,7 @@ class Imported:
         runs: their names in order.
         notes: for the user, a sentence each.
         wiring: what is wired wrongly in all runs, a sentence each.
-        mend: the options of `import` that mend this; empty: nothing is to be mended, or nothing mends it.
+        mend: the options of `import` that mend this; empty: nothing has to be mended, or it cannot be.
     """
 
     folder: Path
@@ -73,12 +73,12 @@ class NewDataset:
         units: signal -> unit, for every signal, in the order of the columns.
         notes: for the user; they also stand as comments at the head of the description.
         scalings: signal -> how its cells become values; absent: they are values.
-        reasons: signal -> why it was taken for what it is: a comment behind its line.
+        reasons: signal -> the reason of a guess: a comment after its line.
         input_timing: what an input does between two rows.
-        sources: signal -> where it stands in the log, for the options that mend a wrong wiring.
-        guessed: what the importer guessed and everything rests on, such as "960 counts a turn".
+        sources: signal -> its source in the log, for the options that mend a wrong wiring.
+        guessed: the importer's guesses that everything depends on, such as "960 counts a turn".
         as_wired: whether the data set says that no wiring is mended.
-        frame: None: nobody states it, and it is the one that wheels, drives and yaw show, else FRD.
+        frame: None: not stated; then it is the one that wheels, drives and yaw show, or else FRD.
     """
 
     name: str
@@ -133,7 +133,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
     Raises:
         InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
-        WorkFailedError: the disk is full; nor is anything then.
+        WorkFailedError: the disk is full; then nothing is written, either.
     """
     check_out(out)
     place = out.resolve()
@@ -143,7 +143,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
             new, read_back = _written(new, partial, out, source)
             place.parent.mkdir(parents=True, exist_ok=True)
             if place.is_dir():
-                place.rmdir()  # it is empty; Windows renames to no folder that exists
+                place.rmdir()  # it is empty; Windows cannot rename to a folder that exists
             partial.rename(place)
     except OSError as error:
         raise InputError(error.strerror or "cannot be written", file=out, field="--out") from error
@@ -171,9 +171,9 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
 
 
 def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
-    """Returns the frame that the data show, and the notes with one on it.
+    """Returns the frame that the data show, and the notes, with a note on the frame.
 
-    The sign of the yaw is shown if one of both signs contradicts wheels and drives.
+    The data show the sign of the yaw if one of both signs contradicts wheels and drives.
     """
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":

@@ -49,7 +49,7 @@ class Link(Protocol):
 
 
 class WrappedLink:
-    """A link that passes everything on to another; the base of links that change or record what passes.
+    """A link that passes everything on to another; the base of links that change or record messages.
 
     Args:
         link: the other link, which is closed with this one.
@@ -77,7 +77,7 @@ class WrappedLink:
 
 
 BUSY = b"another host has this link"
-"""What a brick tells a second client before it ends the connection. The brick's process has the same words."""
+"""The message of a brick to a second client before it ends the connection. The brick's process has the same words."""
 
 TOKEN = "BRICKPILOT_TOKEN"
 """The environment variable with the token that both ends of a TCP connection are given, of 16 to 64 bytes."""
@@ -147,7 +147,7 @@ class StreamLink:
         if not chunk:
             raise LinkGoneError("closed by the other end")
         *blocks, self._rest = (self._rest + chunk).split(b"\0")
-        self._rest = self._rest[-64:]  # no frame is longer, and an endless one must not fill the memory
+        self._rest = self._rest[-64:]  # no valid frame is longer, and an endless one must not fill the memory
         found = []
         for block in blocks:
             if not block:
@@ -194,7 +194,7 @@ class CanLink:
             message = self._bus.recv(max(0.0, timeout))
         except (can.CanError, OSError) as error:
             raise LinkGoneError(str(error)) from error
-        except (ValueError, IndexError):  # slcan has no checksum: a damaged line can be no frame
+        except (ValueError, IndexError):  # slcan has no checksum: a damaged line may hold no valid frame
             self.damaged += 1
             return []
         if message is None:
@@ -228,7 +228,7 @@ def open_serial(spec: str, port: str) -> Link:
 
 
 def open_tcp(spec: str, address: str) -> Link:
-    """Opens a TCP connection to `HOST:PORT`, and proves the token of `TOKEN` where it is set."""
+    """Opens a TCP connection to `HOST:PORT`, and proves the token of `TOKEN` if it is set."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise _bad(spec, "needs tcp:HOST:PORT, the port from 1 to 65535")
@@ -263,7 +263,7 @@ def _prove(spec: str, connection: socket.socket, token: bytes) -> None:
 
 
 def _words(spec: str, connection: socket.socket) -> bytes:
-    """Returns what the brick says before its first frame: words with a 0 round them."""
+    """Returns the words that the brick sends before its first frame, between two zeros."""
     data = b""
     try:
         while data.count(b"\0") < 2 and len(data) < 256 and (chunk := connection.recv(64)):

@@ -1,4 +1,4 @@
-"""Notices when a brick has begun anew in the middle of a session."""
+"""Detects that a brick has restarted in the middle of a session."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ResetWatch:
         by = book().by_name
         self._hello, self._heartbeat = by["HELLO"], by["HEARTBEAT"]
         self._watching = False
-        self._due = 0  # replies to an OPEN that was sent again may still come
+        self._due = 0  # replies to a repeated OPEN may still come
         self._newest_tick = 0
         self.reset = False
 
@@ -28,11 +28,11 @@ class ResetWatch:
         self._watching, self._due, self._newest_tick, self.reset = False, repeats, 0, False
 
     def begin(self) -> None:
-        """Begins to watch: from now on nothing but this session speaks to the brick."""
+        """Begins to watch: from now on only this session sends to the brick."""
         self._watching = True
 
     def take(self, identifier: int, data: bytes) -> None:
-        """Takes a message that no request has asked for; sets `reset` if it shows a brick that began anew."""
+        """Handles a message that answers no request; sets `reset` if it shows that the brick restarted."""
         if identifier == self._hello.id and self._hello.sealed(data):
             if self._due > 0:
                 self._due -= 1

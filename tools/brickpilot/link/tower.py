@@ -28,7 +28,7 @@ TURN_BYTES = 60
 _WAKE = b"\x10\xfe\x10\xfe"
 _WAKE_TRIES = 10
 _NO_ECHO = 10
-"""After so many exchanges in a row without an echo, the tower is missing and not the brick."""
+"""After so many exchanges in a row without an echo, the tower is missing, not the brick."""
 
 T = TypeVar("T")
 
@@ -79,7 +79,7 @@ class Tower:
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and looks for its reply behind the echo.
+        """Sends `packet` and searches its reply after the echo.
 
         Args:
             packet: the bytes to send.
@@ -120,7 +120,7 @@ class Tower:
 
     @staticmethod
     def _behind_echo(packet: bytes, received: bytearray) -> bytes:
-        """Returns the bytes behind the echo; behind a damaged echo, its last bytes too, as some may be lost."""
+        """Returns the bytes after the echo; after a damaged echo also its last bytes, because some may be lost."""
         if received.startswith(packet):
             return bytes(received[len(packet) :])
         return bytes(received[max(0, len(packet) - 4 - len(packet) // 50) :])

@@ -1,1 +1,1 @@
-"""The work of the commands as functions, with checks of what a caller gives."""
+"""The work of the commands as functions, with checks of the arguments."""

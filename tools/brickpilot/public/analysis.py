@@ -1,4 +1,4 @@
-"""Check, calibrate, compare and discover as `brickpilot` gives them: of a data set or its folder, with checks first."""
+"""The public functions check, calibrate, compare and discover: for a data set or its folder, with checks first."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from brickpilot.vehicle.model import Model
 
 
 def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
-    """Returns what `dataset` is worth, in seconds: what it tells, what it would show, and what to drive next.
+    """Returns within seconds what `dataset` tells, which effects it would show, and what to drive next.
 
     Args:
         dataset: a data set, or its folder.
@@ -90,7 +90,7 @@ def discover(
         seed: of the random starts, which are used where nominal values are not given; 0 or more.
         jobs: fits at the same time, 1..256.
         budget_s: the answer is the best one so far after so many s, above 0; None: no limit.
-        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
+        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are no claim.
         progress: called with (done, total, text).
 
     Raises:

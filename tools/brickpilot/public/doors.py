@@ -1,4 +1,4 @@
-"""What every public function checks of its arguments, so that a wrong one gives one line that names it."""
+"""Checks of arguments for every public function: a wrong argument gives one line that names it."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from brickpilot.vehicle.settings import named
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """What `hil` is asked beside the flight; `settings` are raw values to write before it."""
+    """The other arguments of `hil`, besides the flight; `settings` are raw values to write before it."""
 
     spec: str
     lockstep: bool
@@ -97,7 +97,7 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
 
 
 def _plan(request: FlightRequest, session: Session) -> Plan:
-    """Returns the plan of the flight, for sensors that the brick can have."""
+    """Returns the plan of the flight, after a check that the brick can have its sensors."""
     if session.image is None:
         plan = request.plan()
         (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
@@ -120,8 +120,8 @@ def hil(
 
     Args:
         scenario: its name or its file.
-        link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others meet one
-            that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
+        link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others connect to
+            one that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
         target: "host", "h8sim", "avr:328p-imu", ...: what the brick end is.
         lockstep: one step is simulated for each reply; else real time follows the clock.
         profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
@@ -159,7 +159,7 @@ def hil(
 
 
 def fly_over(request: FlightRequest, session: Session, out: Path | None, progress: Progress) -> Made:
-    """Flies what is asked and writes its run folder; see `hil`."""
+    """Flies the requested flight and writes its run folder; see `hil`."""
     if session.trace is not None and not session.avr:
         raise InputError("needs --target avr: only there are pins", field="--trace")
     plan = _plan(request, session)
@@ -206,7 +206,7 @@ def _figures(flown: HilFlight, session: Session) -> dict[str, Any]:
 
 
 def _write_junit(session: Session, text: str) -> None:
-    """Writes the JUnit file, where one was asked for."""
+    """Writes the JUnit file, if it was requested."""
     if session.junit is None:
         return
     try:
@@ -217,7 +217,7 @@ def _write_junit(session: Session, text: str) -> None:
 
 
 def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
-    """Opens the link, flies `plan` over it, and records the traffic where that was asked for."""
+    """Opens the link, flies `plan` over it, and records the traffic if that was requested."""
     image = None if session.image is None else session.image.path
     with ends.both_ends(session.spec, image=image) as both, ExitStack() as closing:
         if session.record is not None:
@@ -230,7 +230,7 @@ def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilF
 
 
 def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFlight:
-    """Flies `plan` with an AVR as the brick, and records the traffic and the signals where that was asked for."""
+    """Flies `plan` with an AVR as the brick, and records the traffic and the signals if that was requested."""
     with ExitStack() as closing:
 
         def wrap(link: Link) -> Link:

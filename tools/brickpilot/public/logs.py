@@ -75,18 +75,18 @@ def why(
     budget_s: float | None = None, seed: int = 0, jobs: int = 2, progress: Progress | None = None,
     command: str = "bp.why",
 ) -> Why:  # fmt: skip
-    """Says why a robot does not do what the simulation does, from logs that `import_log` reads, or data sets.
+    """Says why a robot behaves differently from its simulation, from logs that `import_log` reads, or data sets.
 
     Args:
         logs: a log, the folder of a data set or a data set; or several logs, or several folders, of one robot.
         vehicle: "diff_drive" or "motor"; None: guessed from a table.
         frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
-        mapping: what of a table stands where, as in `import_log`; the rest is guessed.
+        mapping: the columns of a table, as in `import_log`; the rest is guessed.
         nominal: parameter -> value in SI.
-        as_wired: nothing is mended that looks swapped, reversed or scaled wrongly.
+        as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
         out: the folder to write with the page why.html; None: nothing is written.
         budget_s, seed, jobs, progress: as in `discover`.
-        command: stands on the page as what repeats it.
+        command: the command line on the page that repeats it.
 
     Raises:
         InputError: a log cannot be read, or an argument is wrong.
@@ -128,7 +128,7 @@ def why(
 
 @contextmanager
 def _folder(out: str | Path | None) -> Iterator[Path]:
-    """Yields the folder in which the work is done: what becomes `out`, or one that is deleted."""
+    """Yields the folder in which the work is done: it becomes `out`, or is deleted."""
     if out is not None:
         place = Path(out)
         with fresh_folder(place, {"why.html", *why_page.FILES} | _terms(place)) as beside:
@@ -156,7 +156,7 @@ def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns the data set of logs, imported `into` a folder if they are none, its notes and what mends it."""
+    """Returns a data set, imported `into` a folder if it is given as logs, its notes and the options that mend it."""
     if isinstance(logs, Dataset):
         return logs, (), ""
     paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]

@@ -1,4 +1,4 @@
-"""What a function that writes a folder returns."""
+"""The result of a function that writes a folder."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Made:
 
     Attributes:
         folder: with the page, the figures and the other files of the command of the same name.
-        sentence: what came of it.
-        figures: what `--json` prints, SI.
+        sentence: the result in words.
+        figures: the output of `--json`, SI.
     """
 
     folder: Path

@@ -42,7 +42,7 @@ _TUNE_FILES = ("gains.toml", "mission.toml", "report.html", "summary.json", "mod
 
 
 def _silent(done: int, total: int, text: str) -> None:
-    """Takes a progress that nobody asked for."""
+    """Ignores the progress."""
 
 
 def campaign(
@@ -51,7 +51,7 @@ def campaign(
 ) -> Made:  # fmt: skip
     """Flies many missions that differ as `file` says, and writes runs.parquet, summary.json and report.html.
 
-    A second call with the same arguments goes on where the first was stopped.
+    A second call with the same arguments resumes where the first was stopped.
 
     Args:
         file: the campaign's file.
@@ -84,7 +84,7 @@ def tune(
     judges: int = 1000, budget: str | int = 200, seed: int = 0, jobs: int = 2, scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Made, Tuned]:  # fmt: skip
-    """Tunes gains for a robot whose values are known only so far, and writes gains.toml, mission.toml and report.html.
+    """Tunes gains for a robot whose values are not known exactly, and writes gains.toml, mission.toml and report.html.
 
     Args:
         model: the robot's model.toml; calibration.json or verdict.json beside it says how far its values are known.
@@ -207,7 +207,7 @@ def _firmware_command(model_file: str, gains_file: str | None, order: Order, fol
 
 
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
-    """Returns the command that flies the image itself, where a simulator of its board can."""
+    """Returns the command that flies the image itself, if a simulator of its board exists."""
     if not order.board.flown:
         return None
     words = ["brickpilot", "hil", "--image", str(folder / order.board.flown), "--model", model_file]
@@ -256,7 +256,7 @@ class Exported:
 
     Attributes:
         files: that were written.
-        left_out: what of the model is not in them, a sentence each.
+        left_out: a sentence for each part of the model that they do not hold.
     """
 
     files: tuple[Path, ...]

@@ -33,14 +33,14 @@ WORDS = {
     "saturated_yaw_steps": "steps with yaw saturated",
     "reached_all": "all waypoints reached",
 }
-"""Figure -> what the page calls it."""
+"""Figure -> its name on the page."""
 
 _MOST_ROWS = 20  # inputs of a figure in one chart of indices
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """How often a figure lies between `edges` (bars + 1,), in runs that succeeded and in runs that failed (bars,)."""
+    """The number of runs whose figure lies between `edges` (bars + 1,), for successes and for failures (bars,)."""
 
     figure: str
     unit: str
@@ -51,7 +51,7 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Scatter:
-    """A figure (n,) of runs against one of their inputs (n,), which does not decrease."""
+    """A figure (n,) of runs against one of their inputs (n,), in the order of the input."""
 
     figure: str
     input: str

@@ -1,4 +1,4 @@
-"""The lines of `brickpilot check`: what a data set is worth, for a terminal."""
+"""The lines of `brickpilot check` for a terminal: what a data set can tell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COLUMNS = 3  # of sizes in a line
 
 
 def lines(found: Check) -> Iterator[str]:
-    """Yields the lines, in SI but for handy prefixes."""
+    """Yields the lines, in SI with suitable prefixes."""
     seconds = sum(run.duration_s for run in found.runs)
     samples = sum(run.samples for run in found.runs)
     yield f"{found.dataset}: a {found.vehicle}, {len(found.runs)} runs of {seconds:.0f} s in all, {samples} samples"

@@ -15,7 +15,7 @@ from brickpilot.report.plot import Curve, points_for
 from brickpilot.report.quantities import ROLES, fit_number, number
 from brickpilot.report.template import render
 
-_DRAWN = 24  # runs with plots, at most: a page of hundreds is neither read nor quickly made
+_DRAWN = 24  # runs with plots, at most: a page with hundreds takes long to make and to read
 
 
 def superimposed(run: str, signal: str, trace: Trace, own: OwnUnit, points: int) -> Markup:
@@ -31,7 +31,7 @@ def superimposed(run: str, signal: str, trace: Trace, own: OwnUnit, points: int)
 def compare_page(comparison: Comparison) -> str:
     """Returns the page of `compare` as one self-contained HTML text.
 
-    Where there are many runs, those with the largest errors are drawn; the table has all.
+    If there are many runs, those with the largest errors are drawn; the table has all.
     """
     drawn = drawn_runs(comparison.runs)
     points = points_for(sum(len(run.traces) for run in comparison.runs if run.name in drawn))

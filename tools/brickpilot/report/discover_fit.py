@@ -22,7 +22,7 @@ _SAME = 0.05  # percentage points: fits that differ by less read the same
 
 @dataclass(frozen=True)
 class Headline:
-    """The mean fit over all signals in free runs, in percent, and the runs that it is of. `role`: "held_out", "fit"."""
+    """The mean fit over all signals in free runs, in percent, and the role of these runs. `role`: "held_out", "fit"."""
 
     role: str
     before: float
@@ -62,7 +62,7 @@ def change(one: Headline) -> str:
 
 
 def shown(finding: Finding) -> dict[str, Any]:
-    """Returns what the page shows of the yardstick."""
+    """Returns the yardstick's part of the page."""
     roles = [(one, role) for role in ("held_out", "fit") if (one := headline(finding, role)) is not None]
     return {
         "fit_definition": DEFINITION,
@@ -81,7 +81,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns what of the error is predictable, and how much of that is taken away; empty where it is not known."""
+    """Returns the predictable share of the error, and how much of it the model removes; empty if it is not known."""
     if one.share is None and one.held_out is None:
         return ""
     known = [f"{percent(value)} on {runs}" for value, runs in _by_role(one.share, one.held_out) if value is not None]

@@ -88,7 +88,7 @@ def _tables(finding: Finding) -> dict[str, Any]:
 
 
 def _data(finding: Finding) -> dict[str, Any]:
-    """Returns what the page shows of the data set: its runs by role, its faults and its noise."""
+    """Returns the data set's part of the page: its runs by role, its faults and its noise."""
     return {
         "runs": {role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
         "faults": [discover_tables.fault(one, finding) for one in finding.faults],
@@ -115,7 +115,7 @@ def _gap_chart(finding: Finding) -> Markup:
 
 
 def _warnings(finding: Finding) -> list[str]:
-    """Returns sentences that bear on how far the verdict can be trusted."""
+    """Returns the sentences that limit the trust in the verdict."""
     found = []
     for name, one in finding.nominal.items():
         if one.leaves_prior:
@@ -151,7 +151,7 @@ def _whiteness(finding: Finding) -> list[dict[str, Any]]:
 
 
 def _remaining(finding: Finding) -> list[str]:
-    """Returns sentences on the residual of the augmented model. None says that it is noise unless its size is."""
+    """Returns sentences on the residual of the augmented model. They say noise only if its size fits."""
     sizes = {name: gap.after for name, gap in finding.by_signal.items() if gap.after is not None}
     over = {name: size for name, size in sizes.items() if size > OVER_NOISE}
     coloured = [name for name, one in finding.whiteness.items() if not one.white]

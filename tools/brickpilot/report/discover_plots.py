@@ -21,7 +21,7 @@ _WHISKER = 120.0  # width of an interval in a table
 
 
 def measured(values: Array) -> Curve:
-    """Returns the curve of a measured signal, behind those that are simulated."""
+    """Returns the curve of a measured signal, drawn behind the simulated ones."""
     return Curve("measured", values, "grey", 2.2)
 
 
@@ -75,7 +75,7 @@ def autocorrelation(one: Whiteness, *, title: str) -> Markup:
 def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool, title: str) -> Markup:
     """Draws a row for each (label, gap before, gap after) on a log scale; a line marks the noise, 1.
 
-    `single`: there is but one model, so that the gap before is not drawn.
+    `single`: there is only one model, so the gap before is not drawn.
     """
     curves: dict[str, tuple[Colour, list[float | None]]] = {
         "before": ("orange", [_at_least(before, _LEAST_GAP) for _, before, _ in rows]),
@@ -88,9 +88,9 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool
 
 
 def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *, single: bool, title: str) -> Markup:
-    """Draws a row for each (label, fit before, after, attainable) in percent; what lies far below 0 is at the edge.
+    """Draws a row for each (label, fit before, after, attainable) in percent; values far below 0 are at the edge.
 
-    `single`: there is but one model, so that the fit before is not drawn.
+    `single`: there is only one model, so the fit before is not drawn.
     """
     before = [_at_least(one, _LEAST_FIT) for _, one, _, _ in rows]
     after = [_at_least(one, _LEAST_FIT) for _, _, one, _ in rows]

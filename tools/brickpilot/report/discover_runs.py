@@ -105,13 +105,13 @@ def figures(
 
 
 def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
-    """Returns up to about `count` figures of signals and runs that show most of what is missing."""
+    """Returns up to about `count` figures of the signals and runs that show most of the missing effect."""
     compared = compared_signals(finding)
     return [_figure(finding, compared[key], points_for(count)) for key in _chosen(finding, compared, count)]
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns run and signal where most of the gap was removed, or is left, and of a held-out run if there is one."""
+    """Returns the runs and signals with the most gap removed and the most left, and one of a held-out run."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps
@@ -134,7 +134,7 @@ def _places(finding: Finding) -> dict[Key, Place]:
 
 
 def _varied(order: Sequence[Key], count: int) -> list[Key]:
-    """Returns the first `count` of `order`, and prefers signals and runs that are not chosen yet."""
+    """Returns the first `count` of `order`, preferably signals and runs that are not chosen yet."""
     chosen: list[Key] = []
     while len(chosen) < min(count, len(order)):
         runs, kinds = [run for run, _ in chosen], [_kind(signal) for _, signal in chosen]

@@ -19,7 +19,7 @@ from brickpilot.vehicle.replay import RUN_KINDS
 
 
 def place(one: Place, finding: Finding) -> dict[str, str]:
-    """Returns the row of a place: where most of the gap arises."""
+    """Returns the row of a place with a large part of the gap."""
     return {
         "run": one.run,
         "role": ROLES[finding.roles[one.run]],
@@ -150,7 +150,7 @@ def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
 
 
 def start_s(finding: Finding, run: str) -> float:
-    """Returns when a run starts on its own clock, s; pages count from there."""
+    """Returns the start of a run on its own clock, s; pages count from there."""
     return next((float(one.time[0]) for one in finding.dataset.runs if one.name == run), 0.0)
 
 

@@ -19,7 +19,7 @@ FILES = {
     TABLE: "the same as a table: from when on which voltage",
     ARRAY: "the same as a C array",
 }
-"""Each file that `files_of` may write, and what it is for."""
+"""Each file that `files_of` may write, and its purpose."""
 
 _RAMP_STEP_S = 0.05  # a ramp becomes steps of this length
 _HIGHEST_V = 20.0  # that a scenario takes
@@ -47,7 +47,7 @@ def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
 
 
 def steps(manoeuvre: Manoeuvre) -> list[Step]:
-    """Returns (s, V left, V right) from when on each voltage holds; a ramp becomes steps through its middle."""
+    """Returns (s, V left, V right): the start of each voltage; a ramp becomes steps through its middle."""
     points = {round(at, 6) for side in (manoeuvre.voltage_left, manoeuvre.voltage_right) for at, _ in side}
     grid = np.arange(0.0, manoeuvre.duration_s, _RAMP_STEP_S).round(6)
     starts = np.array(sorted({0.0, *points, *grid.tolist()} - {round(manoeuvre.duration_s, 6)}))

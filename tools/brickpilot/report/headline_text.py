@@ -1,4 +1,4 @@
-"""The headline numbers in words and tables: what share of the measured signals a model explains."""
+"""The headline numbers in words and tables: the share of the measured signals that a model explains."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The gains that are tuned, their ranges, and the way between the search's coordinates and raw integers.
 
-A coordinate is log(raw + offset): gains act by ratios, and the offset lets one that is 0 today grow. The search moves
-within a factor of the start and within the format; what is scored is the rounded integer.
+A coordinate is log(raw + offset): gains act by ratios, and with the offset a gain of 0 can grow. The search moves
+within a factor of the start and within the format, and scores the rounded integer.
 """
 
 from __future__ import annotations

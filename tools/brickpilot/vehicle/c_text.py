@@ -12,7 +12,7 @@ INDENT = "    "
 
 
 def comment(text: str) -> str:
-    """Returns the C comment of a text, which may be from a file: nothing in it ends the comment or begins another."""
+    """Returns the C comment of a text, which may come from a file: no text can end the comment or begin another."""
     inside = text
     for mark in ("*/", "/*"):
         inside = inside.replace(mark, f"{mark[0]} {mark[1]}")

@@ -35,7 +35,7 @@ YAW_RATE_LIMIT = 480.0
 LOAD_LIMIT = 20.0  # rad/s per step
 INT32 = 2**31 - 1
 
-_SETTLED = 1e-6  # s: nothing beside a control step of 3 ms or more
+_SETTLED = 1e-6  # s: much less than a control step of 3 ms or more
 
 Values = Mapping[str, float]
 
@@ -52,7 +52,7 @@ class MotorStep:
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
     """Returns eq. 12 and 14 over `step` s with constant voltage and torque, by the matrix exponential.
 
-    Without inductance, as in a model whose data do not tell it, the current settles in `_SETTLED` instead of at once.
+    Without inductance, as in a model whose data do not show it, the current settles in `_SETTLED` and not at once.
     """
     resistance = values["resistance"]
     inductance = values["inductance"] or _SETTLED * resistance
@@ -111,7 +111,7 @@ def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
 
 
 def pose(step: float) -> dict[str, Scale]:
-    """Returns the coefficients that `body_step()` needs beside those of `body_predict()`.
+    """Returns the coefficients that `body_step()` needs in addition to those of `body_predict()`.
 
     Raises:
         QuantisationError: 6 ms or more, for which the formats have no room.

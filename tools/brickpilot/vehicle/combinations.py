@@ -1,4 +1,4 @@
-"""Combinations of parameters that are identifiable from steady speed and its onset, even where single ones are not.
+"""Combinations of parameters that steady speed and its onset identify, even where they do not identify single ones.
 
 Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
@@ -52,7 +52,7 @@ def _turn(p: Values) -> float:
 
 
 def _inertia(p: Values, wheels: int) -> float:
-    """Returns what one of so many wheels accelerates when the vehicle drives straight, as an inertia."""
+    """Returns the inertia that each of so many wheels accelerates when the vehicle drives straight."""
     return p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / wheels
 
 
@@ -132,7 +132,7 @@ _BY_INERTIA, _BY_MASS = ("1 / J", _over("wheel_inertia")), ("1 / m", _over("mass
 _BY_YAW_INERTIA, _SLIP = ("1 / J_z", _over("yaw_inertia")), ("K_t / (R r)", _slip_per_volt)
 
 # (what the effect acts on, unit of the parameter) -> (what it becomes, unit, formula beside the parameter and factor).
-# The first one that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
+# The first form that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
 _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]] = {
     ("wheel", "N m"): (("voltage", "V", _TORQUE), ("angular acceleration", "rad/s^2", _BY_INERTIA)),
     ("wheel", "N m s/rad"): (("voltage per speed", "V s/rad", _TORQUE), ("inverse time constant", "1/s", _BY_INERTIA)),

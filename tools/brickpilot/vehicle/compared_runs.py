@@ -1,4 +1,4 @@
-"""What is compared with a model: the same runs, roles and starts of runs in every comparison."""
+"""The data that are compared with a model: every comparison has the same runs, roles and starts of runs."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Comparable:
     """Measured runs that are ready to be compared with a model.
 
     Attributes:
-        measured: the data set as read, without channels that contradict what it states.
-        started: the same with the state of each run's start estimated from several samples, and with the velocity of a
-            motor beside its position. It is what is simulated.
+        measured: the data set as read, without channels that contradict its stated values.
+        started: the data set that is simulated: as `measured`, with each run's start estimated from several samples,
+            and with the velocity of a motor beside its position.
         roles: of the runs, and of stretches of them.
     """
 
@@ -46,10 +46,10 @@ class Comparable:
 
 
 def comparable(dataset: Dataset) -> Comparable:
-    """Returns a data set as `compare`, `calibrate` and `discover` compare it with a model."""
+    """Returns a data set in the form in which `compare`, `calibrate` and `discover` compare it with a model."""
     try:
         wrong = contradictions(dataset)
-    except SimulationError:  # nothing contradicts values with which nothing can be simulated
+    except SimulationError:  # without a simulation nothing can contradict the values
         wrong = ()
     measured = against_model.leave_out(dataset, wrong)
     inputs = {run.name: motor_inputs(run, measured) for run in measured.runs}
@@ -77,7 +77,7 @@ _LARGEST = 1e30  # SI: far above anything measured, far below where squares over
 
 @dataclass(frozen=True)
 class ComparedSignals:
-    """The measured signals that the model gives, and a note on those it does not give."""
+    """The measured signals that the model gives, and a note on the others."""
 
     names: tuple[str, ...]
     notes: tuple[str, ...]

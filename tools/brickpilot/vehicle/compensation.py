@@ -1,20 +1,21 @@
 """A compensation: what the firmware knows of one robot and undoes, in fixed point.
 
-The firmware's constants are those of the packaged robot. A compensation converts its voltages into those that another
-robot's motors need, and that robot's readings into those of the packaged robot (`firmware/app/parameters`). It works in
-the profile `coupled`. `discover` writes `compensation.toml`, and so does `from_model(model).save(path)`:
+The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into those
+that another robot's motors need, and that robot's readings into those of the packaged robot
+(`firmware/app/parameters`). It works in the profile `coupled`. `discover` writes `compensation.toml`, and so does
+`from_model(model).save(path)`:
 
     name      = "bench-7"
     left_out  = []      # effects, or EFFECT.PARAMETER, that the firmware cannot compensate
     limited   = []      # parameters that their format limits
-    remarks   = []      # a line for each difference that no setting carries: which value, and how far off it is
+    remarks   = []      # a line for each difference that no setting can undo: which value, and how far off it is
 
     [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent one is 0
     left_friction_mv = { raw = 564, format = "mV", value = 0.564, unit = "V", from = ["nominal values"] }
 
-`raw` is used; `value` is the same in SI and has to agree. `from` names the effects that each ask for this parameter, or
-says that nominal values differ from the packaged robot's. The comment at the end is the same in C. `summary.json` of a
-flight repeats the file as `compensation`. firmware/README.md shows what it improves.
+The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that each need this
+parameter, or says that nominal values differ from the packaged robot's. The comment at the end has the same parameters
+in C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Compensation:
     Attributes:
         name: of the model from which they were made.
         raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
-        sources: parameter -> the effects each of which alone needs it, or `NOMINAL`; a parameter of 0 may be missing.
+        sources: parameter -> the effects that need it, each even by itself, or `NOMINAL`; one of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
         remarks: a line for each difference that the firmware cannot undo: which value, and how far off.
@@ -87,7 +88,7 @@ def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[st
 def from_model(
     model: Model, believed: Model | None = None, controller: Mapping[str, float] | None = None
 ) -> Compensation | None:
-    """Returns the compensation with which the firmware flies the robot of `model` like the one that it believes in.
+    """Returns the compensation with which the firmware flies the robot of `model` like the robot it was made for.
 
     Args:
         model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
@@ -96,8 +97,8 @@ def from_model(
         controller: the constants of its controllers, SI; default the packaged robot's.
 
     Returns:
-        None where nothing can be undone, for a motor, for the profile `paper`, and for motors without torque. Where
-        only nominal values differ, `undone` is empty.
+        None: nothing can be undone, or the model is a motor, has the profile `paper`, or motors without torque. If only
+        nominal values differ, `undone` is empty.
     """
     if model.vehicle != "diff_drive" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
         return None
@@ -119,7 +120,7 @@ def from_model(
 
 
 def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str, tuple[str, ...]]:
-    """Returns parameter -> the effects that each alone need it, or `NOMINAL`."""
+    """Returns parameter -> the effects that need it, each even by itself, or `NOMINAL`."""
     alone = {
         name: dataclasses.replace(model, parameters=believed.parameters, effects={name: on})
         for name, on in model.effects.items()

@@ -1,4 +1,4 @@
-"""Says which differences of a robot from the believed one no compensation carries, and how far off each is."""
+"""Names the differences of a robot from the believed one that no compensation can undo, with their size."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST_DAMPING = 0.46
 packaged robot, 6 seeds each: at 0.49 (yaw inertia 3 times as large) it reaches 8 of 8, at 0.455 (3.5 times) 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
-"""V: what the packaged images measure at most, and what any mixer reckons with, VOLTAGE_MAX_MV of firmware/mixer."""
+"""V: the most that packaged images measure, and the most that any mixer allows, VOLTAGE_MAX_MV of firmware/mixer."""
 
 Values = Mapping[str, float]
 
@@ -34,8 +34,8 @@ def _controller() -> Values:
 def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
-    The difference of the voltages turns such a robot as if its motors had the believed push and hold, and the inertia
-    of a side were M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
+    To a difference of the voltages such a robot reacts as if its motors had the believed push and hold, and a side the
+    inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
 
     Args:
         robot, believed: nominal parameters.

@@ -1,11 +1,11 @@
 """Computes the compensation of a robot in SI, for the profile `coupled`.
 
-The firmware is made for one robot, the believed one, and flies another. On each side it demands a voltage u, with which
-the believed robot would accelerate as demanded. The compensation turns u into
+The firmware is made for one robot, the believed one, and flies another. On each side it demands a voltage u that would
+give the believed robot the demanded acceleration. The compensation turns u into
 
     V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
 
-so that the real robot drives straight as the believed one would. The push per volt is K_t / (R r), the voltage that
+so that the real robot drives straight like the believed one. The push per volt is K_t / (R r), the voltage that
 holds a speed is K_e / r + b R / (K_t r), the inertia per wheel is M = J / r^2 + m / 2, and g is the gain of the drive.
 With 0 for the believed robot,
 
@@ -34,7 +34,7 @@ LEFT, RIGHT = 0, 1
 
 @cache
 def _top_speed() -> float:
-    """Returns the highest speed in m/s for which voltage is reserved: the cruise speed of the packaged mission."""
+    """Returns the highest speed for which voltage is reserved, in m/s: the cruise speed of the packaged mission."""
     return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
 
 
@@ -82,13 +82,13 @@ def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, fl
 
 
 def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> float:
-    """Returns the voltage that has to be reserved from the battery's for the compensation of this side."""
+    """Returns the part of the battery's voltage that is reserved for the compensation of this side."""
     most = (battery - deadband) / (1 + side["gain_q15"])
     return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
 
 
 def most_reserve(model: Model) -> float:
-    """Returns the largest reserve that leaves the controllers a voltage to work with: half of the robot's battery."""
+    """Returns the largest reserve that leaves the controllers enough voltage: half of the battery's."""
     return nominal(model)["battery_voltage"] / 2
 
 

@@ -1,7 +1,7 @@
-"""The terms of a model's composed effect: their basis, read from the plant's table, and terms written as equations.
+"""The terms of a model's composed effect, read from the plant's table, and how they are written as equations.
 
 The composed effect of the table has one coefficient c for each term, whose meaning reads ``X += -c * [fabs(u)] * u``.
-The expression in brackets is C, and Python as well: it is parsed, not listed here again.
+The expression in brackets is valid C and Python: it is parsed here, not listed a second time.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ PLACES = {
     "accel_surge": "surge accelerometer output",
     "accel_sway": "sway accelerometer output",
 }
-"""Place where a term may act -> words for it."""
+"""The place where a term may act -> its words."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
-"""The places where a term acts on a motor too, if its sign does not differ between left and right."""
+"""The places where a term also acts on a single motor, if its sign is the same at left and right."""
 
 _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
@@ -89,7 +89,7 @@ class Basis:
 
     @property
     def mechanism(self) -> str:
-        """The kind of cause: that of its place, but a torque that goes with the current is the motor's."""
+        """The kind of cause, which its place gives; but a torque that depends on the current is the motor's."""
         if self.place == "wheel" and "i" in self.symbols:
             return "motor"
         return _MECHANISMS.get(self.place, "sensor")
@@ -200,7 +200,7 @@ def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
 
 
 def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
-    """Returns where the terms act, in the plant's symbol, and what they add there as `out` writes it."""
+    """Returns the plant's symbol of the place where the terms act, and the sum that they add, as `out` writes it."""
     written: dict[str, str] = {}
     for term in terms:
         negative, factors = _factors(term.basis.product)
@@ -269,7 +269,7 @@ class Writer:
 
 
 def _factors(node: ast.expr) -> tuple[bool, list[ast.expr]]:
-    """Returns whether a product is negative, and its factors without ones."""
+    """Returns whether a product is negative, and its factors other than 1."""
     if isinstance(node, ast.UnaryOp):
         negative, factors = _factors(node.operand)
         return not negative, factors
@@ -280,7 +280,7 @@ def _factors(node: ast.expr) -> tuple[bool, list[ast.expr]]:
 
 
 def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: Writer) -> list[str]:
-    """Returns the factors as text. Equal factors become a power where the first of them stands; ones are left out."""
+    """Returns the factors as text. Equal factors become a power; factors of 1 are left out."""
     written = [_write(one, settings, out) for one in factors]
     written = [
         out.bracket(text) if isinstance(one, ast.BinOp) and isinstance(one.op, (ast.Add, ast.Sub)) else text

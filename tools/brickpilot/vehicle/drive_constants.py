@@ -1,7 +1,7 @@
-"""The constants of a drive that other programs ask for, read off simulated drives of a model, effects included.
+"""The constants of a drive for other programs, from simulated drives of a model with its effects.
 
 Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib has it (docs.wpilib.org, "Feedforward control"). Odometry
-as diff_drive_controller of ros2_control has it: a radius for each wheel, and the separation that its turns show.
+as in diff_drive_controller of ros2_control: a radius for each wheel, and the separation that turns show.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 _STEP_S = 0.005
 _LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # of the battery's voltage, each held forward and backward
 _HELD_S = 2.0
-_NOTHING = 1e-6  # of the battery's voltage: less is left by rounding where nothing resists at rest
-_MOVING = 0.1  # of the top speed: slower samples say little about the law of a moving drive
-_SETTLED = 0.5  # of a drive: what comes after counts as steady
+_NOTHING = 1e-6  # of the battery's voltage: rounding alone leaves less if nothing resists at rest
+_MOVING = 0.1  # of the top speed: slower samples say little about a drive in motion
+_SETTLED = 0.5  # of a drive: the rest counts as steady
 _DRIVE_S = 3.0
 _LEVEL, _CURVE = 0.6, 0.4  # of the battery's voltage: a straight drive, and the inner wheel of a curve
-_ROUNDS = 3  # of fitting the radii and the separation in turn
+_ROUNDS = 3  # rounds in which the radii and the separation are fitted in turn
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class FeedForward:
 
 @dataclass(frozen=True)
 class Odometry:
-    """What turns wheel angles into a track.
+    """The constants that turn wheel angles into a track.
 
     Attributes:
         radius, separation: stated, m.
-        left, right: how many times the stated radius a wheel rolls like.
-        turning: how many times the stated separation the turns show.
+        left, right: the effective radius of a wheel over the stated one.
+        turning: the effective separation over the stated one.
     """
 
     radius: float
@@ -91,7 +91,8 @@ def feed_forward(model: Model) -> FeedForward:
 
 
 def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
-    """Returns how the wheels of a model roll and turn, against the `stated` wheel_radius and half_track; None: a motor.
+    """Returns the effective radii and separation of a model relative to the `stated` wheel_radius and half_track; None:
+    a motor.
 
     The radii come from a straight drive, the separation from a curve, at 60 % of the battery's voltage.
     """
@@ -137,7 +138,7 @@ def _battery(model: Model) -> float:
 
 
 def _turns(model: Model) -> bool:
-    """Returns whether a speed of the model is one of turning: a bare motor without a wheel."""
+    """Returns whether the model's speed is an angular one: it is a bare motor without a wheel."""
     return model.vehicle == "motor" and not model.parameters.get("wheel_radius")
 
 

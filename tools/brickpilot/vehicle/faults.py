@@ -1,4 +1,4 @@
-"""The [[faults]] of a scenario: what goes wrong between plant and controller, and when. hil/ makes them."""
+"""The [[faults]] of a scenario: what fails between plant and controller, and when. hil/ makes them happen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MESSAGE_KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt", "truncate",
 SENSOR_KINDS = ("stuck_sensor", "missing_sensor")
 END_KINDS = ("brown_out", "controller_restart", "plant_restart")
 AVR_KINDS = ("main_held", "interrupt_stuck", "converter_stuck", "overrun", "encoder_noise")
-"""Faults in an AVR and at its pins: `hil --target avr` alone has them."""
+"""Faults in an AVR and at its pins: only `hil --target avr` has them."""
 
 KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS, *AVR_KINDS)
 RATED_KINDS = (*MESSAGE_KINDS, "overrun", "encoder_noise")
@@ -28,7 +28,7 @@ class Fault:
     Attributes:
         kind: of KINDS.
         from_s, to_s: s of the flight; the restarts happen at ``from_s``.
-        rate: share of the messages or bytes that are hit, or of the most pulses of noise, 0..1.
+        rate: share of the messages or bytes that are disturbed, or of the most possible pulses of noise, 0..1.
         direction: which messages, of DIRECTIONS.
         sensor: of SENSORS, for SENSOR_KINDS.
     """

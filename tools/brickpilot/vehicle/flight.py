@@ -38,8 +38,8 @@ class Plan:
         cruise: m/s.
         compensation: what the firmware knows of this robot; None: nothing.
         gains: settings of the controller that differ from the firmware's own; None: none.
-        acceptance: m, the robot's radius: a waypoint counts where the true position passes within twice of it.
-        firmware: library of `sim_host/run/build` whose controller flies; None: the packaged firmware.
+        acceptance: m, the robot's radius: a waypoint counts if the true position passes within twice this distance.
+        firmware: the library of `sim_host/run/build` that holds the controller; None: the packaged firmware.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
     """
 
@@ -84,7 +84,7 @@ def plan(
     compensation: Compensation | None = None,
     gains: Gains | None = None,
 ) -> Plan:
-    """Chooses profile, sensors and seed: the argument, else the scenario's, else coupled, ideal, 0.
+    """Chooses profile, sensors and seed: from the argument, else from the scenario, else coupled, ideal, 0.
 
     Raises:
         InputError: the model is not of a differential drive, or the compensation cannot be used here.
@@ -126,7 +126,7 @@ def _cruise(scenario: Scenario, profile: str, gains: Gains | None) -> float:
 
 
 def written(plan: Plan) -> dict[str, int]:
-    """Returns the settings that a host writes for a plan, setting -> raw integer: compensation, then gains."""
+    """Returns the settings that a host writes for a plan, first compensation, then gains: setting -> raw integer."""
     known = {} if plan.compensation is None else plan.compensation.raw
     tuned = {} if plan.gains is None else plan.gains.raw
     return {FORMATS[name].name: raw for name, raw in known.items()} | dict(tuned)
@@ -152,7 +152,7 @@ def request(
 ) -> Iterator[Any]:
     """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only.
 
-    `log` has a row for each step; with `columns` it has a row for each of these columns alone.
+    `log` has a row for each step; with `columns` it has a row for each of these columns instead.
     """
     ffi: Any
     ffi, _ = compiled.interface()
@@ -211,7 +211,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
     """Flies the plan and keeps the signals of every step.
 
     Args:
-        columns: of the log, those to keep; None: all. The rest costs a fifth of the time of a flight.
+        columns: of the log, those to keep; None: all. To keep the other columns costs a fifth of the time of a flight.
 
     Raises:
         SimulationError: the plant diverges.
@@ -223,10 +223,10 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 
 
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
-    """Flies plans side by side, each to the same bytes as alone, and returns the flight of each or why it stopped.
+    """Flies plans side by side, with the same bytes as alone, and returns each flight or the error that stopped it.
 
-    Neighbours whose flights last as long share the vector registers of one core; eight at a time gain most. The log of
-    all is in memory at once.
+    Neighbours with flights of equal length share the vector registers of one core; eight at a time gain most. All logs
+    are in memory at once.
 
     Args:
         plans: of one firmware.

@@ -1,4 +1,4 @@
-"""Whether a mission was flown, as checks with a cause each: the link, the controller, the waypoints."""
+"""Checks whether a mission was flown: the link, the controller, the waypoints. Each check has a cause."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Check:
     """One check of a flight.
 
     Attributes:
-        failure: the cause in one line, or None where the check holds.
-        detail: what was counted, whether it holds or not.
+        failure: the cause in one line, or None if the check holds.
+        detail: the counts, whether the check holds or not.
         seconds: how long its part of the flight took.
     """
 
@@ -26,10 +26,10 @@ class Check:
 
 
 def checks(figures: Mapping[str, Any]) -> list[Check]:
-    """Returns the checks of a flight, those that explain others first; none for a manoeuvre.
+    """Returns the checks of a flight, causes before their consequences; none for a manoeuvre.
 
     Args:
-        figures: of ``summary.json``. Those of a link are checked if they are there.
+        figures: of ``summary.json``. A link is checked if there is one.
     """
     if "waypoints_total" not in figures:
         return []
@@ -52,7 +52,7 @@ def _link(figures: Mapping[str, Any]) -> Check:
 
 
 def _late(figures: Mapping[str, Any]) -> Check:
-    """Late ticks fail a flight only where one ended the run: no busy computer is free of them."""
+    """Late ticks fail a flight only if one ended the run, because every busy computer has some."""
     late, steps = figures["late_ticks"], figures["steps"]
     detail = f"{late} of {steps} ticks were more than a step late"
     return Check("late ticks", _fault(figures) if figures["fault"] == LATE else None, detail)
@@ -91,7 +91,7 @@ def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def _believes(figures: Mapping[str, Any]) -> str:
-    """What the controller takes for granted where the true position says that a waypoint was missed."""
+    """The controller's own view of a waypoint that was missed by the true position."""
     return {
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
@@ -100,7 +100,7 @@ def _believes(figures: Mapping[str, Any]) -> str:
 
 
 def _lost_heading(figures: Mapping[str, Any]) -> str:
-    """Why the controller may not have known its heading."""
+    """Possible reasons why the controller did not know its heading."""
     steps = figures["gyro_full_steps"]
     beyond = f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit" if steps else ""
     drifts = "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""

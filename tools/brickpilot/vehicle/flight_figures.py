@@ -1,4 +1,4 @@
-"""The figures of a flight: waypoints reached, distances from the route, and errors of what the controller demanded."""
+"""The figures of a flight: waypoints reached, distances from the route, and errors against the controller's demands."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Reached:
 def waypoints_reached(
     time_s: Array, x: Array, y: Array, waypoints: Sequence[tuple[float, float]], acceptance: float = ACCEPTANCE_M
 ) -> Reached:
-    """Finds the waypoints that a track (n,) reaches, whatever the controller's estimate was; `acceptance`: m."""
+    """Finds the waypoints that the true track (n,) reaches, without the controller's estimate; `acceptance`: m."""
     at: list[float | None] = []
     closest = []
     begin = 0
@@ -93,8 +93,8 @@ def motor_hash(flight: Flight) -> str:
 def summary(flight: Flight) -> dict[str, Any]:
     """Returns the figures of ``summary.json``: lengths in m, times in s, angles in rad.
 
-    ``speed`` and ``heading`` are ILS (eq. 20) of the demand against the truth. That of the heading covers the time
-    while driving, relative to a constant error of half a turn.
+    ``speed`` and ``heading`` are ILS (eq. 20) of the demand against the truth. The heading's ILS covers the time while
+    driving, relative to a constant error of half a turn.
     """
     log, plan = flight.log, flight.plan
     common = {
@@ -131,7 +131,7 @@ def _mission_figures(flight: Flight) -> dict[str, Any]:
 
 
 def _heading_error(log: Mapping[str, Array]) -> Array:
-    """Returns the demanded heading less the true one in rad, in -pi..pi."""
+    """Returns the demanded minus the true heading in rad, in -pi..pi."""
     return np.asarray(np.angle(np.exp(1j * (log["demand_heading_rad"] - log["true_heading_rad"]))))
 
 

@@ -1,4 +1,4 @@
-"""A gain set: settings that tune the controller, as the raw integers that fly.
+"""A gain set: settings that tune the controller, as the raw integers that the firmware holds.
 
 `brickpilot tune` writes one. `run` and `hil` write it to the firmware as settings, `firmware` compiles it into
 an image. Each entry has value, unit and raw integer; `hal/wire/settings.toml` has the names and ranges.
@@ -92,9 +92,9 @@ def load(path: Path | str) -> Gains:
 
 
 def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
-    """Checks settings that are going to be written against each other and against those that stay.
+    """Checks settings before they are written: against each other, and against those that do not change.
 
-    The second of a pair may be lowered alone: the firmware takes the first one for as low.
+    The second of a pair may be lowered alone: then the firmware uses the same low value for the first.
 
     Args:
         chosen: setting -> raw integer.
@@ -117,10 +117,10 @@ def _value(name: str, raw: Mapping[str, int]) -> float:
 
 
 def _raw(toml: TomlFile, name: str, entry: object) -> int:
-    """Returns the raw integer of an entry: its `raw`, or else what its `value` becomes."""
+    """Returns the raw integer of an entry: its `raw`, or else its converted `value`."""
     key = ("gains", name)
     if name in settings() and settings()[name].compensation:
-        toml.refuse(key, "describes the robot, so it stands in a compensation.toml")
+        toml.refuse(key, "describes the robot, so it belongs in a compensation.toml")
     how = tunable()[toml.choice(key, name, tunable())]
     table = toml.table(key, entry)
     toml.known_keys(key, table, _KEYS)

@@ -1,8 +1,8 @@
 """How much of each measured signal a model explains: over whole runs and a short time ahead, on each kind of run.
 
 `compare`, `calibrate` and `discover` get their numbers here, so that they agree for the same model and the same runs.
-What a number is says `data.agreement`; where runs start says `Comparable`. A short horizon is a row of open-loop
-windows, each from what was measured.
+`data.agreement` defines the number; `Comparable` defines where runs start. A short horizon is a row of open-loop
+windows that each start from measured values.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ FREE_RUN = "free_run"
 """The horizon from the first sample of a run to its last."""
 
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
-"""The horizons beside the free run, name -> s, that every number is given at."""
+"""The horizons of every number besides the free run, name -> s."""
 
-_LEAST_SAMPLES = 4  # in a window: below, a horizon says nothing
-_SMOOTHED_S = 0.04  # a rate at the start of a window is read off so many seconds of samples around it
+_LEAST_SAMPLES = 4  # in a window: with fewer, a horizon says nothing
+_SMOOTHED_S = 0.04  # a rate at the start of a window comes from so many seconds of samples around it
 _SIDES = ("left", "right")
 
 
@@ -46,7 +46,8 @@ class Stretch:
     """One run at one horizon.
 
     Attributes:
-        start: (n,) the sample at which the window of each sample starts; of the mark between two windows, the earlier.
+        start: (n,) the sample at which the window of each sample starts; a mark between two windows belongs to the
+            earlier.
         within: (n,) whether the sample lies within the horizon of its start.
     """
 
@@ -60,7 +61,7 @@ class Course:
     """All runs at one horizon.
 
     Attributes:
-        marks: run -> where a window starts from what was measured.
+        marks: run -> the samples at which a window starts from measured values.
     """
 
     horizon: str
@@ -70,12 +71,12 @@ class Course:
 
 @dataclass(frozen=True)
 class Track:
-    """What is compared: the measured values of a data set, and the horizons at which a model can be held to them.
+    """The measured values of a data set, and the horizons at which a model can be compared with them.
 
     Attributes:
         dataset: as it is simulated, with averaged starts.
         measured: run -> signal -> (n,) the compared values.
-        notes: sentences on horizons that are absent or start from a part of the state alone.
+        notes: sentences on horizons that are absent or start from only a part of the state.
     """
 
     dataset: Dataset
@@ -115,9 +116,9 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
 
 
 def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> tuple[Array, Array]:
-    """Returns (n,) measured less simulated and (n,) the measured signal; NaN where there is nothing to compare.
+    """Returns (n,) measured minus simulated and (n,) the measured signal; NaN: there is nothing to compare.
 
-    A signal that sums up counts from the start of its window: only its change has a meaning.
+    A signal that sums up motion counts from the start of its window, because only its change has a meaning.
     """
     values = track.measured[stretch.run.name][signal]
     if signal not in SUMMED:
@@ -125,7 +126,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
     else:
         known = np.flatnonzero(np.isfinite(values))
         at_start = np.where(stretch.start > 0, values[stretch.start], values[known[0]])
-        # A window starts from the measured value, a run from a simulated one.
+        # A window starts from a measured value, but a run from a simulated one.
         simulated_start = np.where(stretch.start > 0, values[stretch.start], simulated[known[0]])
         reference = values - at_start
         error = reference - (simulated - simulated_start)
@@ -135,7 +136,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
 
 
 def _starts(time: Array, measured: Mapping[str, Array]) -> dict[str, Array]:
-    """Returns what is known of the state at each sample. Rates are smoothed, or derived from what sums them up."""
+    """Returns what is known of the state at each sample. Rates are smoothed, or derived from their sums."""
     found = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
     for summed, rate in {**RATE_OF, "yaw_angle": "yaw_rate"}.items():
         if summed in measured and rate not in found:
@@ -149,7 +150,7 @@ _STATES = (
 
 
 def _smoothed(time: Array, values: Array) -> Array:
-    """Returns `values` without most of their noise and without delay: a parabola through the samples around each."""
+    """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each."""
     known = np.isfinite(values)
     count = 2 * int(_SMOOTHED_S / 2 / max(float(np.median(np.diff(time))), 1e-9)) + 1
     count = min(max(count, 5), (len(values) - 1) // 2 * 2 + 1)
@@ -160,7 +161,7 @@ def _smoothed(time: Array, values: Array) -> Array:
 
 
 def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]) -> tuple[bool, list[str]]:
-    """Returns whether windows can start from what was measured, and a note if they cannot, or not wholly."""
+    """Returns whether windows can start from measured values, and a note if they cannot, or only in part."""
     names = set.intersection(*(set(starts[run.name]) for run in dataset.runs))
     if dataset.vehicle == "motor":
         if names & {"speed", "velocity"}:
@@ -261,7 +262,7 @@ def headline(ready: Comparable, model: Model, *, threads: int = 2) -> Headline:
 def simulated_at(
     compared: Track, models: Sequence[Model], *, threads: int = 2, may_diverge: bool = False
 ) -> list[dict[str, Mapping[str, Outputs]]]:
-    """Returns for each model horizon -> run -> outputs, those that were measured.
+    """Returns, for each model, horizon -> run -> the outputs that were measured.
 
     A short horizon at which a model diverges is absent, and so is the free run if that `may_diverge`.
 
@@ -304,7 +305,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns the sd of a signal's noise, SI: as stated, or as estimated if that is more. `parts`: of all runs."""
+    """Returns the sd of a signal's noise, SI: the larger of the stated and the estimated one. `parts`: of all runs."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0

@@ -1,14 +1,14 @@
 """A model: nominal values, each with unit and basis, and the effects that are switched on.
 
-`calibrate` and `discover` write `model.toml`, and `--model` takes it. The packaged one is `sim_host/models/rcx.toml`;
-for `brickpilot firmware` its tables `[robot]`, `[rates]`, `[sensors]`, `[estimator]` and `[controller]` may stand in
-yours.
+`calibrate` and `discover` write `model.toml`, and `--model` takes it. The packaged model is `sim_host/models/rcx.toml`;
+for `brickpilot firmware` your model may also have its tables `[robot]`, `[rates]`, `[sensors]`, `[estimator]` and
+`[controller]`.
 
     name    = "bench-7"
     vehicle = "diff_drive"            # or "motor"
     profile = "coupled"               # or "paper"
 
-    [parameters]                      # a value in SI, or with unit and basis; what is absent keeps its preset
+    [parameters]                      # a value in SI, or with unit and basis; absent ones keep their presets
     mass = { value = 0.9, unit = "kg", basis = "weighed" }
     wheel_radius = 0.0408             # and [effects.NAME] with the parameters of an effect in the same form
 """
@@ -38,7 +38,7 @@ _TOP_KEYS = (
 )  # fmt: skip
 _ENTRY_KEYS = ("value", "unit", "basis")
 
-# Of an effect with more parameters a file holds only those that are not at their presets.
+# If an effect has more parameters, a file holds only those that differ from their presets.
 _SPELT_OUT = 8
 
 
@@ -50,11 +50,11 @@ class Model:
         name: for errors and reports.
         vehicle: ``diff_drive`` or ``motor``.
         profile: ``coupled`` or ``paper``.
-        parameters: nominal parameter -> value, SI; what is absent keeps the plant's preset.
-        effects: effect -> its parameters, SI; what is absent keeps the effect's preset.
+        parameters: nominal parameter -> value, SI; absent ones keep the plant's presets.
+        effects: effect -> its parameters, SI; absent ones keep the effect's presets.
         basis: parameter, or ``effect.parameter``, -> source of its value.
-        by_run: kind of value that a run has of its own -> run -> value; see `vehicle.replay`. They belong to recordings
-            and stand in no file.
+        by_run: kind of value that a run has of its own -> run -> value; see `vehicle.replay`. They belong to
+            recordings, so no model file has them.
     """
 
     name: str
@@ -73,7 +73,7 @@ def rcx() -> Model:
 
 
 def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
-    """Returns the model that a data set states, with some more effects on; what is not stated stands at its preset."""
+    """Returns the model that a data set states, with some more effects on; the other values keep their presets."""
     stated = dataset.nominal_effects
     tables = {
         name: {
@@ -128,7 +128,7 @@ def output_names(model: Model) -> frozenset[str]:
 
 
 def unit_on(model: Model, info: ParameterInfo) -> str:
-    """Returns a parameter's unit on this vehicle; it is another one where the input of a motor commands a force."""
+    """Returns a parameter's unit on this vehicle, which differs if the input of a motor commands a force."""
     return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
 
 
@@ -205,7 +205,7 @@ def load(path: Path | str) -> Model:
 
 
 def _check_load(toml: TomlFile, model: Model) -> None:
-    """Refuses a motor with nothing to move, as the plant does, and names the line that causes it."""
+    """Refuses a motor that has nothing to move, as the plant does, and names the line of the cause."""
     try:
         output_names(model)
     except SimulationError:

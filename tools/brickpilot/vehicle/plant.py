@@ -43,7 +43,7 @@ class State:
         age: s since power-on.
         charge: C drawn from the battery since power-on.
         heat: K of the windings above their surroundings.
-        rest: s at rest before the run, in which the windings cool.
+        rest: s at rest before the run, while the windings cool.
     """
 
     x: float = 0.0
@@ -70,9 +70,9 @@ class OpenLoopRun:
         inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
         initial: state at time[0]; a mapping names some fields of `State`.
         motor_step, body_step: upper limits, s; 0: `constants.MOTOR_STEP_S` and `constants.STEP_S`.
-        restarts: (sample, state), samples 1 or more and increasing: from this sample on the run goes on from another
-            state. What is NaN in it stays as simulated, and so do the effects' memories. The outputs of the sample
-            itself are still those before the restart.
+        restarts: (sample, state), samples 1 or more and increasing: from this sample on the run continues from another
+            state. Values that are NaN in it stay as simulated, and so do the effects' memories. The outputs of the
+            sample itself are still those before the restart.
     """
 
     time: Array
@@ -83,7 +83,7 @@ class OpenLoopRun:
     restarts: Sequence[tuple[int, State]] = ()
 
     def as_c(self, columns: int) -> bytes:
-        """Returns the run as C reads it, but for model and outputs; the arrays have to outlive it, as `self` does.
+        """Returns the run as C reads it, without model and outputs; the arrays have to outlive it, as `self` does.
 
         Raises:
             ValueError: the shapes do not fit a vehicle with so many inputs.
@@ -148,7 +148,7 @@ def state_of(last: np.void) -> State:
 
 
 def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
-    reasons = {-1: "unknown", -2: f"{value} is outside what is physical", -3: "too many effects"}
+    reasons = {-1: "unknown", -2: f"{value} is outside the physical range", -3: "too many effects"}
     raise InputError(reasons[status], file=model.name, field=name)
 
 
@@ -203,7 +203,7 @@ class Undoable:
 
 
 def undoable(model: Model) -> Undoable:
-    """Returns the sum over the model's effects of what the firmware can undo.
+    """Returns the sum of the parts of the model's effects that the firmware can undo.
 
     Raises:
         InputError: as of `build`.
@@ -232,7 +232,7 @@ def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
 
 @cache
 def _columns_of(names: tuple[str, ...]) -> Array32:
-    """Returns where the outputs `names` stand in the table."""
+    """Returns the positions of the outputs `names` in the table."""
     table = [name for name, _ in output_table()]
     return np.array([table.index(name) for name in names], dtype=np.int32)
 
@@ -274,13 +274,13 @@ def simulate(
     signals: Collection[str] | None = None,
     lanes: int = MOST_LANES,
 ) -> list[Simulated]:
-    """Simulates each run under its model, on up to `threads` threads; the results do not depend on how many.
+    """Simulates each run under its model, on up to `threads` threads; their number does not change the results.
 
-    Runs that are near each other in `jobs` and have the same sample times go side by side in vector registers.
+    Neighbouring runs in `jobs` with the same sample times run side by side in vector registers.
 
     Args:
-        signals: the outputs to keep, of those that the vehicle has; None: all. Copying the rest out costs more time
-            than simulating it.
+        signals: the outputs to keep, of those that the vehicle has; None: all. To copy the other outputs costs more
+            time than to simulate them.
         lanes: at most so many runs side by side; the processor may have room for fewer. Results do not depend on it.
 
     Raises:
@@ -306,7 +306,7 @@ def simulate_into(
     threads: int = 1,
     lanes: int = MOST_LANES,
 ) -> NDArray[np.void]:
-    """Simulates as `simulate` does, but fills `values` (n,) where the caller wants it.
+    """Simulates as `simulate` does, but writes into the caller's `values` (n,).
 
     Args:
         starts: where the outputs of each job begin in `values`: those of the first name at all samples, and so on.

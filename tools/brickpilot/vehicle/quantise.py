@@ -1,4 +1,4 @@
-"""Converts real numbers to the firmware's fixed-point formats, and refuses those that would lose too much."""
+"""Converts real numbers to the firmware's fixed-point formats, and refuses those that would lose too much precision."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 MANTISSA_BITS = 15
 MAX_SHIFT = 31
 NEGLIGIBLE = 2.0**-32
-"""Times the largest number of 32 bits, this is less than half a count."""
+"""Multiplied by the largest 32-bit number, it is less than half a count."""
 
 
 class QuantisationError(ValueError):
@@ -36,7 +36,7 @@ class Scale:
 def scale(value: float, name: str) -> Scale:
     """Returns the nearest `scale_t` for `scale_apply`: abs(value) below 1.
 
-    It is within 3.1e-5 of the value; one below `NEGLIGIBLE` becomes 0.
+    It is within 3.1e-5 of the value; a value below `NEGLIGIBLE` becomes 0.
 
     Raises:
         QuantisationError: the value is too large.

@@ -26,12 +26,12 @@ from brickpilot.vehicle.start_state import GEOMETRY, Reading
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
 
-_MOST_BEGUN = 1024  # runs with a start state that are kept
+_MOST_BEGUN = 1024  # start states of runs that are kept
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A sample at which a simulated run goes on from what was measured: signal -> value, SI."""
+    """A sample at which a simulated run continues from measured values: signal -> value, SI."""
 
     sample: int
     measured: Mapping[str, float]
@@ -46,7 +46,8 @@ class Replay:
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
-        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; empty: its own.
+        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; empty: those of the run
+            itself.
     """
 
     dataset: Dataset
@@ -75,9 +76,8 @@ class Replay:
             only: the runs that are wanted; None: all. Where charge or heat carries over, the runs before are simulated
                 too.
             signals: the outputs to keep; None: all that the vehicle has.
-            marks: run name -> the samples at which the run goes on from what was measured: it is then a row of
-                open-loop windows. What was not measured stays as simulated, and so do commands on their way, heat and
-                charge.
+            marks: run name -> the samples at which the run continues from measured values, as a row of open-loop
+                windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
         names = plant.wanted_names(None if signals is None else frozenset(signals))
         rows, (places, _) = self._simulated(models, only, names, threads, marks or {}), self._places(names)
@@ -98,7 +98,7 @@ class Replay:
     def layout(self, signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
         """Returns (run, signal) -> the place of its first sample in a row of `stacked`; and the length of a row.
 
-        A row has room for all runs; of those that are not wanted it holds nothing.
+        A row has room for all runs, but holds nothing of those that are not wanted.
         """
         names = plant.wanted_names(frozenset(signals))
         places, length = self._places(names)
@@ -120,7 +120,7 @@ class Replay:
     ) -> Array:
         """Returns (models, length): the outputs `names` of each run, in rows.
 
-        Models whose charge or heat carries over need one run after the other; the others all runs at once.
+        If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
         places, length = self._places(names)
         rows = np.empty((len(models), length))
@@ -174,7 +174,7 @@ class Replay:
 
     @cached_property
     def _first_samples(self) -> dict[str, dict[str, float]]:
-        """Run -> what is known at its first sample, but for what is stated."""
+        """Run -> all that is known at its first sample, except stated values."""
         return {run.name: start_state.first_sample(run) for run in self.dataset.runs}
 
     def nudged(self, signal: str, by: float) -> Replay:
@@ -189,7 +189,7 @@ class Replay:
         return dataclasses.replace(self, dataset=dataclasses.replace(self.dataset, runs=tuple(runs)))
 
     def _starting(self, wanted: Sequence[tuple[Run, float, Model]]) -> list[OpenLoopRun]:
-        """Returns each run under a model, started from its first sample. Models that give one state share it."""
+        """Returns each run under a model, started from its first sample. Models that give the same state share it."""
         if len(self._begun) > _MOST_BEGUN:
             self._begun = {}  # another thread may still read the old one
         parts = {id(model): _start_key(model) for _, _, model in wanted}
@@ -211,7 +211,7 @@ class Replay:
         return found
 
     def _driven(self, run: Run, model: Model) -> Array:
-        """Returns (n, columns) V: the inputs of a run, with what values of its own make of them."""
+        """Returns (n, columns) V: the inputs of a run, changed by its own values."""
         own = _own_values(run, model)
         if not own:
             return self.inputs[run.name]
@@ -235,7 +235,7 @@ def _own_values(run: Run, model: Model) -> tuple[tuple[str, float], ...]:
 
 
 def _start_key(model: Model) -> tuple[object, ...]:
-    """Returns what the start of a run depends on, but for the run and its own values."""
+    """Returns everything that the start of a run depends on, except the run and its own values."""
     sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
     steps = _needs(tuple(model.effects))[1]
     return model.vehicle, steps, sensors, *(model.parameters.get(name) for name in GEOMETRY)
@@ -243,16 +243,16 @@ def _start_key(model: Model) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class RunKind:
-    """One kind of value that a run may have of its own: what of its inputs reaches the motors, and when.
+    """One kind of value that a run may have of its own: how much of its inputs reaches the motors, and when.
 
     Attributes:
-        words: what differs, as the subject of a sentence.
+        words: the quantity that differs, as the subject of a sentence.
         unit: SI; 1 is a share.
         mechanism: as of an effect.
         change: (time (n,), inputs (n, columns), value) -> inputs.
-        sd: how much runs of one machine usually differ: the prior of a value. A held-out run has 0.
+        sd: the usual difference between runs of one machine: the prior of a value. A held-out run has 0.
         low, high: the range of values.
-        tried: values from which a fit may start, as nothing depends on a small one.
+        tried: values from which a fit may start, because a small one has no influence.
     """
 
     words: str
@@ -274,4 +274,4 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
     "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
 }
-"""A battery's charge changes the gain of a run, a link its delay; a log may start before its command does."""
+"""A battery's charge changes the gain of a run, and a link its delay; a log may start before its command."""

@@ -1,10 +1,10 @@
-"""A scenario: what `brickpilot run` and `hil` fly.
+"""A scenario: the task that `brickpilot run` and `hil` fly.
 
 A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out. The
 packaged ones are in `sim_host/run/scenarios`.
 
     name       = "square"
-    title      = "Round the table"    # optional, as all that follows but what its kind needs
+    title      = "Round the table"    # optional, like all that follows except what its kind needs
     kind       = "mission"            # or "manoeuvre"
     duration_s = 60                   # up to an hour
     start      = { x_m = 0, y_m = 0, heading_deg = 0 }
@@ -68,11 +68,11 @@ class Scenario:
         kind: "mission" or "manoeuvre".
         duration: s.
         start: x, y and heading.
-        start_at: s at rest before a mission begins; None: 1 s where the firmware has to learn a gyro bias, else 0.
+        start_at: s at rest before a mission begins; None: 1 s if the firmware has to learn a gyro bias, else 0.
         cruise: profile -> m/s.
         stop_at: m of path after which a manoeuvre shorts both motors.
-        parameters, effects: of the plant, where it differs from the controller's model.
-        faults: between plant and controller, where a link is between them.
+        parameters, effects: of the plant, if it differs from the controller's model.
+        faults: between plant and controller, if they have a link between them.
         packaged: whether the scenario comes with the package.
     """
 
@@ -191,7 +191,7 @@ def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, fl
     millimetres = [(round(1000 * x), round(1000 * y)) for x, y in found]  # the firmware's unit
     for index in range(1, len(found)):
         if millimetres[index] == millimetres[index - 1]:
-            toml.refuse(("waypoints_m", index), "is the same as the waypoint before it, to the millimetre")
+            toml.refuse(("waypoints_m", index), "is the same as the waypoint before it, within a millimetre")
     return found
 
 

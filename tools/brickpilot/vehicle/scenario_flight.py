@@ -1,4 +1,4 @@
-"""Flies a scenario in one call: what `brickpilot run` does, without its folder."""
+"""Flies a scenario in one call, as `brickpilot run` does, but without its folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each setting of the firmware begins with: its row's default, or the value of the packaged robot's file."""
+"""The initial value of each setting of the firmware: its row's default, or that of the packaged robot's file."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def holding_voltage(values: Mapping[str, float]) -> float:
-    """Returns the voltage of both motors per speed that it holds on level ground, V s/m: coupled, without air drag."""
+    """Returns the voltage of both motors per steady speed on level ground, V s/m: coupled, without air drag."""
     per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
     return per_wheel_speed / values["wheel_radius"]
 
 
 def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
-    """Returns the controller's constants of a profile, SI: those of the vehicle file, and two that follow from it."""
+    """Returns the controller's constants of a profile, SI: those of the vehicle file, and two that follow from them."""
     own = plain(vehicle["controller"][profile])
     own["acceptance"] = plain(vehicle["robot"])["length"] / 2
     own["feedforward"] = own["feedforward_share"] * holding_voltage(plain(vehicle["parameters"]))
@@ -33,7 +33,7 @@ def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
 
 
 def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
-    """Returns the raw integer that a setting begins with; that of a compensation is 0.
+    """Returns the initial raw integer of a setting; for a compensation it is 0.
 
     Args:
         own: `constants` of the profile.

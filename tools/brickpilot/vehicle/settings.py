@@ -90,7 +90,7 @@ def named(name: str) -> Setting:
     """Returns the setting of that name.
 
     Raises:
-        InputError: no setting has that name; those that are like it are named.
+        InputError: no setting has that name; the message lists similar names.
     """
     if name not in settings():
         like = did_you_mean(name, settings())
@@ -99,7 +99,7 @@ def named(name: str) -> Setting:
 
 
 def compensations() -> dict[str, Setting]:
-    """Returns the settings that hold what is known of one robot, by their keys in a compensation file."""
+    """Returns the settings that describe one robot, by their keys in a compensation file."""
     return {setting.compensation: setting for setting in settings().values() if setting.compensation}
 
 
@@ -107,7 +107,7 @@ def load(path: Path) -> dict[str, Setting]:
     """Reads a table of settings.
 
     Raises:
-        InputError: with file, line and row, where a row lacks something or contradicts another one.
+        InputError: a row lacks something or contradicts another one; the message has file, line and row.
     """
     toml = TomlFile(path)
     formats = {
@@ -118,7 +118,7 @@ def load(path: Path) -> dict[str, Setting]:
     found = {name: _setting(toml, ("settings", name), row, formats) for name, row in rows.items()}
     for place, (name, setting) in enumerate(found.items()):
         if setting.number != place:
-            toml.refuse(("settings", name, "number"), f"{setting.number} should be {place}: numbers leave none out")
+            toml.refuse(("settings", name, "number"), f"{setting.number} should be {place}: numbers must have no gap")
     if len(found) > NUMBER_MOST + 1:
         toml.refuse(("settings",), f"{len(found)} settings, but a request has room for the numbers 0..{NUMBER_MOST}")
     return found

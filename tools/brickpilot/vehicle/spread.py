@@ -1,4 +1,4 @@
-"""How the values of a fitted model may lie about their estimates: a distribution that robots are drawn from."""
+"""The distribution of a fitted model's values about their estimates, from which robots are drawn."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def from_json(given: Mapping[str, Any]) -> Spread:
     """Returns the spread of an object of calibrate.json or verdict.json.
 
     Raises:
-        ValueError: the object is none, or its covariance is not one.
+        ValueError: the object holds no spread, or its covariance is not valid.
     """
     try:
         names, values, units = (tuple(given[key]) for key in ("parameters", "values", "units"))

@@ -1,8 +1,7 @@
 """The state that a run starts from, or a window that is cut out of it.
 
-It is measured: several samples are read instead of one. A sensor effect of the model, such as a scale or a bias, lies
-between state and reading. The state is therefore solved for: the one at which the model's sensors give what was
-measured.
+The state is estimated from several samples instead of one. A sensor effect of the model, such as a scale or a bias,
+lies between state and reading. So the result is the state at which the model's sensors give the measured values.
 """
 
 from __future__ import annotations
@@ -34,13 +33,13 @@ _SECANT_STEPS = 4
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters that a state made of measured values depends on: see `Reading.state`. Beside them it depends
-on `sensor_effects` alone."""
+"""The nominal parameters that a state made of measured values depends on: see `Reading.state`. Besides them it depends
+only on `sensor_effects`."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What is known at one sample, from which a state is made.
+    """The known values at one sample, from which a state is made.
 
     Attributes:
         measured: signal -> reading, SI; NaN where blank.
@@ -68,7 +67,7 @@ class Reading:
     def state(self, values: Array, *, restart: bool = False) -> State:
         """Returns the state in which the signals `read` have these true values.
 
-        `restart`: what was not measured is NaN, and so stays as it is simulated; else it is 0.
+        `restart`: unmeasured values are NaN, and so stay as simulated; else they are 0.
         """
         truth = self.known | dict(zip(self.read, values.tolist(), strict=True))
         unknown = float("nan") if restart else 0.0
@@ -78,7 +77,7 @@ class Reading:
 
 
 def first_sample(run: Run) -> dict[str, float]:
-    """Returns what was measured at a run's first sample, and the rates of signals that sum up."""
+    """Returns the values measured at a run's first sample, and the rates of signals that sum up motion."""
     measured = {name: float(values[0]) for name, values in run.outputs.items()}
     for summed, rate in RATE_OF.items():
         if summed in run.outputs and rate not in run.outputs:
@@ -87,15 +86,15 @@ def first_sample(run: Run) -> dict[str, float]:
 
 
 def sensor_effects(model: Model) -> tuple[str, ...]:
-    """Returns the effects of the model that change what sensors give of the state."""
+    """Returns the effects of the model that change the sensors' readings of the state."""
     return tuple(name for name in model.effects if _changes_readings(name, model.vehicle))
 
 
 def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]:
     """Returns the states in which the models' sensors give the readings; see `Reading.state`.
 
-    Each signal is solved by secant steps of its own, which is exact after three where a sensor adds or scales. A signal
-    that does not follow the state keeps its error: one that is clipped, or a yaw rate beside two wheel speeds.
+    Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
+    that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
     """
     wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
     values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
@@ -117,7 +116,7 @@ def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]
 
 
 def _sensor_outputs(readings: Sequence[Reading], values: Sequence[Array], which: Sequence[int]) -> dict[int, Array]:
-    """Returns, for the readings numbered `which`, what the model's sensors give of these values, at zero input."""
+    """Returns the model's sensor readings of these values, for the readings numbered `which`, at zero input."""
     jobs = []
     for k in which:
         rest = np.zeros((1, 1 if readings[k].model.vehicle == "motor" else 2))
@@ -130,7 +129,7 @@ def _sensor_outputs(readings: Sequence[Reading], values: Sequence[Array], which:
 
 @cache
 def _changes_readings(effect: str, vehicle: str) -> bool:
-    """Whether an effect, at its preset, changes what sensors give of the state at the very first sample."""
+    """Whether an effect, at its preset, changes the sensors' readings of the state at the first sample."""
     rest = np.zeros((1, 1 if vehicle == "motor" else 2))
     moving = State(surge=0.2, yaw_rate=1.0, wheel_speed=(7.0, 3.0), wheel_angle=(2.0, 1.0), heading=0.5, age=1.0)
     base = Model("moving", vehicle, "coupled", catalogue.presets(vehicle))

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 
 _LEAST = 9.0  # smallest factor of a unit that counts
 _FITS = (0.45, 1.6)  # ratio over factor: nominal values are inexact, and missing friction slows the motion
-_REVERSED = (0.4, 2.5)  # size of a reversed motion over the model's
+_REVERSED = (0.4, 2.5)  # size of a reversed motion divided by the model's
 _SURELY = 0.9  # correlation over windows
 _MOVES = 0.3  # of the motion in the run that moves most
 _ALIKE = 2.0  # largest over smallest ratio of the runs of one wrong column, where ratios are above 1
@@ -34,7 +34,7 @@ _LEAST_WINDOWS = 4
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Measured over simulated motion of one signal in one run; `level`: rms of the simulated one per second."""
+    """Ratio of measured to simulated motion of one signal in one run; `level`: rms of the simulated one per second."""
 
     run: Run
     value: float
@@ -42,10 +42,10 @@ class _Ratio:
 
 
 def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector]]) -> tuple[Fault, ...]:
-    """Returns channels whose sign or unit contradicts the nominal model, by run, as faults "sign" and "unit".
+    """Returns the channels of each run whose sign or unit contradicts the nominal model, as faults "sign" and "unit".
 
-    A unit is tested only where the data set states the values that set the size of the signal. A fitted value, or a
-    preset, would adapt to any unit.
+    A unit is tested only if the data set states the values on which the size of the signal depends. A fitted value, or
+    a preset, would adapt to any unit.
 
     Args:
         dataset: as `reading.read` gives it.
@@ -75,7 +75,7 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
 
 
 def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
-    """Returns the data set with the samples of these channels blanked, and with the faults and their notes added."""
+    """Returns the data set without the samples of these channels, and with the faults and their notes."""
     listed = list(faults)
     wrong = {(fault.run, fault.signal) for fault in listed}
     runs = tuple(replace(run, outputs=_without(run, wrong)) for run in dataset.runs)
@@ -100,7 +100,7 @@ def _without(run: Run, wrong: set[tuple[str, str]]) -> Mapping[str, Vector]:
 
 
 def _is_stated(dataset: Dataset, signal: str) -> bool:
-    """Whether the nominal values that set a signal's steady size are stated."""
+    """Whether the nominal values are stated on which a signal's steady size depends."""
     needed = {"resistance"} if signal.startswith("current") else {"emf_constant"}
     if signal in {"position", "velocity"} and "force_per_volt" in dataset.nominal:
         needed = {"mass"}
@@ -114,7 +114,7 @@ def _is_stated(dataset: Dataset, signal: str) -> bool:
 def _reversed(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
     """Returns run -> -1 for reversed signals.
 
-    A current counts only if it is reversed in all runs, because a motor that a slope drives brakes.
+    A current counts only if it is reversed in all runs, because on a slope a motor may brake.
     """
     found = {one.run.name: -1.0 for one in ratios if _REVERSED[0] < -one.value < _REVERSED[1]}
     return {} if signal.startswith("current") and len(found) < max(len(ratios), 2) else found
@@ -138,7 +138,7 @@ def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
 
 
 def _gross(signal: str, ratio: float) -> float | None:
-    """Returns the factor of a unit nearest to a ratio; None where none is near.
+    """Returns the factor of a unit that is nearest to a ratio; None where none is near.
 
     Units that are often confused with the signal's own are preferred.
     """
@@ -156,7 +156,7 @@ def _fault(run: Run, signal: str, factor: float) -> Fault:
 
 
 def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
-    """Returns measured over simulated motion; None where the two are not correlated, or nothing moves."""
+    """Returns measured over simulated motion; None: the two are not correlated, or nothing moves."""
     if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
         return None
     measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
@@ -174,7 +174,7 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
-    """Returns the motion in each window; for an acceleration without its mean, which may be a bias or a slope."""
+    """Returns the motion in each window. An acceleration loses its mean, which may be a bias or a slope."""
     moved = windows.moved[signal]
     known = np.isfinite(moved)
     if not signal.startswith("accel_") or not known.any():

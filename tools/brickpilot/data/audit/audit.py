@@ -1,8 +1,8 @@
 """Finds faults in measured outputs before anything is fitted to them; no model is needed.
 
-Single samples may be clipped, frozen, dropped out, or swapped with another column. A channel may be wrong as a whole:
-its sign reversed, or in another unit (`channels`). A clock may drift or jump (`clock`). A fault is reported only where
-a moving body with sensor noise and quantisation cannot have made the samples; in doubt a sample is kept.
+Single samples may be clipped, frozen, lost, or swapped with another column. A whole channel may have a reversed sign or
+another unit (`channels`). A clock may drift or jump (`clock`). A fault is reported only where a moving body with sensor
+noise and quantisation cannot have made the samples; in doubt a sample is kept.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def _damaged_rows(
 
 
 def _clipped(view: RunView, name: str, signals: Mapping[str, Signal]) -> Mask:
-    """Returns the clipped samples; none for a channel beyond its stated range, which may be in another unit."""
+    """Returns the clipped samples. A channel beyond its stated range has none: it may be in another unit."""
     stated = signals[name].range
     if stuck.leaves(view.outputs[name], stated):
         return np.zeros(len(view.time), dtype=bool)
@@ -160,7 +160,7 @@ def _beyond_range(
 ) -> tuple[list[Fault], list[str]]:
     """Finds channels beyond their stated range that nothing else explains, and blanks them in `views`.
 
-    Where they are beyond it in most runs, the column is wrong in the other runs as well, in which less moves.
+    If a channel is beyond its range in most runs, it is wrong in the other runs, too, where less moves.
     """
     faults: list[Fault] = []
     notes: list[str] = []
@@ -181,9 +181,9 @@ def _beyond_range(
 def _wrong_channels(
     runs: Sequence[MeasuredRun], views: Sequence[RunView], nominal: Mapping[str, float]
 ) -> tuple[list[Fault], list[str]]:
-    """Finds channels that are wrong as a whole, and blanks them in `views`.
+    """Finds whole channels that are wrong, and blanks them in `views`.
 
-    Where an input or the time is wrong, all channels of that run are blanked.
+    If an input or the time is wrong, all channels of that run are blanked.
     """
     found = contradictions(
         views, wheel_radius=nominal.get("wheel_radius"), half_track=nominal.get("half_track")
@@ -208,7 +208,7 @@ def _wrong_channels(
 
 
 def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
-    """Returns the data set's signals of channels; those of a drive are its inputs."""
+    """Returns the signals of the data set for channels; for a drive its inputs."""
     found: dict[str, None] = {}
     for name in names:
         _, is_drive, side = name.partition("drive_")
@@ -220,7 +220,7 @@ def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, .
 def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
     """Finds runs whose battery voltage is 100 or 1000 times off.
 
-    It is compared with the stated one, with the other runs, or with that of a typical battery.
+    The voltage is compared with the stated one, with the other runs, or with that of a typical battery.
     """
     name = "battery_voltage"
     levels = {k: float(np.nanmedian(one.outputs[name])) for k, one in enumerate(views) if _known(one, name)}
@@ -243,7 +243,7 @@ def _known(view: RunView, name: str) -> bool:
 
 
 def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tuple[list[Fault], list[str]]:
-    """Finds runs whose clock is wrong, and blanks all channels from there on."""
+    """Finds runs whose clock is wrong, and blanks all channels after the fault."""
     faults: list[Fault] = []
     notes: list[str] = []
     for one in clock_faults(views):
@@ -261,7 +261,7 @@ def _wrong_clocks(runs: Sequence[MeasuredRun], views: Sequence[RunView]) -> tupl
 def _after_collisions(
     runs: Sequence[MeasuredRun], views: Sequence[RunView], wrong_clocks: Collection[str]
 ) -> tuple[list[Fault], list[str]]:
-    """Finds runs with a collision, and blanks all channels from there on. A clock that leaps looks like one."""
+    """Finds runs with a collision, and blanks all channels after it. A clock that jumps looks like a collision."""
     faults: list[Fault] = []
     notes: list[str] = []
     for one in collisions(views):
@@ -281,7 +281,7 @@ def _spans(time: Vector, mask: Mask) -> list[tuple[float, float]]:
 
 
 def _resolution(name: str, runs: Sequence[MeasuredRun], signals: Mapping[str, Signal]) -> float:
-    """Returns the stated step of a signal, else the smallest in any run; 0: it never changes."""
+    """Returns the stated step of a signal, or else its smallest step in any run; 0: it never changes."""
     if (stated := signals[name].resolution) is not None:
         return stated
     values = np.unique(np.concatenate([run.outputs[name] for run in runs]))

@@ -1,8 +1,8 @@
 """Finds which channels are at fault where relations are broken.
 
-Each channel of a broken relation is tried with the factor corrected, in one run or in all. The trial that mends most
-relations and breaks none is taken. Between two that mend as many, the gain per drive in the other runs decides, then
-the values that a small machine would show.
+Each channel of a broken relation is tried with a corrected factor, in one run or in all. The trial that repairs most
+relations and breaks none is taken. If two repair equally many, the gain per drive in the other runs decides, and then
+the values that are usual for a small machine.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from brickpilot.data.audit.run_set import (
 # Costs of a trial, in logarithms of a ratio.
 _PER_CHANNEL = 0.01  # for each channel blamed; decides only where all else is equal
 _PER_DRIVE = 0.1  # for a drive blamed alone
-_IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, beside those of the channels
+_IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, relative to those of the channels
 _UNUSUAL = 0.3  # for a factor by which the channel's own unit is seldom mistaken
 _AGAINST_DRIVE = 1.0  # for a channel that goes against its drive, however weakly
-_LIKELIER_IN_ALL = 0.5  # gained where one mistake in all runs explains as much as one in some
-_LIKELIER = 2.0  # logarithm: a mistake in a whole column is so much likelier than in one run of it
+_LIKELIER_IN_ALL = 0.5  # gained if one mistake in all runs explains as much as one in some runs
+_LIKELIER = 2.0  # logarithm: how much likelier a mistake in a whole column is than in one run of it
 
 
 @dataclass(frozen=True)
 class Contradiction:
-    """Channels that are wrong as a whole.
+    """Whole channels that are wrong.
 
     Attributes:
         names: the channels, "time", or drives ("drive_left").
         factor: stated over true value.
         runs: numbers of the runs in which they are wrong.
-        against: the channels or drives that contradict them; empty: the other runs do.
+        against: the channels or drives that contradict them; empty: the other runs contradict them.
     """
 
     names: Group
@@ -69,7 +69,7 @@ class Trial:
 
 
 def most_likely(runs: RunSet) -> Contradiction | None:
-    """Returns the trial that mends most relations and, in its runs, breaks none; of two, the one of lower cost."""
+    """Returns the trial that repairs most relations and breaks none in its runs; of two, the cheaper one."""
     scored: list[tuple[int, float, Trial, tuple[int, ...]]] = []
     for trial in _trials(runs):
         gains = {number: _gain(runs, number, trial) for number in runs.windows}
@@ -87,7 +87,7 @@ def most_likely(runs: RunSet) -> Contradiction | None:
 
 
 def _is_one_drive(trial: Trial) -> bool:
-    """Whether it blames one drive alone, which is the least likely to be wrong."""
+    """Whether the trial blames one drive alone, which is the least likely fault."""
     return len(trial.group) == 1 and not is_output(trial.group[0])
 
 
@@ -104,7 +104,7 @@ def _trials(runs: RunSet) -> list[Trial]:
 
 
 def _gain(runs: RunSet, number: int, trial: Trial) -> int:
-    """Returns how many relations of a run a trial mends, less those it breaks; positive only if it mends one."""
+    """Returns how many relations of a run a trial repairs, minus the broken ones; positive only if it repairs one."""
     windows = runs.windows[number].divided(trial.factors())
     mends, gain = False, 0
     for relation, before in zip(runs.relations, runs.evidence[number], strict=True):
@@ -115,9 +115,9 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _as_noisy(runs: RunSet, trial: Trial, mended: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the runs that may have the same fault: all but those whose noise shows that they do not.
+    """Returns the runs that may have the same fault: all whose noise does not exclude it.
 
-    A channel in another unit has other noise than in the run that was mended.
+    A channel in another unit has other noise than in the corrected run.
     """
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return tuple(runs.windows)
@@ -146,7 +146,7 @@ def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
 
 
 def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) -> float:
-    """Returns how odd the runs in `mended` are after the trial's correction.
+    """Returns how unusual the runs in `mended` are after the trial's correction.
 
     Their channels are compared with each other, with the other runs, and with a typical small machine.
     `in_all`: the other runs may have the same fault, and are corrected too.

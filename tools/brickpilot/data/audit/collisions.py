@@ -1,6 +1,6 @@
 """Finds collisions: a vehicle in fast motion that loses its speed although its command does not change.
 
-After one the run no longer follows from its inputs, because nobody measured what the vehicle ran into.
+After a collision the run no longer follows from its inputs, because the obstacle was not measured.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from brickpilot.data.signals import RATE_OF
 
 Vector = NDArray[np.float64]
 
-_WITHIN_S = 0.1  # a blow stops a vehicle in less; no friction, battery or slope does
+_WITHIN_S = 0.1  # a collision stops a vehicle in less time; no friction, battery or slope does
 _SETTLED_S = 0.3  # since the last change of command: until then the command itself may change the speed
 _CHANGE = 0.05  # of the largest command: a smaller change is none
 _FAST = 0.4  # of the fastest motion of any run: a slow wheel may stick
-_LOST = 0.5  # of the speed before it: a blow takes more than it leaves; a patch of rough floor brakes, and is no blow
+_LOST = 0.5  # of the speed before it: a collision takes more; a patch of rough floor only brakes
 _SMOOTH_S = 0.02  # over which a rate is averaged, or a sum is differenced
 _STEPS = 4.0  # of the resolution: the least loss of a coarse channel
 _AFTER_S = 0.03  # the speed stays lost for so long at least
@@ -31,8 +31,8 @@ class Collision:
     """A collision.
 
     Attributes:
-        run: its number.
-        row: the last sample before it.
+        run: number of the run.
+        row: the last sample before the collision.
         names: the channels that show it.
     """
 
@@ -42,7 +42,7 @@ class Collision:
 
 
 def collisions(views: Sequence[RunView]) -> list[Collision]:
-    """Returns the first collision of each run that has one. Runs whose wheels or shaft were not measured have none."""
+    """Returns the first collision of each run that has one. A run without a measured wheel or shaft has none."""
     rates = [{name: rate for name in one.outputs if (rate := _rate(one, name)) is not None} for one in views]
     fastest: dict[str, float] = {}
     for each in rates:
@@ -93,7 +93,7 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
 
 
 def _settled(view: RunView, name: str) -> NDArray[np.bool_]:
-    """Returns where neither motor's command changed, nor was 0, within `_SETTLED_S`; a floating motor is no command."""
+    """Returns where no motor's command changed or was 0 within `_SETTLED_S`; a floating motor has no command."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
     for which, drive in view.drives.items():

@@ -1,4 +1,4 @@
-"""Finds channels that contradict the other channels of their run as a whole: a reversed sign, or another unit.
+"""Finds whole channels that contradict the other channels of their run: a reversed sign, or another unit.
 
 Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relation_list`).
 """
@@ -34,14 +34,14 @@ _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
 def contradictions(
     views: Sequence[RunView], *, wheel_radius: float | None, half_track: float | None
 ) -> list[Contradiction]:
-    """Returns the channels that are wrong as a whole, the surest first. Lengths in m; None: not known."""
+    """Returns the whole channels that are wrong, the surest first. Lengths in m; None: not known."""
     windows = {k: _windows(view) for k, view in enumerate(views) if len(view.time) >= LEAST_SAMPLES}
     names = [name for name in dict.fromkeys(n for one in windows.values() for n in one.moved) if is_output(name)]
     rough = {k: {name: _roughness(values) for name, values in views[k].outputs.items()} for k in windows}
     geometry = Geometry(wheel_radius, half_track, {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, rough, geometry)
-    # How far the wheels turn the body is learnt only now, from wheels that do not contradict each other.
+    # The turn of the body by its wheels is learnt only now, from wheels that do not contradict each other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, rough, replace(geometry, turned=learnt))
     return found + against_other_runs(RunSet(windows, names, rough, geometry))
@@ -87,10 +87,11 @@ def _windows(view: RunView) -> Windows:
 
 
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
-    """Returns the yaw per difference of the wheels in most runs, where the data set does not state the geometry.
+    """Returns the yaw per difference of the wheels in most runs, for a data set that does not state the geometry.
 
-    A value that no small vehicle has is divided by the first unit factor that makes it plausible. The relation is then
-    broken in all runs. The fastest turns are left out: a gyro at the end of its range would give another geometry.
+    A value that no small vehicle has is divided by the first factor of a unit that makes it plausible. The relation is
+    then broken in all runs. The fastest turns are left out, because a gyro at the end of its range would give another
+    geometry.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -101,7 +102,7 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
             limits = _TURN_PER_METRE if geometry.metres(kind) == 1.0 else _TURN_PER_RADIAN
             per = float(np.sqrt(limits[0] * limits[1]))
             fastest = max((_fastest(one, yaw) for one in windows.values()), default=0.0)
-            for below in (_UNSATURATED * fastest, np.inf):  # without slower turns, all of them have to do
+            for below in (_UNSATURATED * fastest, np.inf):  # without slower turns, all turns are used
                 ratios = [
                     turn
                     for one in windows.values()

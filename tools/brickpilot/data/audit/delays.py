@@ -1,6 +1,6 @@
-"""Finds a rate that is behind the sum of the same wheel: motor controllers average a velocity before they report it.
+"""Finds a rate that is late beside the sum of the same wheel: motor controllers report an averaged velocity.
 
-This is a property of the log and no fault. Both channels are kept.
+This is a property of the log, not a fault. Both channels are kept.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from brickpilot.data.signals import RATE_OF
 
 Vector = NDArray[np.float64]
 
-_LONGEST_S = 0.2  # a longer delay is none of a sensor
+_LONGEST_S = 0.2  # no sensor has a longer delay
 _SPAN_S = 0.04  # over which a sum is differenced, and a rate averaged
 _LEAST_SAMPLES = 60
 _LEAST_STEPS = 100.0  # resolutions: the least motion of a sum
 _CLEARER = 0.8  # residual with the delay over that without it
 _STEPS = 20  # tried in each direction of the longest delay
 _AGREES = 0.5  # of the median: spread of the delays of the runs
-_LEAST_ROWS = 0.75  # rows: a smaller delay is a matter of when a row is written
+_LEAST_ROWS = 0.75  # rows: a smaller delay may come from the moment at which a row is written
 
 
 def delays(views: Sequence[RunView]) -> dict[str, float]:
-    """Returns rate -> s by which it is behind the derivative of its sum; only delays that are clear and agree."""
+    """Returns rate -> its delay in s behind the derivative of its sum, if the delay is clear and agrees in all runs."""
     found: dict[str, float] = {}
     views = [view for view in views if len(view.time) >= _LEAST_SAMPLES]
     for sums, rate in RATE_OF.items():

@@ -1,4 +1,4 @@
-"""A data fault, the sentences that describe it, and the factors of units that are mistaken for each other."""
+"""A data fault, the sentences that describe it, and the factors between units that are often confused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
-_MANY = 4  # from this many on, runs are counted and not listed
+_MANY = 4  # if there are at least so many runs, they are counted and not listed
 _UNITS = {
     ("rad", 180 / pi): "degrees",
     ("rad", 1 / (2 * pi)): "turns",
@@ -37,7 +37,7 @@ FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 """Factors between units: degrees, rpm or turns instead of radians; mm, cm or inches instead of m; mA instead of A."""
 
 GRAVITY = 9.80665
-"""Factor between m/s^2 and multiples of g. It takes the place of 30 / pi, from which a ratio cannot tell it."""
+"""Factor between m/s^2 and multiples of g. It stands for 30 / pi, too, because a ratio cannot tell the two apart."""
 
 _LENGTHS = (1000.0, 100.0, 1 / 0.0254, 25.4)
 _USUAL = {
@@ -94,7 +94,7 @@ def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> 
 def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of: int, against: Sequence[str]) -> str:
     """Describes channels that are `factor` times too large in `runs`, of the data set's `of` runs.
 
-    `against`: the channels that contradict them; empty: the other runs do.
+    `against`: the channels that contradict them; empty: the other runs contradict them.
     """
     several = len(signals) > 1
     other = joined(against) if against else "the other runs" if len(runs) < of else "a plausible value"
@@ -150,22 +150,22 @@ def joined(names: Iterable[str]) -> str:
 
 
 def is_unit_factor(factor: float) -> bool:
-    """Whether a factor, or its inverse, is one between two units."""
+    """Whether a factor, or its inverse, converts one unit into another."""
     return _is_one_of(factor, (1.0, GRAVITY, *FACTORS))
 
 
 def usual_factors(name: str) -> tuple[float, ...]:
-    """Returns the factors above 1 by which a channel's own unit is often mistaken."""
+    """Returns the factors above 1 between a channel's own unit and units that are often confused with it."""
     return _USUAL.get(SIGNALS[name].unit if name in SIGNALS else "", (1000.0,))
 
 
 def is_usual(name: str, factor: float) -> bool:
-    """Whether a channel's own unit is often mistaken by this factor or its inverse."""
+    """Whether a channel's own unit is often confused with one that differs by this factor or its inverse."""
     return _is_one_of(factor, (1.0, *usual_factors(name)))
 
 
 def is_clock_factor(factor: float) -> bool:
-    """Whether a factor is one between two units of time."""
+    """Whether a factor converts one unit of time into another."""
     return any(abs(factor / one - 1.0) < _SAME for one in CLOCK_FACTORS)
 
 

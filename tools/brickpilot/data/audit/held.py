@@ -1,7 +1,7 @@
 """Finds channels that hold each sample for several rows, because they are logged faster than they are sampled.
 
-A row that only repeats such a sample is no new data. It looks like a frozen sensor for a few rows, and like noise that
-is smaller than it is. Inputs are commands: they rightly hold until the next one.
+A row that only repeats such a sample is no new data. It looks like a sensor that is frozen for a few rows, and makes
+the noise look smaller. Inputs are commands: they hold until the next command.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Held:
     fresh: Mask
 
     def blank_repeats(self, values: Vector) -> None:
-        """Sets the rows of `values` to NaN that repeat a sample which is NaN itself."""
+        """Sets those rows of `values` to NaN that repeat a sample that is NaN."""
         sample = np.cumsum(self.fresh)
         values[np.isin(sample, sample[self.fresh & np.isnan(values)])] = np.nan
 
@@ -48,8 +48,8 @@ def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, f
     """Returns the channels of one run that are held, by name.
 
     A channel is held if its value changes at a common beat of several rows, and by more than one step of its
-    resolution. A coarse channel that only changes together with such a channel is held as well. A sample may repeat the
-    value of the one before it, as at rest, so a beat without a change counts as a new sample too.
+    resolution. A coarse channel that changes only together with such a channel is held, too. A sample may have the same
+    value as the one before it, as at rest. So a beat without a change is a new sample, too.
     """
     row = float(np.median(np.diff(time)))
     changed = {name: _changes(values) for name, values in outputs.items()}
@@ -75,7 +75,7 @@ def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, f
 
 
 def _row(time: Vector, values: Vector) -> float:
-    """Returns the time between two rows in which a channel has a value: a blank cell holds nothing."""
+    """Returns the time between two rows in which a channel has a value; blank cells do not count."""
     known = time[np.isfinite(values)]
     return float(np.median(np.diff(known if len(known) > 1 else time)))
 
@@ -92,7 +92,7 @@ def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: flo
 
 
 def _changes(values: Vector) -> Mask:
-    """Returns the rows whose value differs from the known one before; the first known row is one."""
+    """Returns the rows whose value differs from the last known one; the first known row is one of them."""
     mask = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
     mask[known] = np.diff(values[known], prepend=np.nan) != 0.0
@@ -105,13 +105,13 @@ def _steps(values: Vector, changed: Mask) -> float:
 
 
 def _beat(time: Vector, changed: Mask, row: float) -> float | None:
-    """Returns the time between two changes, if it is one for the whole run and longer than a row; else None."""
+    """Returns the time between two changes, if it is the same in the whole run and longer than a row; else None."""
     at = np.flatnonzero(changed)
     if len(at) < _LEAST_CHANGES:
         return None
     apart = np.diff(time[at])
     short = apart <= 1.5 * float(np.median(apart))
-    beat = float(np.mean(apart[short]))  # rows round each one, their mean is exact
+    beat = float(np.mean(apart[short]))  # each beat is rounded to rows, but their mean is exact
     if beat < _LEAST_ROWS * row or np.mean(apart < min(_SHORTER * beat, beat - _ROW * row)) > _SELDOM:
         return None
     beats = np.maximum(np.round(apart / beat), 1.0)
@@ -140,7 +140,7 @@ def _falls_on(mask: Mask, grid: Mask) -> bool:
 
 
 def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
-    """Returns the rows of `grid`, and those a whole beat after one where none is nearer."""
+    """Returns the rows of `grid`, and rows at whole beats after one where no row of `grid` is nearer."""
     fresh = grid.copy()
     at = np.append(np.flatnonzero(grid), len(time))
     for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):

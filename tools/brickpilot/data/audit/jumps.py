@@ -1,7 +1,7 @@
-"""Finds a few samples that jump away from their signal and back: dropouts, and rows with two swapped cells.
+"""Finds short jumps of a signal away and back: dropouts, and rows with two swapped cells.
 
-A sample is measured by its distance from the line through its neighbours in time (after the median filters of Hampel
-1974), so irregular sampling does no harm.
+A sample is judged by its distance from the line through its neighbours in time (after the median filters of Hampel
+1974), so the sampling may be irregular.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ LEAST_SAMPLES = 20
 """With fewer known samples in a run, a signal has no statistics and only its stated range is checked."""
 
 _DROPOUT_SAMPLES = 5
-_DROPOUT_SHARE = 0.02  # of a signal's samples; with more the jumps belong to the signal
+_DROPOUT_SHARE = 0.02  # of a signal's samples: with more, the jumps belong to the signal
 _OUTLYING = 12.0  # scales of the residual
 _BACK = 0.2  # of the jump: largest distance of the samples before and after it
 _BEYOND_REST = 5.0  # times the largest residual of sound samples
 _BEYOND_REST_AT_ZERO = 2.0
 _BEYOND_REST_IMPULSIVE = 20.0
 _BEYOND_ALL_IMPULSIVE = 50.0  # times the span of all other samples: worn gear teeth make impacts of 20
-_IMPULSIVE = ("accel_", "current", "force")  # an impact or a commutation may last a single sample
+_IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
 _INPUT_STEP = 0.1  # of its largest value
 _MOSTLY = 0.5
 _CLOSE_BY = 5  # samples
@@ -57,8 +57,8 @@ def blank(view: RunView, masks: Mapping[str, Mask]) -> None:
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
     """Measures each stretch of `length` samples inside a run.
 
-    Returns the least distance of its samples from the line between the two samples around it, and the distance of these
-    two.
+    Returns the least distance of its samples from the line between the two samples around it, and how far these two are
+    apart.
     """
     count = len(values) - length - 1
     before, after = values[:count], values[length + 1 :]
@@ -112,7 +112,7 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
 def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> Mask:
     """Finds a few zeros in a row, more than `beyond` from the line between the samples around them.
 
-    A signal that comes near zero again close by oscillates and has few samples; its zeros are kept.
+    If the signal comes near zero again close by, it oscillates and has few samples; its zeros are kept.
     """
     found = np.zeros(len(level), dtype=bool)
     if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # the signal rests at zero
@@ -151,7 +151,7 @@ def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> f
 
 
 def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
-    """Finds single rows in which two cells, once exchanged, lie on both signals' lines."""
+    """Finds single rows in which two cells lie on their signals' lines after they are exchanged."""
     masks = {name: np.zeros(len(view.time), dtype=bool) for name in view.outputs}
     if len(view.time) < LEAST_SAMPLES:
         return masks
@@ -175,7 +175,7 @@ def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict
 
 
 def _near_input_step(view: RunView) -> Mask:
-    """Returns the samples within one of a step of an input, where a signal may rightly leave its neighbours' line."""
+    """Returns the samples next to a step of an input, where a sound signal may leave its neighbours' line."""
     step = np.zeros(len(view.time) + 1, dtype=bool)
     for values in view.inputs.values():
         driven = np.nan_to_num(values)
@@ -202,6 +202,6 @@ def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
 
 
 def _as_read_from(own: Signal, values: Vector, other: Signal, frame: Frame) -> Vector:
-    """Returns the values of `own` as they would be read from the column of `other`."""
+    """Returns the values of `own` as if they were read from the column of `other`."""
     raw = (to_frd(own.name, values, frame) / own.to_si - own.offset) / own.scale
     return to_frd(other.name, other.to_si * (other.scale * raw + other.offset), frame)

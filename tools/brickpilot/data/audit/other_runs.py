@@ -1,4 +1,4 @@
-"""Finds channels whose gain per drive is in another unit than in the other runs, where no relation shows it."""
+"""Finds channels whose gain per drive is in another unit than in the other runs, although no relation shows it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _NOISE_FIT = 2.0  # how far the ratio of two noises may be from a factor
 def against_other_runs(runs: RunSet) -> list[Contradiction]:
     """Returns channels that no relation contradicts, but whose gain per drive differs by a unit from other runs.
 
-    A gain that is too small may come from a wheel that sticks, and one that other channels share from the machine. In
-    both cases the channel's noise must have changed by the same factor.
+    A gain that is too small may come from a wheel that sticks; if other channels have it too, it may come from the
+    machine. In both cases the channel's noise must have changed by the same factor.
     """
     found: list[Contradiction] = []
     for name in runs.names:
@@ -43,13 +43,13 @@ def against_other_runs(runs: RunSet) -> list[Contradiction]:
             ratios = gain / np.array([gains[k] for k in others])
             ratio = float(np.median(ratios))
             factor = next((one for one in _large_factors() if 1 / _GAINS_FIT < ratio / one < _GAINS_FIT), None)
-            # The median of two that differ is like neither of them.
+            # The median of two different gains is like neither of them.
             if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
                 continue
             noisy = _is_as_noisy(runs, number, others, name, factor)
             if noisy or (factor > 1.0 and not _is_confirmed(runs, number, name)):
                 odd[number] = factor
-        if len(odd) == len(gains) == 2:  # one contradicts the other: the odder one is wrong
+        if len(odd) == len(gains) == 2:  # they contradict each other: the more unusual one is wrong
             odd = dict([max(odd.items(), key=lambda one: oddness(runs.windows[one[0]], name))])
         found += [Contradiction((name,), factor, (number,), ()) for number, factor in odd.items()]
     return found

@@ -67,7 +67,7 @@ def _get(windows: Windows, name: str) -> Vector:
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: the channel alone, all of one gyro, all whose sign the frame sets."""
+    """Returns groups that may be wrong together: the channel alone, all of one gyro, all that the frame may reverse."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -96,7 +96,7 @@ def _sums_and_rates(present: set[str]) -> list[Relation]:
 
 
 def _one_or_both(name: str) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: the channel alone, and with that of the other wheel."""
+    """Returns groups that may be wrong together: the channel alone, and the channels of both wheels."""
     for side, other in (("_left", "_right"), ("_right", "_left")):
         if name.endswith(side):
             return (name,), tuple(sorted((name, name.removesuffix(side) + other)))
@@ -143,7 +143,7 @@ def _turning(yaw: str, wheels: _Wheels, groups: tuple[Group, ...], present: set[
     """A yaw channel beside the difference of the wheels."""
     per = geometry.turn(yaw, wheels.kind)
     # Wheels that slip turn the body less, down to a fifth of their difference. A ratio that is learnt from the data
-    # contains most of the slip.
+    # includes most of the slip.
     stated = per is not None and (yaw, wheels.kind) not in geometry.turned
     good, fits, small = ((0.15, 1.6), (0.2, 1.25), (0.8, 1.25)) if stated else ((0.45, 2.2), (0.6, 1.67), None)
     over, under = _yaw_groups(yaw, present), groups
@@ -175,7 +175,7 @@ class _Wheels:
         def motions(windows: Windows) -> tuple[Vector, Vector]:
             turn, one, other = _get(windows, yaw), _get(windows, self.left), _get(windows, self.right)
             apart, together = one - other, one + other
-            # In a straight run the difference of the wheels' radii turns the body, not that of their speeds.
+            # In a straight run the body turns by the difference of the wheels' radii, not of their speeds.
             known = np.isfinite(apart)
             if not known.any() or rms(apart, windows) <= _APART * rms(together, windows) / 2:
                 return turn, np.full_like(apart, np.nan)
@@ -191,7 +191,7 @@ class _Wheels:
         known = np.isfinite(motion) & np.isfinite(against)
         if not known.any():
             return motion, against
-        # A bias or a slope adds the same to each second.
+        # A bias or a slope adds the same amount in each second.
         motion, against = (
             values - windows.seconds * (np.sum(values[known]) / np.sum(windows.seconds[known]))
             for values in (motion, against)
@@ -213,7 +213,7 @@ class _Wheels:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """The relation of both sides, where they are driven alike and so hard that friction cannot hold one of them."""
+    """The relation of both sides, if they are driven alike and so hard that friction cannot hold one of them."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = _get(windows, left), _get(windows, right)
@@ -237,7 +237,7 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least or name.startswith(("current", "force")):  # a motor faster than its voltage brakes
+        if drive not in least or name.startswith(("current", "force")):  # a motor above the speed of its voltage brakes
             continue
         over: tuple[Group, ...] = _one_or_both(name)
         under: tuple[Group, ...] = ((f"drive_{drive}",),)

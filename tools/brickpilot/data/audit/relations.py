@@ -1,8 +1,8 @@
 """A relation between two motions of one run that has to hold for any machine: an angle and its speed, wheels and gyro.
 
-A relation compares motions over windows. It holds where the two are the same, up to what physics may do to them (slip,
-a scale 10 % off, a lag). It is broken where they move together, but with the wrong sign or by the factor of another
-unit. Otherwise it is silent.
+A relation compares motions over windows. It holds if the two are equal within what physics allows (slip, a scale error
+of 10 %, a lag). It is broken if they move together, but with the wrong sign or by the factor of another unit. Otherwise
+it is silent.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CLOCK_RATIO = (0.85, 1.15)  # a ratio over the factor of a clock, for the clock
 _LEAST_WINDOWS = 4
 _PHYSICAL = 5.0  # ratio of two measurements of one motion that physics may make
 _WITH, _AGAINST = 0.5, -0.8  # share of a motion that goes with its drive
-_ONSET = 0.5  # of the largest drive: there a motion goes with its drive, even if something else moves it later
+_ONSET = 0.5  # of the largest drive: at such a drive the motion follows it, even if something else moves it later
 _DRIVEN = 0.4  # of the other side's drive: a weaker drive is no evidence
 _TURNED = 0.5  # of the mean drive: a smaller difference of left and right is no evidence of turning
 
@@ -41,7 +41,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one run shows of one relation.
+    """The evidence of one run on one relation.
 
     Attributes:
         ratio: of the two motions, signed; NaN where the relation is silent.
@@ -58,7 +58,7 @@ SILENT = Evidence(State.SILENT)
 
 @dataclass(frozen=True, eq=False)
 class Alike:
-    """Two motions that should be the same.
+    """Two motions that should be equal.
 
     Attributes:
         over, under: groups of channels. The ratio grows with a common factor of a group in `over`, and shrinks with one

@@ -2,8 +2,8 @@
 
 Two things show it. One is the sampling interval, where the logger keeps it constant to a fraction of a percent in other
 runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the sensors and not on
-the run. A ratio that is off in all runs alike may be a scale; only where wheels and gyro, two sensors, are off by the
-same factor is it the clock.
+the run. A ratio that is wrong by the same factor in all runs may be a scale. It is the clock only if wheels and gyro,
+two sensors, are wrong by the same factor.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _WINDOWS = 24
 _BOUNDED = 0.5  # of the sd from independent windows: residuals of a sum are not independent
 _RATIO_OFF = 0.012
 _SURE = 5.0  # standard errors
-_DENIES = 3.0  # standard errors: a ratio so far from the fault contradicts it
+_DENIES = 3.0  # standard errors: a ratio at this distance from the fault contradicts it
 _WANDER = {"yaw_angle"}  # sums whose rate has a slow bias, which looks like a wrong clock
 _SENSOR = 0.002  # spread that a ratio always has
 _AGREE = 0.4  # of the deviation
@@ -62,7 +62,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Growth of a sum over the integral of its rate in one run, and the relative change of it from start to end."""
+    """A sum's growth divided by the integral of its rate in one run, and this ratio's relative change to the end."""
 
     value: float
     sd: float
@@ -117,7 +117,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval of most runs; of two runs that differ, the rounder number of ms or Hz; else None."""
+    """Returns the interval of most runs, or else None; of two runs that differ, the rounder number of ms or Hz."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -130,13 +130,13 @@ def _usual_interval(intervals: list[float]) -> float | None:
 
 
 def _digits(value: float) -> int:
-    """Returns how many decimal places it takes to write a value."""
+    """Returns how many decimal places a value needs."""
     scaled = value / 10.0 ** floor(log10(value))
     return next((digits for digits in range(4) if abs(round(scaled, digits) / scaled - 1.0) < _ROUND), 4)
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly over the run, by more than a steady clock's and less than on purpose."""
+    """Whether the interval changes smoothly over the run, more than a steady clock's and less than a chosen one."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
@@ -181,7 +181,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
     if lag is None:
         solved, sds = _solve(np.column_stack([rate, beside]), growth)
         value, sd = float(solved[0]), float(sds[0])
-    else:  # from the sums themselves: their error at a sample stays bounded while the path grows
+    else:  # from the sums themselves, because their error at a sample stays bounded while the path grows
         path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
         value = float(path @ integral) / float(integral @ integral)
         sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
@@ -202,7 +202,7 @@ def _solve(columns: NDArray[np.float64], values: Vector) -> tuple[Vector, Vector
 
 
 def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, float]]:
-    """Returns sum -> median over the runs and the spread about it, where three runs or more have the ratio."""
+    """Returns sum -> median over the runs and the spread about it, if at least three runs have the ratio."""
     found: dict[str, tuple[float, float]] = {}
     for name in dict.fromkeys(name for one in ratios for name in one):
         values = np.array([one[name].value for one in ratios if name in one and np.isfinite(one[name].sd)])
@@ -253,14 +253,14 @@ def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether all are certainly off, and by the same."""
+    """Whether all are certainly wrong, by the same factor."""
     values = np.array([off for off, _ in offs])
     sure = all(abs(off) > max(least, _SURE * sd) for off, sd in offs)
     return bool(sure and np.ptp(values) < _AGREE * np.abs(values).min())
 
 
 def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
-    """Returns stated over true time where wheels and gyro are off by the same in all runs; else None."""
+    """Returns stated over true time if wheels and gyro are wrong by the same factor in all runs; else None."""
     offs = [(middle - 1.0, max(spread, _SENSOR)) for middle, spread in usual.values()]
     kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
     if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
@@ -269,7 +269,7 @@ def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
 
 
 def _is_right(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, float]], factor: float) -> bool:
-    """Whether the ratio of an angle to its rate shows that the clock is right although its interval differs."""
+    """Whether the ratio of an angle to its rate shows that the clock is right, although its interval differs."""
     for name, one in ratios.items():
         if name in usual and factor != 1.0:
             off, sd = _off(one, *usual[name])
@@ -279,7 +279,7 @@ def _is_right(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, flo
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Finds clocks that jump ahead while the motion does not. Over lost rows, the motion goes on."""
+    """Finds clocks that jump ahead while the motion does not. Where rows are lost, the motion continues."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)

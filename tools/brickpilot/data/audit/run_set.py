@@ -14,7 +14,7 @@ from brickpilot.data.audit.windows import Windows
 
 TYPICAL_INTERVAL_S = 0.005
 
-_LEVEL = 0.4  # of the hardest driven run: in a run that is driven less, something else may move the machine
+_LEVEL = 0.4  # of the run with the strongest drive: in a weaker one something else may move the machine
 _WORST = 6.0  # the largest logarithm of a ratio that counts
 _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
             ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip
@@ -48,12 +48,12 @@ class RunSet:
 
 
 def is_output(name: str) -> bool:
-    """Whether a channel is measured, and not a drive."""
+    """Whether a channel is measured, so that it is not a drive."""
     return not name.startswith("drive_")
 
 
 def _least(windows: Mapping[int, Windows]) -> dict[str, float]:
-    """Returns drive -> rms per second below which it is no evidence."""
+    """Returns drive -> the rms per second below which the drive is too weak to be evidence."""
     levels = {
         which: [drive_level(one, which) for one in windows.values()] for which in ("left", "right", "shaft", "yaw")
     }
@@ -67,7 +67,7 @@ def drive_level(windows: Windows, which: str) -> float:
 
 
 def log_ratio(one: float, other: float) -> float:
-    """Returns the size of the logarithm of a ratio, 6 at most."""
+    """Returns the absolute logarithm of a ratio, at most 6."""
     return min(abs(log(abs(one) / abs(other))), _WORST)
 
 

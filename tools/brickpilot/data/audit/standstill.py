@@ -1,7 +1,7 @@
-"""Tells a frozen channel from a wheel that stands, by the other channels and by its drive.
+"""Distinguishes a frozen channel from a wheel that stands, by the other channels and by its drive.
 
-Each test takes a stretch in which the channel repeats one value. It is kept where a jam, an end stop or stiction may
-explain it.
+Each test takes a stretch in which the channel repeats one value. The stretch is kept if a jam, an end stop or stiction
+may explain it.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 
 Vector = NDArray[np.float64]
 
-_STALE = 0.75  # share of repeats from which a channel is no evidence: it stands itself
+_STALE = 0.75  # share of repeats from which a channel stands itself and is no evidence
 _OFF_RATE = 0.1  # of the fastest: allowed difference of a constant rate from the growth of its sum
 _STEPS = 3.0  # resolutions of a difference of two samples
 _DRIVEN = 0.5  # of the usual drive
 _PACE_S, _PACE_SAMPLES = 0.03, 10
 _STEADY = 0.3  # change of pace, over the fastest
-_FAST = 0.3  # of the fastest: a motion so fast does not stop from one sample to the next
+_FAST = 0.3  # of the fastest: a motion of this speed does not stop within one sample
 _HARDER = 1.3  # times the drive at which it moved in another run
 _NEARLY = 0.6  # times that drive: sufficient where the other side moved
 
 
 def is_frozen(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether samples `start` to `stop`, all of one value, can be neither a standstill nor a steady motion."""
+    """Whether samples `start` to `stop`, all of one value, cannot be a standstill or a steady motion."""
     return (
         _contradicts_sum(view, name, start, stop)
         or _never_stands(view, name, start, stop, across)
@@ -53,9 +53,9 @@ def _contradicts_sum(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum stands while its drive is as strong in both directions as where it changes with every sample.
+    """Whether a sum stands although the drive is as strong, in both directions, as where it changes at every sample.
 
-    Driven in one direction only, a machine may be at its end stop. A yaw angle has no end stop.
+    A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop.
     """
     during = view.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
     both = (during[during > 0.0], -during[during < 0.0])
@@ -68,7 +68,7 @@ def _never_stands(view: RunView, name: str, start: int, stop: int, across: Acros
 
 
 def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a sum in steady motion stops from one sample to the next while its drive and other channels continue."""
+    """Whether a sum in steady motion stops within one sample while its drive and other channels continue."""
     reach = max(_PACE_SAMPLES, int(_PACE_S / view.interval))
     if name not in SUMMED or start < 2 * reach or stop - start < 2 * reach:
         return False
@@ -97,7 +97,7 @@ def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
 def _stands_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether a channel stands for a whole run, at a drive that moves it in other runs, while the other side moves.
 
-    A wheel that is held for so long makes the robot turn. Where a gyro is measured, it must not show a turn.
+    If one wheel is held for so long, the robot turns: a gyro, if there is one, must not show a turn.
     """
     if start > 0 or stop < len(view.time) or not _is_motion(name):
         return False

@@ -18,18 +18,18 @@ Mask = NDArray[np.bool_]
 _ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only where the resolution is coarse
 _LEAST_CLIPPED = 8  # samples at a run's extreme
 _CLIPPED_BEYOND = 5.0  # times as often as any other value: the count of the extreme, if clipped
-_EDGE_STEPS = 3.0  # resolutions: the least jump on and off a plateau
+_EDGE_STEPS = 3.0  # resolutions: the least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats of a signal with noise of half a resolution or more
 _BLOCK = 50  # samples
 _QUIET_BLOCKS = 0.9  # quantile of that share over blocks: the quietest tenth is not counted
 _UNLIKELY = 4.0  # times the stretch that is expected once, or the longest elsewhere
-_LEAP = 8.0  # times the largest other change: a sum makes such a jump when a frozen sensor recovers
+_LEAP = 8.0  # times the largest other change: the jump of a sum when a frozen sensor recovers
 _BY_RATE = 10.0  # resolutions: least motion, from the measured rate, of a sum that stands
 _ONE_WAY = 0.8  # of the path: least displacement of a motion; noise has less
 _MOVES = 0.1  # of the largest rate: more than the offset of a rate at rest
 _NEAR = 4.0  # of the usual change from sample to sample
 _FEW = 0.2  # of the samples at an extreme
-_STALE = 0.75  # share of repeats from which a rate is no evidence: it stands itself
+_STALE = 0.75  # share of repeats from which a rate stands itself and is no evidence
 _FAR = 0.25  # of the range, beyond its ends
 _NOW_AND_THEN = 0.02  # share of samples
 _BATTERY = "battery_voltage"
@@ -38,9 +38,9 @@ _STARTS = 0.2  # of its fastest: the first speed that a shaft shows after it sto
 
 
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
-    """Finds two samples or more in a row at the ends of the stated range; without one, a plateau at an extreme.
+    """Finds two or more samples in a row at an end of the stated range; without a range, a plateau at an extreme.
 
-    At an end of zero an unsigned sensor rests; that is no sign of clipping.
+    If an end is 0, an unsigned sensor rests there, which is no sign of clipping.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -58,7 +58,7 @@ def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mas
 
 
 def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
-    """Whether a channel is often far beyond its stated range, where no sensor clips."""
+    """Whether a channel is often far beyond its stated range, which clipping cannot cause."""
     known = values[np.isfinite(values)]
     if stated is None or not known.size:
         return False
@@ -90,7 +90,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
-    """Finds stretches of one value that the signal's noise, its rate or a jump at the end rules out."""
+    """Finds stretches of one value that cannot be real by the signal's noise, its rate or a jump at the end."""
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
     samples = np.zeros(len(values), dtype=bool)
@@ -112,10 +112,10 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> Mask:
 
 
 def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a rate is zero and comes from near zero and leaves to near zero, as that of a shaft that stands.
+    """Whether a rate is zero, and near zero just before and after, as for a shaft that stands.
 
-    The speed of an encoder has no noise there, however much it has in motion. If a run begins so, its first speed may
-    be large as long as it goes on to grow: a sensor that wakes up shows the speed that it missed, and stays there.
+    The speed of an encoder has no noise there, even if it has much in motion. If a run begins at zero, its first speed
+    may be large if it then keeps growing: a sensor that starts late shows the speed that it missed, and stays there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -127,11 +127,11 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds, among the stretches `stands`, samples at an extreme of the run: the sensor is at the end of its range.
+    """Finds samples at an extreme of the run among the stretches `stands`: the sensor is at the end of its range.
 
-    Three cases are excluded. A sum may stop at its extreme, and a dead sensor gives zero. A sensor that died while its
-    signal rose also stands at the extreme, but never leaves it. A sensor that froze at a steady level has many samples
-    near it.
+    Three cases are excluded. A sum may stop at its extreme, and a dead sensor gives zero. A sensor that failed while
+    its signal rose also stands at the extreme, but never leaves it. A sensor that froze at a steady level has many
+    samples near this level.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -161,10 +161,10 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the signal repeats values too seldom elsewhere to make a stretch of this length.
+    """Whether the signal repeats values too rarely elsewhere for a stretch of this length.
 
-    A wheel that stands is no frozen sensor. Its rate while it stands or creeps is also no measure for its rate while it
-    turns.
+    A wheel that stands is no frozen sensor. How often a standing or creeping wheel repeats values says nothing about a
+    turning one.
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
@@ -186,7 +186,7 @@ class _Repetition:
     """How often a signal repeats a value.
 
     Attributes:
-        share: of repeats in all but the quietest blocks; 1 where there are too few blocks.
+        share: of repeats in all but the quietest blocks; 1: there are too few blocks.
         longest: samples in the longest stretch of one value.
         samples: how many changes were counted.
     """
@@ -210,7 +210,7 @@ def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> _Repetitio
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the signal leaves the stretch by a change that is nowhere else so large; also reaches it, if no sum."""
+    """Whether the change at the end of the stretch is the signal's largest; at the start, too, unless it is a sum."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):

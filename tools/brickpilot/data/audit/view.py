@@ -15,9 +15,9 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_FROZEN = 20
-"""Samples of one value: fewer are never reported as frozen."""
+"""Number of equal samples: fewer are never reported as frozen."""
 
-_REVERSES = 0.3  # share of samples at which noise turns back
+_REVERSES = 0.3  # share of samples at which noise changes direction
 _REPEATS = 0.02  # share of repeats of a channel that changes with every sample
 
 
@@ -38,7 +38,7 @@ class RunView:
     held: Mapping[str, Held] = field(default_factory=dict)
 
     def sampled(self, name: str) -> NDArray[np.intp]:
-        """Returns the rows with a known sample of a channel, without those that repeat one."""
+        """Returns the rows with a known, new sample of a channel."""
         known = np.isfinite(self.outputs[name])
         return np.flatnonzero(known & self.held[name].fresh if name in self.held else known)
 
@@ -67,7 +67,7 @@ class AcrossRuns:
         self._usual_drive: dict[str, float | None] = {}
 
     def is_noise(self, name: str) -> bool:
-        """Whether a signal turns back at most samples, as noise does, and motion does not."""
+        """Whether a signal changes direction at most samples: noise does, motion does not."""
         if name not in self._noise:
             changes = np.concatenate([np.diff(one.outputs[name]) for one in self.views])
             self._noise[name] = bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
@@ -76,7 +76,7 @@ class AcrossRuns:
     def usual_drive(self, name: str) -> float | None:
         """Returns the mean size of a channel's drive while the channel moves.
 
-        None for a channel that repeats values, apart from long stretches of one value.
+        None: the channel repeats values outside long stretches of one value.
         """
         if name not in self._usual_drive:
             self._usual_drive[name] = self._drive_while_moving(name)

@@ -1,7 +1,7 @@
 """Cuts a run into windows, and gives the motion in each window as each channel measures it.
 
-A rate is integrated, and an angle is differenced over the window. Both then have the same unit and can be compared,
-whatever their noise, filters and sampling.
+A rate is integrated, and an angle is differenced over the window. Then both have the same unit and can be compared,
+even if their noise, filters and sampling differ.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 Vector = NDArray[np.float64]
 
 LEAST_SAMPLES = 20
-"""A run of fewer samples is not compared."""
+"""A run with fewer samples is not compared."""
 
 _LEAST_WINDOWS, _MOST_WINDOWS = 8, 32
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre

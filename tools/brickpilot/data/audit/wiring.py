@@ -1,7 +1,7 @@
 """Finds channels that are wired or stated wrongly in all runs: swapped, reversed, dead, or by a wrong factor.
 
-One idea: each channel is what the others say of it; see `wiring_motion`. Factors are read off the same regressions once
-swaps and signs are right.
+The idea is that the other channels predict each channel; see `wiring_motion`. When swaps and signs are right, the same
+regressions give the factors.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from brickpilot.data.audit.wiring_motion import (
     pair,
 )
 
-_SIDES_FREE = 2.5  # ratio of the gains of two motors, of which one is weak
+_SIDES_FREE = 2.5  # ratio of the gains of two motors, if one of them is weak
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
 _STEPS_S = (1e-4, 0.5)  # between samples, of a log that shows how a robot moves
 COUNTS_A_TURN = " counts a turn"
-"""The end of a guess of an encoder's counts."""
+"""The end of the text of a guess that an encoder has so many counts a turn."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
@@ -50,13 +50,13 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
         here = stage(runs, nominal)
         found += here
         if any(one.sure < SURE for one in here):
-            break  # what comes after rests on it
+            break  # later steps depend on it
         runs = [mended(run, here) for run in runs]
     return tuple(found)
 
 
 def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tuple[Miswired, ...], tuple[str, ...]]:
-    """Returns the faults, and the guesses, where the counts a turn are one: they give way to lengths that are stated.
+    """Returns the faults and the guesses; counts that fit the stated lengths replace guessed counts a turn.
 
     Args:
         guessed: as in `Dataset.guessed`, such as "960 counts a turn".
@@ -72,7 +72,7 @@ def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tupl
 
 
 def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
-    """Returns signal -> where it has to be taken from as it was measured, after all faults are mended."""
+    """Returns signal -> the measured channel that it has to be taken from, after all faults are mended."""
     found: dict[str, Taken] = {}
     for fault in faults:
         found |= {
@@ -84,7 +84,7 @@ def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
 
 
 def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
-    """Returns a run with its channels taken from where they should be, where that is sure."""
+    """Returns a run in which each channel is taken from the right column, where that is sure."""
     values = {"time": run.time, **run.inputs, **run.outputs}
     for fault in faults:
         if fault.is_mended:
@@ -102,7 +102,7 @@ def _hypotheses(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[
 
 
 def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns an encoder of which the other one and the yaw say that it has another number of counts."""
+    """Returns an encoder that has another number of counts, according to the other encoder and the yaw."""
     motion = Motion(runs)
     if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) < log(FREE[1]):
         return []
@@ -153,7 +153,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns inputs of which one is in another unit than the other: no motor is so weak."""
+    """Returns two inputs in different units: no motor is so weak as one of them would be."""
     motion = Motion(runs)
     fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
@@ -172,7 +172,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
 
 
 def _apart_from_unit(ratio: float) -> tuple[float, float]:
-    """Returns the unit that a ratio is nearest to, or 1, and the logarithm of what is left."""
+    """Returns the factor of a unit nearest to a ratio, or 1, and the logarithm of the rest."""
     if 1 / UNIT_FITS < ratio < UNIT_FITS:
         return 1.0, log(ratio)
     unit = min(_UNITS, key=lambda one: abs(log(ratio / one)))
@@ -181,12 +181,12 @@ def _apart_from_unit(ratio: float) -> tuple[float, float]:
 
 
 def _beyond(size: float, limit: float, sd: float) -> float:
-    """Returns how sure it is that a size is beyond its limit."""
+    """Returns the probability that a size is beyond its limit."""
     return 0.5 * (1.0 + erf((size - limit) / (sqrt(2.0) * max(sd, 0.02))))
 
 
 def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns a clock in another unit: the samples are too far apart, or too near, and the wheels too slow or fast."""
+    """Returns a clock in another unit: the samples are too far apart and the wheels too slow, or the opposite."""
     step = float(np.median([np.median(np.diff(run.time)) for run in runs]))
     if _STEPS_S[0] <= step <= _STEPS_S[1]:
         return []
@@ -213,7 +213,7 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
 
 
 def _beyond_battery(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns voltages that no such battery can give: a PWM that was taken for a voltage."""
+    """Returns voltages above those of the battery: a PWM that was stated as a voltage."""
     names = [name for name in runs[0].inputs if name.startswith("voltage")]
     levels = [
         v for run in runs if "battery_voltage" in run.outputs for v in [np.nanmedian(run.outputs["battery_voltage"])]

@@ -1,8 +1,8 @@
 """The motion of drives, wheels and yaw in short windows, and the ways in which they may be wired.
 
 The wheels follow their drives, straight and turning, each with a positive gain and a lag; the yaw follows the
-difference of the wheels. Each way to swap and reverse the channels is a hypothesis, and explains a share of the motion.
-Its weight is that share's likelihood, times a prior for each fault in it.
+difference of the wheels. Each way to swap and reverse the channels is a hypothesis that explains a share of the motion.
+Its weight is the likelihood of this share, times a prior for each of its faults.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from brickpilot.data.audit.windows import cut
 Vector = NDArray[np.float64]
 
 SURE = 0.99
-"""From this share of the trust on, a fault is mended before the analysis."""
+"""A fault with at least this share of the trust is mended before the analysis."""
 
 WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
@@ -40,7 +40,7 @@ _APART = 0.3  # of the drives: a smaller turn shows nothing of left and right
 FREE = (0.75, 1.33)  # what slip and inexact lengths may do to a ratio
 UNIT_FITS = 3.0  # a ratio over the factor of a unit
 _ONE_RUN = 30.0  # times the motion of the other runs: another unit in one run
-_ONE_NUMBER = 0.93  # of a turn that two wheels without slip explain
+_ONE_NUMBER = 0.93  # share of a turn that two wheels without slip explain
 _COLLINEAR = 1e4  # condition of the squares of two columns: left and right are told apart
 USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest, in SI
 
@@ -55,16 +55,16 @@ class Taken:
 
 @dataclass(frozen=True)
 class Miswired:
-    """One fault, in words, with what mends it.
+    """One fault, in words, and how it is mended.
 
     Attributes:
         kind: "swapped", "sign", "frozen", "unit" or "clock", as of a data fault.
         signals: the channels that are wrong.
         text: what is wrong, as the beginning of a sentence.
         sure: share of the trust, 0..1.
-        mend: signal -> what it should be taken from; empty: nothing mends it.
+        mend: signal -> what it should be taken from; empty: it cannot be mended.
         factor: stated over true value, where it is a factor.
-        is_open: whether something else may be wrong instead, as a length that was measured; then nothing is mended.
+        is_open: whether something else may be wrong instead, such as a measured length; then nothing is mended.
     """
 
     kind: Kind
@@ -77,7 +77,7 @@ class Miswired:
 
     @property
     def is_mended(self) -> bool:
-        """Whether the analysis goes on with mended channels."""
+        """Whether the analysis uses mended channels."""
         return bool(self.mend) and self.sure >= SURE and not self.is_open
 
     @property
@@ -143,7 +143,7 @@ class Motion:
         )  # fmt: skip
 
     def dead(self) -> list[Miswired]:
-        """Returns the encoders that count nothing."""
+        """Returns the encoders that do not count."""
         if len(self.still) == 2:
             turns = "the gyro" if self.yaw == "yaw_rate" else self.yaw
             text = f"both encoders stand still while {turns} turns"
@@ -154,14 +154,14 @@ class Motion:
             own = self.at[side]
             if _rms(own) < _APART * self.drives:
                 continue
-            # A wheel that is blocked would turn the robot round it.
+            # The robot would turn round a blocked wheel.
             sure = 1.0 if self._goes_straight(other) else 0.9
             text = f"the {side} encoder stands still while its motor is driven and the {other} wheel moves"
             found.append(Miswired("frozen", (name,), text, sure, {name: Taken(name, np.nan)}))
         return found
 
     def _goes_straight(self, moving: str) -> bool:
-        """Whether the yaw follows both drives rather than the wheel that moves, so that the other one turns as well."""
+        """Whether the yaw follows both drives and not only the wheel that moves, so that the other wheel turns, too."""
         if self.yaw is None:
             return False
         turn, left, right = (self.at[name] for name in (self.yaw, "left1", "right1"))
@@ -202,14 +202,14 @@ class Motion:
         slow = np.abs(turn) < 0.5 * float(np.nanmax(np.abs(turn), initial=0.0))
         apart = x @ whole.gains
         known = np.isfinite(turn) & np.isfinite(apart)
-        # Slip and a gyro at the end of its range grow with speed. A wrong number is the same at each.
+        # Slip and a gyro at the end of its range grow with speed. A wrong number of counts is the same at each speed.
         ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
                   for some in (known & slow, known & ~slow)]  # fmt: skip
         alike = min(ratios) > 0.0 and max(ratios) < FREE[1] * min(ratios)
         return whole if alike else None
 
     def driven(self, lag: int) -> Gains | None:
-        """Returns the motion of each side per drive, of the wheels or else of the yaw."""
+        """Returns the motion of each side per drive, from the wheels or else from the yaw."""
         left, right, seconds = self.at[f"left{lag}"], self.at[f"right{lag}"], float(np.sum(self.at["seconds"]))
         if not self.both:
             return None if self.yaw is None else _gains(np.column_stack([left, -right]), self.at[self.yaw], seconds)
@@ -224,7 +224,7 @@ class Motion:
         return None if metres is None or half_track is None else metres / (2 * half_track)
 
     def with_it(self, name: str) -> list[str]:
-        """Returns a channel and the others of the same wheel, or of the yaw, that move as it does."""
+        """Returns a channel and the other channels of the same wheel, or of the yaw, that move in the same way."""
         stem, side = name.split("_")[0], name.rsplit("_", 1)[1]
         found = [name]
         for other in self.names:
@@ -239,7 +239,7 @@ class Motion:
         return found
 
     def is_odd_by(self, unit: float) -> bool:
-        """Whether the wheels are by a unit beside what a small robot does, rather than the yaw."""
+        """Whether the wheels, and not the yaw, differ by the factor of a unit from a small robot's motion."""
         turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / USUAL["yaw"]
         roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / USUAL[self.kind or ""]
         return abs(log(turn)) + abs(log(roll * unit)) < abs(log(turn / unit)) + abs(log(roll))
@@ -255,16 +255,16 @@ class Motion:
         return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
 
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
-        """Returns the yaw per difference of the wheels below which the yaw comes from something else.
+        """Returns the yaw per difference of the wheels below which the yaw has another cause.
 
-        A gyro's bias, or wheels that are not alike, turn a robot that drives straight a little, and in step with both
-        wheels: that is no wheel that runs backwards.
+        A gyro's bias, or unequal wheels, give a straight drive a little yaw that follows both wheels: this is no
+        reversed wheel.
         """
         usual = USUAL["yaw"] / (2 * USUAL[self.kind or "speed"])
         return (self.geometry(nominal) or usual) / UNIT_FITS
 
     def _score(self, seen: tuple[int, ...], least_turn: float) -> float:
-        """Returns the logarithm of the likelihood of a way, as `_Way.seen` has it."""
+        """Returns the logarithm of the likelihood of a way to wire, from the columns of `_Way.seen`."""
         (a, sa, b, sb), (c, sc, d, sd), sign = seen[:4], seen[4:8], seen[8]
         sides = ("left", "right")
         alive = [name in self.at and name not in self.still for name in self.wheels] or [False, False]
@@ -299,7 +299,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Which column has the left and which the right (0 or 1), and their signs."""
+    """The columns of the left and of the right side (0 or 1), and their signs."""
 
     left: int
     right: int
@@ -333,7 +333,7 @@ class _Way:
         return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
 
     def told(self, motion: Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault as its sentence, its kind, and what mends it; they are mended one after the other."""
+        """Returns each fault as its sentence, its kind and how it is mended; they are mended one after the other."""
         found: list[tuple[str, Kind, dict[str, Taken]]] = []
         inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
         wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
@@ -361,7 +361,7 @@ _WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_S
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
-    """Returns minus the logarithm of the share of `y` that multiples above `least` of the columns of `x` leave."""
+    """Returns minus the logarithm of the share of `y` left by a fit of `x`'s columns with factors above `least`."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -389,7 +389,7 @@ class Gains:
 
 
 def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> Gains | None:
-    """Returns the gains of the columns of `x` in `y`; None where they are not told apart, or explain less than that."""
+    """Returns the gains of the columns of `x` in `y`; None: they cannot be told apart, or explain less than that."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     x, y = x[known], y[known]
     gram = x.T @ x
@@ -408,7 +408,7 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
 
 
 def _alike(one: Vector, other: Vector) -> float:
-    """Returns the size of the correlation of two motions."""
+    """Returns the absolute correlation of two motions."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
     return abs(float(one[known] @ other[known])) / power if power > 0.0 else 0.0
