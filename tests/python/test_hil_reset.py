@@ -77,8 +77,8 @@ def test_the_command_gives_status_1_and_one_line(
     real = ends.both_ends
 
     @contextmanager
-    def replaying(spec: str) -> Iterator[ends.Ends]:
-        with real(spec) as both:
+    def replaying(spec: str, image: Path | None = None) -> Iterator[ends.Ends]:
+        with real(spec, image=image) as both:
             yield dataclasses.replace(both, link=Replaying(both.link, A_WHOLE_SESSION))
 
     monkeypatch.setattr(ends, "both_ends", replaying)

@@ -255,6 +255,14 @@ def test_what_a_law_s_own_shape_may_have_left_names_no_other_law(left: float, na
     assert verdict.weigh(found_in(table, 2.0)).best.names == named
 
 
+def test_an_error_below_the_floor_is_named_by_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The floor is what every simulator leaves: an effect below it leaves no square above it, and yet may be sure."""
+    flat = np.full(15, -40.0)
+    found = found_in([made("", flat), made("cogging", flat + 6.0)], 2.0)
+    monkeypatch.setattr(found.judge, "excess", lambda one: np.zeros(1), raising=False)
+    assert verdict.weigh(found).best.names == ("cogging",)
+
+
 def test_an_error_of_one_signal_is_no_law_s_that_acts_on_another(monkeypatch: pytest.MonkeyPatch) -> None:
     flat = np.full(15, -40.0)
     table = [made("", flat), made("coulomb_friction", flat + 20.0), made("coulomb_friction accel_bias", flat + 30.0)]

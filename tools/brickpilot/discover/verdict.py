@@ -189,10 +189,10 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> list[Evidence]:
     """Returns the explanations that are weighed. One is left out where a simpler one, not refuted, says as much.
 
-    Those that contain a simpler one surely have to remove more than they leave of what that one leaves, of the squared
+    Those that contain a simpler one have to remove at least what they leave of what that one leaves, of the squared
     error above noise and of how far values are from what was stated. What the shape of the simpler one's own laws may
-    have left of a signal does not count. And no explanation has more parts than another one that is no worse in
-    anything: there are the more sets of parts, the larger they are, and many would together outweigh a name.
+    have left of a signal does not count, and more than that has to go surely. No explanation has more parts than one
+    that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
     """
     temperature, start = found.temperature, found.judge.excess(found.nothing)
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -204,7 +204,8 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
         if second.contains(first):
             gone, own = excess[one] - excess[other], numbers.LAW_SHAPE * np.maximum(start - excess[one], 0.0)
             gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
-            if gain <= max(excess[other].sum() / 2 + moved[other], temperature * numbers.CHANCE_NATS):
+            sure = temperature * numbers.CHANCE_NATS * bool(own.any())
+            if gain < max(excess[other].sum() / 2 + moved[other], sure):
                 return True
         return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
 
