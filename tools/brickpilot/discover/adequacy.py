@@ -57,7 +57,7 @@ class Adequacy:
     @property
     def is_adequate(self) -> bool:
         """Whether nothing more that could be named is left."""
-        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < 1 - self.explained
+        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < 0.5  # more left than gone
         return self.most_predictable <= numbers.SHARED_REST and not too_much
 
     @property
