@@ -202,7 +202,7 @@ def test_a_discovery_opens_the_seal_once_and_as_its_last_choice_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[str] = []
-    for name in ("prepare", "_explain", "settle", "prove", "measure", "conclude"):
+    for name in ("prepare", "explain", "settle", "prove", "measure", "conclude"):
         work = getattr(pipeline, name)
 
         def told(*given: Any, _name: str = name, _work: Any = work, **options: Any) -> Any:
@@ -220,5 +220,5 @@ def test_a_discovery_opens_the_seal_once_and_as_its_last_choice_is_made(
     pipeline.discover(runs_held_out(tmp_path / "set"), jobs=1)
     assert called.count("open") == 1
     assert called[called.index("open") - 1] == "prove"
-    assert not {"prepare", "_explain", "settle"} & set(called[called.index("open") :])
+    assert not {"prepare", "explain", "settle"} & set(called[called.index("open") :])
     assert called[-2:] == ["measure", "conclude"]

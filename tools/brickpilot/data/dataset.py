@@ -58,6 +58,7 @@ class Run:
         gap_s: s of pause between the end of the run before it in the file and this one's start.
         replicate_of: name of the run that this one repeats.
         initial: state at the start, if the data set states it (`signals.INITIAL_UNITS`).
+        recording: of several recordings of one machine, the one that it belongs to; empty: there is one.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Run:
     gap_s: float
     replicate_of: str | None
     initial: Mapping[str, float]
+    recording: str = ""
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each sample: time, inputs and outputs, in SI and the paper's frame."""

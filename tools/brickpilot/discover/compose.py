@@ -21,7 +21,7 @@ from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Trial
-from brickpilot.discover.search import Found, Search, Tell
+from brickpilot.discover.search import Found, Search, Tell, Width
 from brickpilot.discover.term_atoms import Atom, family, find_atoms, strip_atom, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.problem import Problem, Projection
@@ -99,7 +99,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 class TermSource:
     """See `search.Source`. Holds the signature of each atom at the model that the search begins with."""
 
-    word, most, pairs = "term", _MOST_TERMS, False
+    word, most, width = "term", _MOST_TERMS, Width(paired=0)
 
     def __init__(self, data: Residual, base: Explanation) -> None:
         self._data, self._base = data, base.model

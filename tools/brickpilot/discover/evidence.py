@@ -126,7 +126,7 @@ class Judge:
         """
         total = np.zeros(self.count)
         for signal in self.data.signals:
-            size = _scale(np.concatenate(self.data.parts(before, signal)), self.data.floor(signal))
+            size = scale_of_rest(np.concatenate(self.data.parts(before, signal)), self.data.floor(signal))
             for block in self.data.blocks:
                 if block.signal == signal:
                     scaled = [(one[block.place] / (numbers.KNEE * size)) ** 2 for one in (before, after)]
@@ -169,7 +169,7 @@ class Judge:
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
-            size = _scale(np.concatenate(parts), self.data.floor(signal))
+            size = scale_of_rest(np.concatenate(parts), self.data.floor(signal))
             limited = [np.clip(part / size, -_FAR, _FAR) for part in parts]
             total += sum(map(len, parts)) * correlation_time(limited, about_mean=False)
         return total / len(self.data.measured)
@@ -194,7 +194,7 @@ class Judge:
 
     def squares(self, evidence: Evidence, signal: str) -> float:
         """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""
-        return _scale(np.concatenate(self.data.parts(evidence.left_out, signal)), self.data.floor(signal)) ** 2
+        return scale_of_rest(np.concatenate(self.data.parts(evidence.left_out, signal)), self.data.floor(signal)) ** 2
 
     @property
     def counts(self) -> dict[str, int]:
@@ -257,8 +257,8 @@ def _weighted(residual: Array, size: float | Array) -> Array:
     return np.asarray(residual**2 / np.sqrt(1 + (residual / (numbers.KNEE * size)) ** 2))
 
 
-def _scale(residual: Array, floor: float) -> float:
-    """Returns the most likely scale of the hyperbolic density, in the signal's unit, never below the floor."""
+def scale_of_rest(residual: Array, floor: float) -> float:
+    """Returns the most likely scale of the hyperbolic density of a residual (values,), never below the floor, SI."""
     size = max(1.4826 * float(np.median(np.abs(residual))), floor)
     for _ in range(_ROUNDS):
         size, before = max(float(np.sqrt(_weighted(residual, size).mean())), floor), size
@@ -269,7 +269,7 @@ def _scale(residual: Array, floor: float) -> float:
 
 def _density(residual: Array, stretch: Indices, count: int, floor: float) -> Array:
     """Returns (stretches,): the log density of one signal, the scale of each stretch found from the others."""
-    weighted = _weighted(residual, _scale(residual, floor))
+    weighted = _weighted(residual, scale_of_rest(residual, floor))
     sums, sizes = np.bincount(stretch, weighted, count), np.bincount(stretch, minlength=count)
     others = (sums.sum() - sums) / np.maximum(sizes.sum() - sizes, 1)
     own = np.sqrt(np.maximum(others, floor**2))[stretch]

@@ -137,7 +137,7 @@ class RunPart(Part):
             "", "", "", "", False, "", "", "",
         )  # fmt: skip
         known = Nominal(0.0, kind.sd)
-        free = tuple(Free(f"{self.effect}@{run}", info, known, unit=kind.sd) for run in self.free)
+        free = tuple(Free(f"{self.effect}@{run}", info, known, unit=kind.sd, centred=kind.low < 0) for run in self.free)
         return Plan(model, (*base.free, *free), ())
 
     def removed_from(self, model: Model) -> Model:

@@ -114,7 +114,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     """Runs the stages behind `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
     tell.expect(estimated)
-    explained: Explained = _explain(prepared, nominal, tell)
+    explained: Explained = explain(prepared, nominal, tell)
     if explained.verdict.kind == "unknown":
         explained = _explain_in_windows(explained, tell)
     composed: Composed | None = None
@@ -134,7 +134,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     return dataclasses.replace(finding, elapsed_s=elapsed_s, budget=budget)
 
 
-def _explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
+def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Searches on the coarse grid for explanations beside the nominal model, weighs them, and looks at what is left."""
     judge = Judge.of(prepared.coarse, prepared.seed)
     library = Library(prepared.excitation, runs_of(prepared.coarse), most)
@@ -165,7 +165,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
         return whole
     tell("searching again in short windows")
     ready, nominal = calibrate(windows)
-    again = _explain(ready, nominal, tell, PARTS_IN_WINDOWS)
+    again = explain(ready, nominal, tell, PARTS_IN_WINDOWS)
     periodic = again.verdict.kind in ("named", "ambiguous") and again.verdict.best.is_periodic
     if not periodic:
         return whole

@@ -40,12 +40,9 @@ from brickpilot.fit.robust import pseudo_huber_loss
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_ROUGH_FITS, _FINE_FITS = 10, 7  # of one screen
 _PROMISED = 0.3  # of what a part has to gain: one that promises less in the screen, which saw few sizes, is not fitted
 _NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
-_LEAST_FINE = 3  # but so many are
 _STARTS = 3  # of a periodic part, at so many orders
-_PAIRED, _PAIRS_REFINED = 5, 3  # best singles of which all pairs are fitted, and the pairs that are fitted to the end
 _BEAM = 2
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
@@ -54,18 +51,33 @@ _LOWER = 0.98  # of the cost: another order is worth a descent below it
 _WORSE = 0.5  # of the cost: an explanation that is worse than what it contains by more has a failed fit
 
 
+@dataclass(frozen=True)
+class Width:
+    """How wide a search is.
+
+    Attributes:
+        rough, fine: how many of one screen are fitted, and of these to the end, at most.
+        least: and at least.
+        paired: of so many of the best singles all pairs are fitted, half of `fine` to the end.
+    """
+
+    rough: int = 10
+    fine: int = 7
+    least: int = 3
+    paired: int = 5
+
+
 class Source(Protocol):
     """Where parts come from: the library and values of runs, or terms without a name.
 
     Attributes:
         word: what one is called.
         most: so many are added at most.
-        pairs: two may also be tried at once.
     """
 
     word: str
     most: int
-    pairs: bool
+    width: Width
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns what is worth a fit beside the model of `problem` at `point`, the best first."""
@@ -77,7 +89,7 @@ class Source(Protocol):
 class Library:
     """The effects of the library and the values of runs, as a `Source`."""
 
-    word, pairs = "effect", True
+    word, width = "effect", Width()
 
     def __init__(self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS) -> None:
         self._excitation, self._runs, self.most = excitation, runs, most
@@ -186,8 +198,9 @@ class Search:
                 parents.append(judge.of_explanation(stated))
             for parent in parents:
                 found.add(self.beside(found, parent), self.jobs)
-            if count == 2 and self.source.pairs:
-                found.add(self._pairs([one.explanation for one in found.ranked(base + 1)[:_PAIRED]]), self.jobs)
+            if count == 2 and self.source.width.paired:
+                singles = found.ranked(base + 1)[: self.source.width.paired]
+                found.add(self._pairs([one.explanation for one in singles]), self.jobs)
             self._prune(found)
             self._repair(found)
             if found.ranked()[0] is before and count > 1:
@@ -236,7 +249,11 @@ class Search:
         if current not in found.screens:
             found.screens[current] = self.source.screened(here, current.point, self.deadline)
         wanted = [one for one in found.screens[current] if one.part.name not in forbidden and promises(one)]
-        trials = [one for one in wanted[:_ROUGH_FITS] if (current, one.part.name, one.part.free) not in found.tried]
+        trials = [
+            one
+            for one in wanted[: self.source.width.rough]
+            if (current, one.part.name, one.part.free) not in found.tried
+        ]
         found.tried |= {(current, one.part.name, one.part.free) for one in trials}
         if not trials:
             return []
@@ -251,9 +268,8 @@ class Search:
         rough = sorted({one.key: one for one in reversed(rough)}.values(), key=_information)  # the best of each start
         least = min(rough[0].cost, best.explanation.cost)
         worth = sum(one.cost < least + _NEAR * best.nat(temperature) for one in rough)
-        return self._possible(
-            refine(self.data, rough[: min(max(worth, _LEAST_FINE), _FINE_FITS)], self.jobs, self.deadline)
-        )
+        count = min(max(worth, self.source.width.least), self.source.width.fine)
+        return self._possible(refine(self.data, rough[:count], self.jobs, self.deadline))
 
     def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
         return [one for one in fits if one is not None and is_possible(one, self.excitation)]
@@ -268,7 +284,11 @@ class Search:
             return fit(here, both.parts, both.plan, both.point, ROUGH)
 
         rough = sorted(self._possible(side_by_side(one, pairs, self.jobs, self.deadline)), key=_information)
-        return self._possible(refine(self.data, rough[:_PAIRS_REFINED], self.jobs, self.deadline)) if rough else []
+        return (
+            self._possible(refine(self.data, rough[: self.source.width.fine // 2], self.jobs, self.deadline))
+            if rough
+            else []
+        )
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
         """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.agreement import Agreement, together
-from brickpilot.data.holdout import repeats
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
 from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by
@@ -26,7 +25,7 @@ from brickpilot.discover.seal import Proof
 from brickpilot.discover.settle import Settled
 from brickpilot.errors import SimulationError
 from brickpilot.fit.residual import of_bins
-from brickpilot.vehicle.headline import AHEAD, FREE_RUN, Track, headline, headline_of, simulated_at, track
+from brickpilot.vehicle.headline import AHEAD, FREE_RUN, headline, headline_of, repeatability, simulated_at, track
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -146,7 +145,7 @@ def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) 
     simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
     before, after = (headline_of(compared, one, prepared.roles) for one in simulated)
     shares = _unseen_shares(prepared, proof, nominal)
-    repeated = _repeatability(compared, simulated[0][FREE_RUN]) if FREE_RUN in simulated[0] else {}
+    repeated = repeatability(compared, simulated[0][FREE_RUN]) if FREE_RUN in simulated[0] else {}
 
     def fit(signal: str, role: str, horizon: str) -> Fit:
         share = shares.get((signal, role), 0.0) if horizon == FREE_RUN else 0.0
@@ -238,31 +237,3 @@ def _is_fit(prepared: Prepared, run: str, middle: Array) -> NDArray[np.bool_]:
     """Returns (n,) whether a time of a run is fitted."""
     first, last = prepared.roles.stretches.get(run, (np.inf, -np.inf))
     return (prepared.roles.by_run[run] == "fit") & ((middle < first) | (middle > last))
-
-
-def _repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
-    """Returns signal -> the fit in percent of a perfect model, as far as repeats of the same inputs tell.
-
-    Two repeats differ by twice the variance of one. The nominal model's errors are compared and not the signals, so
-    that what little the inputs and the start states differ is allowed for.
-    """
-    pairs = repeats(compared.dataset)
-    clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}
-    found = {}
-    for signal in compared.signals if pairs else ():
-        apart, size = [np.empty(0)], [np.empty(0)]
-        for first, second, seconds in pairs:
-            one, other = (compared.measured[name].get(signal) for name in (first, second))
-            if one is None or other is None:
-                continue
-            error, again = one - simulated[first][signal], other - simulated[second][signal]
-            known = np.isfinite(again)
-            there = np.interp(clocks[first], clocks[second][known], again[known])
-            apart.append((error - there)[clocks[first] <= seconds])
-            size.append(one)
-        left, whole = (np.concatenate(parts) for parts in (apart, size))
-        left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
-        rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
-        if len(left) and rms > 0:
-            found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
-    return found

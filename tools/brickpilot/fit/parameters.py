@@ -47,6 +47,7 @@ class Free:
         unit: of its coordinate, SI, where the caller knows a better one than the stated value or the preset; 0: none.
         keeps_sign: it moves in the logarithm of its share of `unit`, and has the sign of that. Where the data do not
             say how heavy a vehicle is, all forces grow with it, and only in logarithms is that valley straight.
+        centred: values of its kind, each of one run, lie about 0.
         natural: SI, a usual size on this vehicle, for a parameter of which nothing is stated: a prior of a decade about
             it holds its logarithm, or as many times it hold its value. 0: no such prior.
     """
@@ -57,6 +58,7 @@ class Free:
     unit: float = 0.0
     keeps_sign: bool = False
     natural: float = 0.0
+    centred: bool = False
 
     @cached_property
     def effect(self) -> tuple[str, str] | None:

@@ -19,8 +19,8 @@ _COMMON_SD = 0.01  # in coordinates: what values of runs may have in common
 
 
 def _kind(free: Free) -> str:
-    """Returns the kind of a value that a run has of its own."""
-    return free.name.partition("@")[0]
+    """Returns the kind of a value that a run has of its own, "kind@": a nominal parameter may have the same name."""
+    return "".join(free.name.partition("@")[:2])
 
 
 class Problem:
@@ -141,7 +141,7 @@ class Problem:
         """Returns the coordinates of each kind of values of runs that lie about 0."""
         kinds: dict[str, list[int]] = {}
         for index, free in enumerate(self.plan.free):
-            if free.run and free.signed:
+            if free.centred:
                 kinds.setdefault(_kind(free), []).append(index)
         return list(kinds.values())
 

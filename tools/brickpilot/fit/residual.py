@@ -33,7 +33,7 @@ from brickpilot.errors import SimulationError
 from brickpilot.fit import robust
 from brickpilot.fit.blocks import SAMPLES, Bins, Block, blocks, on_coarse_grid, stack
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.replay import Replay
+from brickpilot.vehicle.replay import Replay, by_recording
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -157,13 +157,19 @@ class Residual:
         return np.array([known[key] for key in keys])
 
     def _predict(self, models: Sequence[Model]) -> list[Array]:
+        values = np.empty((len(models), len(self.measured)))
         try:
-            rows = self.replay.stacked(models, only=self.runs, threads=self.threads, signals=self.signals)
+            for own, runs in by_recording(models, self.replay.dataset, self.runs):
+                rows = self.replay.stacked(own, only=runs, threads=self.threads, signals=self.signals)
+                made = np.array([self.picked @ row for row in rows])
+                for block in self.blocks:
+                    if block.run in runs:
+                        values[:, block.place] = made[:, block.place]
         except SimulationError:
             if len(models) > 1:
-                return [values for model in models for values in self._predict([model])]
+                return [one for model in models for one in self._predict([model])]
             return [np.full(len(self.measured), np.nan)]
-        return [np.asarray(self.picked @ row) for row in rows]
+        return list(values)
 
     def error(self, model: Model) -> Array:
         """Returns (values,): measured less simulated, SI."""
@@ -321,10 +327,11 @@ class Residual:
         return np.array(moved)
 
     def rows_of(self, run: str) -> NDArray[np.bool_]:
-        """Returns (values,) whether a value is of a run, or of a window of it."""
+        """Returns (values,) whether a value is of a run, of a window of it, or of a recording of this name."""
         rows = np.zeros(len(self.measured), dtype=np.bool_)
+        recordings = {one.name: one.recording for one in self.replay.dataset.runs}
         for block in self.blocks:
-            if run_of(block.run) == run:
+            if run in (run_of(block.run), recordings[block.run]):
                 rows[block.place] = True
         return rows
 

@@ -17,7 +17,7 @@ from scipy.signal import savgol_filter
 
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.data.holdout import Roles
+from brickpilot.data.holdout import Roles, repeats
 from brickpilot.data.motion import zero_phase_rate
 from brickpilot.data.noise import noise_of
 from brickpilot.data.signals import RATE_OF, SIGNALS, SUMMED
@@ -318,3 +318,31 @@ def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
     if stretch is None:
         return np.full(len(run.time), roles.by_run[run.name] == "held_out")
     return np.asarray((run.time >= stretch[0]) & (run.time <= stretch[1]))
+
+
+def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
+    """Returns signal -> the fit in percent of a perfect model, as far as repeats of the same inputs tell.
+
+    Two repeats differ by twice the variance of one. The nominal model's errors are compared and not the signals, so
+    that what little the inputs and the start states differ is allowed for.
+    """
+    pairs = repeats(compared.dataset)
+    clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}
+    found = {}
+    for signal in compared.signals if pairs else ():
+        apart, size = [np.empty(0)], [np.empty(0)]
+        for first, second, seconds in pairs:
+            one, other = (compared.measured[name].get(signal) for name in (first, second))
+            if one is None or other is None:
+                continue
+            error, again = one - simulated[first][signal], other - simulated[second][signal]
+            known = np.isfinite(again)
+            there = np.interp(clocks[first], clocks[second][known], again[known])
+            apart.append((error - there)[clocks[first] <= seconds])
+            size.append(one)
+        left, whole = (np.concatenate(parts) for parts in (apart, size))
+        left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
+        rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
+        if len(left) and rms > 0:
+            found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
+    return found

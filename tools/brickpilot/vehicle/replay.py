@@ -7,7 +7,7 @@ Age, charge and heat carry over from run to run in the file's order, with the st
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 
@@ -275,3 +275,46 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
 }
 """A battery's charge changes the gain of a run, and a link its delay; a log may start before its command."""
+
+
+ADDED = frozenset({"viscous_friction"})
+"""Nominal parameters that may be nothing in one recording: what differs is added to them."""
+
+
+def by_recording(
+    models: Sequence[Model], dataset: Dataset, runs: Collection[str]
+) -> Iterator[tuple[list[Model], frozenset[str]]]:
+    """Yields the models as they are in each recording of a data set, with those of `runs` that belong to it.
+
+    A model says in `by_run`, under a recording's name, what is different there: of a value of runs the value, of a
+    nominal parameter by which share it differs, of friction and of an "effect.parameter" what is added to it, SI.
+    """
+    told = {name for model in models for table in model.by_run.values() for name in table}
+    of = {run.name: run.recording if run.recording in told else "" for run in dataset.runs if run.name in runs}
+    for recording in dict.fromkeys(of.values()):
+        own = frozenset(name for name, one in of.items() if one == recording)
+        yield [in_recording(model, recording, own) for model in models] if told else list(models), own
+
+
+def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
+    """Returns a model as it is in a recording with these runs. An effect whose sizes are all 0 there is off."""
+    own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
+    kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
+    parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}
+    for kind, value in own.items():
+        effect, _, name = kind.rpartition(".")
+        if kind in RUN_KINDS:
+            kept[kind] = dict.fromkeys(map(run_of, runs), value)
+            continue
+        rows = catalogue.effect(effect).parameters if effect else catalogue.parameters()
+        one = next(one for one in rows if one.name == name)
+        table = effects[effect] if effect else parameters
+        added = value if effect or name in ADDED else value * table[name]
+        table[name] = min(max(table[name] + added, one.minimum), one.maximum)
+    for kind in model.by_run:
+        effect = kind.partition(".")[0]
+        if effect in effects and not any(
+            effects[effect][one.name] for one in catalogue.effect(effect).parameters if one.role in ("size", "limit")
+        ):
+            del effects[effect]
+    return dataclasses.replace(model, parameters=parameters, effects=effects, by_run=kept)
