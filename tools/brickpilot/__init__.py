@@ -47,11 +47,11 @@ What was never measured is simulated, and the robot flies its mission:
 >>> flown.figures["waypoints_reached"], flown.failure
 (8, None)
 
-What else the commands do is here too, with the same files: `bp.import_log`, `bp.why`, `bp.campaign`, `bp.tune`,
-`bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
+What else the commands do is here too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.campaign`,
+`bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
 
 The names below are the public face. Each is loaded when it is first used, so that `import brickpilot` takes no time.
-`discover`, `campaign`, `tune`, `export`, `firmware` and `hil` are also packages of these names:
+`discover`, `changed`, `campaign`, `tune`, `export`, `firmware` and `hil` are also packages of these names:
 `bp.discover(dataset)` works before and after an import of its modules.
 """
 
@@ -65,6 +65,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from brickpilot.catalogue import effects
+    from brickpilot.changed.change import Changed
     from brickpilot.data.reading import Dataset, read
     from brickpilot.discover.finding import Finding
     from brickpilot.discover.readiness import Check
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
     from brickpilot.public.analysis import calibrate, check, compare, discover
     from brickpilot.public.analysis import discover as discover_effects
     from brickpilot.public.flights import hil
-    from brickpilot.public.logs import import_log, why
+    from brickpilot.public.logs import changed, import_log, why
     from brickpilot.public.making import campaign, export, firmware, tune
     from brickpilot.report.notebook import to_html, to_text
     from brickpilot.report.why_page import Why
@@ -88,6 +89,7 @@ __version__ = "0.1.0"
 
 _NAMES = {
     "Calibration": "brickpilot.fit.calibration:Calibration",
+    "Changed": "brickpilot.changed.change:Changed",
     "Check": "brickpilot.discover.readiness:Check",
     "Comparison": "brickpilot.fit.comparison:Comparison",
     "Dataset": "brickpilot.data.reading:Dataset",
@@ -117,6 +119,7 @@ _NAMES = {
 
 _CALLS = {
     "campaign": "brickpilot.public.making:campaign",
+    "changed": "brickpilot.public.logs:changed",
     "discover": "brickpilot.public.analysis:discover",
     "export": "brickpilot.public.making:export",
     "firmware": "brickpilot.public.making:firmware",
@@ -127,6 +130,7 @@ _CALLS = {
 
 __all__ = [
     "Calibration",
+    "Changed",
     "Check",
     "Comparison",
     "Dataset",
@@ -140,6 +144,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "campaign",
+    "changed",
     "check",
     "compare",
     "discover",

@@ -17,6 +17,7 @@ from brickpilot.cli.bench import bench
 from brickpilot.cli.brick import brick
 from brickpilot.cli.calibrate import calibrate
 from brickpilot.cli.campaign import campaign
+from brickpilot.cli.changed import changed
 from brickpilot.cli.check import check
 from brickpilot.cli.compare import compare
 from brickpilot.cli.discover import discover
@@ -51,8 +52,8 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, compare, calibrate, discover,
-    campaign, effects, export, bench,
+    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, changed, compare, calibrate,
+    discover, campaign, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))

@@ -1,16 +1,19 @@
-"""From logs to a data set, and to an answer: `import_log` and `why`."""
+"""From logs to a data set, and to an answer: `import_log`, `why` and `changed`."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from brickpilot.changed.change import Changed
+from brickpilot.changed.what_changed import BEFORE, what_changed
 from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, joined
 from brickpilot.discover.finding import Finding, verdict_json
@@ -21,16 +24,21 @@ from brickpilot.importers import IMPORTERS
 from brickpilot.importers.registry import Importer, importer_and_files, options_taken
 from brickpilot.importers.writer import Imported
 from brickpilot.public.analysis import discover
-from brickpilot.report import composed_law, discover_page, experiment_files, why_page, why_text
+from brickpilot.public.doors import jobs_of, seed_of
+from brickpilot.report import changed_page, composed_law, discover_page, experiment_files, why_page, why_text
 from brickpilot.report.run_folder import fresh_folder
 from brickpilot.report.why_page import Why
 from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.manoeuvres import Manoeuvre
+from brickpilot.vehicle.model import Model
 
 _DATA = "data"  # the folder of the imported log beside the page
 
 Logs = Dataset | str | Path | Sequence[str | Path]
 """A data set, a log or the folder of a data set, or several of one robot."""
+
+Recording = Dataset | str | Path
+"""A data set, its folder, or a log."""
 
 
 def import_log(
@@ -107,7 +115,8 @@ def why(
     >>> found.answer.ending
     'nothing'
     """
-    with _folder(out) as folder:
+    files = {"why.html", *why_page.FILES} | (set() if out is None else _terms(Path(out)))
+    with _folder(out, files) as folder:
         data, notes, mend = _read(logs, folder / _DATA, vehicle, frame, mapping, nominal, as_wired)
         found = discover(data, seed=seed, jobs=jobs, budget_s=budget_s, progress=progress)
 
@@ -126,15 +135,106 @@ def why(
     return made
 
 
+def changed(
+    before: Recording | Model, *after: Recording, vehicle: str | None = None, frame: str | None = None,
+    mapping: Sequence[str] = (), nominal: Mapping[str, float] | None = None, as_wired: bool = False,
+    out: str | Path | None = None, seed: int = 0, jobs: int = 2, progress: Progress | None = None,
+    command: str = "bp.changed",
+) -> Changed:  # fmt: skip
+    """Says what is different in later recordings of a machine, by how much, and since when.
+
+    Args:
+        before: a recording of the machine as it was: a data set, its folder, or a log that `import_log` reads; or a
+            model, or its file.
+        after: later recordings.
+        vehicle, frame, mapping, nominal, as_wired: of logs, as in `why`.
+        out: the folder to write with the page changed.html; None: nothing is written.
+        seed, jobs, progress: as in `discover`.
+        command: the command line on the page that repeats it.
+
+    Raises:
+        InputError: a recording cannot be read, is of another vehicle, or an argument is wrong.
+
+    A motor whose bearing brakes more than before:
+
+    >>> import brickpilot as bp, numpy as np, pandas as pd
+    >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "wheel_inertia": 1e-3}
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> def recording(friction, seed):
+    ...     motor = bp.Model("bench", "motor", "coupled", {**known, "viscous_friction": friction})
+    ...     runs = {}
+    ...     for number, volts in enumerate((3.0, -5.0, 7.0)):
+    ...         voltage = np.where((time > 0.1) & (time < 1.4), volts, 0.0)
+    ...         (simulated,) = bp.simulate([(motor, bp.OpenLoopRun(time, voltage[:, np.newaxis]))])
+    ...         noise = np.random.default_rng([seed, number]).normal(0.0, 0.02, time.size)
+    ...         speed = simulated.outputs["speed"] + noise
+    ...         runs[f"run_{number}"] = pd.DataFrame({"time": time, "voltage": voltage, "speed": speed})
+    ...     return bp.Dataset.from_frames(runs, vehicle="motor", nominal=known, name=f"week {seed}")
+    >>> found = bp.changed(recording(1e-3, 1), recording(2e-3, 2))
+    >>> found.verdict, [one.what for one in found.changes]
+    ('changed', ['kV'])
+    """
+    if not after:
+        raise InputError("no later recording is given", field="AFTER")
+    seed, jobs = seed_of(seed), jobs_of(jobs)
+    names = _names([before, *after])
+    places = {"changed.html", "changed.json", *(f"{_DATA}_{number}" for number in range(len(names)))}
+    with _folder(out, places) as folder:
+
+        def read(number: int, given: Recording) -> tuple[Dataset, tuple[str, ...]]:
+            into = folder / f"{_DATA}_{number}"
+            return _read(given, into, vehicle, frame, mapping, nominal, as_wired)[:2]
+
+        notes: list[str] = []
+        first: Dataset | Model
+        if isinstance(before, Model) or _is_model(before):
+            first = before if isinstance(before, Model) else model.load(Path(str(before)))
+        else:
+            first, own = read(0, before)
+            notes += own
+        later = {}
+        for number, (name, one) in enumerate(zip(names[1:], after, strict=True), 1):
+            later[name], own = read(number, one)
+            notes += own
+        found = what_changed(first, later, seed=seed, jobs=jobs, progress=progress)
+        found = dataclasses.replace(found, before=names[0], notes=tuple(dict.fromkeys([*notes, *found.notes])))
+        if out is not None:
+            text = json.dumps(found.to_dict(), indent=2, allow_nan=False) + "\n"
+            (folder / "changed.json").write_text(text, encoding="utf-8")
+            (folder / "changed.html").write_text(changed_page.page(found, command), encoding="utf-8")
+    return found
+
+
+def _is_model(given: Recording) -> bool:
+    """Returns whether what is given is the file of a model, and not a data set or a log."""
+    return isinstance(given, str | Path) and Path(given).suffix == ".toml" and Path(given).name != "dataset.toml"
+
+
+def _names(given: Sequence[Recording | Model]) -> list[str]:
+    """Returns what recordings are called, each once: the name of a file or of a data set."""
+    found: list[str] = []
+    for one in given:
+        if isinstance(one, str | Path):
+            path = Path(one)
+            name = path.parent.name if path.name == "dataset.toml" else path.name if path.is_dir() else path.stem
+        else:
+            name = one.name
+        name = name.replace("@", "_") or "recording"
+        taken = {BEFORE, *found}
+        found.append(
+            next(text for k in range(1, len(given) + 2) if (text := f"{name} {k}" if k > 1 else name) not in taken)
+        )
+    return found
+
+
 @contextmanager
-def _folder(out: str | Path | None) -> Iterator[Path]:
+def _folder(out: str | Path | None, files: Collection[str]) -> Iterator[Path]:
     """Yields the folder in which the work is done: it becomes `out`, or is deleted."""
     if out is not None:
-        place = Path(out)
-        with fresh_folder(place, {"why.html", *why_page.FILES} | _terms(place)) as beside:
+        with fresh_folder(Path(out), files) as beside:
             yield beside
         return
-    beside = Path(tempfile.mkdtemp(prefix="brickpilot-why-"))
+    beside = Path(tempfile.mkdtemp(prefix="brickpilot-logs-"))
     try:
         yield beside
     finally:

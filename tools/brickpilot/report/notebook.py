@@ -6,13 +6,14 @@ import numbers
 import textwrap
 from typing import TYPE_CHECKING, Any
 
+from brickpilot.changed.change import Changed
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.readiness import Check
 from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
-from brickpilot.report import check_text, discover_text, headline_text
+from brickpilot.report import changed_text, check_text, discover_text, headline_text
 from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
@@ -21,7 +22,7 @@ from brickpilot.vehicle.scenario_flight import Flown
 if TYPE_CHECKING:
     import pandas
 
-Result = Dataset | Comparison | Calibration | Check | Finding | Flown | Why
+Result = Dataset | Comparison | Calibration | Check | Finding | Flown | Why | Changed
 
 _ROWS = 20
 """Of a table; a notebook is no page."""
@@ -58,6 +59,9 @@ def _words(result: Result) -> tuple[str, list[str]]:
     if isinstance(result, Why):
         found = result.answer
         return f"{result.finding.dataset.name}: why", [found.what, found.sure, *found.todo]
+    if isinstance(result, Changed):
+        title = f"{', '.join(result.after)}: what changed since {result.before}"
+        return title, [text for one in changed_text.said(result) for text in (one.what, one.sure, *one.todo)]
     if isinstance(result, Flown):
         return f"{result.flight.plan.scenario.name}: flown", [] if result.failure is None else [result.failure]
     if isinstance(result, Dataset):

@@ -1,0 +1,254 @@
+"""`changed`: what is different between recordings of one machine, of an engine of this file and of real machines."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import brickpilot as bp
+import numpy as np
+import pandas as pd
+import pytest
+from brickpilot.changed.recordings import together
+from brickpilot.changed.run_spread import spread_of
+from brickpilot.vehicle.replay import Replay, in_recording
+from click.testing import CliRunner
+from command import brickpilot
+
+RESISTANCE, CONSTANT, INERTIA = 20.0, 0.3, 1e-3  # ohm, N m/A and V s/rad, kg m^2
+KNOWN = {
+    "resistance": RESISTANCE, "torque_constant": CONSTANT, "emf_constant": CONSTANT, "wheel_inertia": INERTIA,
+}  # fmt: skip
+STEP_S, FINE = 0.01, 20
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
+
+Course = Callable[[float], float]
+"""Time in s -> a friction."""
+
+
+def steady(value: float) -> Course:
+    return lambda time: value
+
+
+def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -> np.ndarray:
+    """Returns the speed of a motor, rad/s, by Euler steps of half a millisecond. Dry friction holds it at rest."""
+    speed, found, step = 0.0, [], STEP_S / FINE
+    for sample, volt in enumerate(volts * gain):
+        found.append(speed)
+        friction, drag = dry(sample * STEP_S), viscous(sample * STEP_S)
+        for _ in range(FINE):
+            torque = CONSTANT * (volt - CONSTANT * speed) / RESISTANCE - drag * speed
+            if speed == 0.0 and abs(torque) <= friction:
+                continue
+            side = np.sign(speed) if speed else np.sign(torque)
+            after = speed + step * (torque - side * friction) / INERTIA
+            speed = 0.0 if after * speed < 0 else after
+    return np.array(found)
+
+
+def recording(
+    name: str, seed: int, viscous: Sequence[Course], dry: Sequence[Course], gains: Sequence[float] = (1.0, 1.0, 1.0)
+) -> bp.Dataset:
+    """Returns a run for each friction: random steps of voltage for 8 s, and a speed with noise."""
+    random, time, frames = np.random.default_rng(seed), np.arange(0.0, 8.0, STEP_S), {}
+    for number, (one, other, gain) in enumerate(zip(viscous, dry, gains, strict=True)):
+        volts = np.repeat(random.uniform(-8, 8, 10), 80)
+        speed = driven(volts, one, other, gain) + random.normal(0.0, 0.05, len(time))
+        frames[f"run_{number}"] = pd.DataFrame({"time": time, "voltage": volts, "speed": speed})
+    signals = {"voltage": "voltage", "speed": ("speed", "rad/s")}
+    return bp.Dataset.from_frames(frames, vehicle="motor", signals=signals, nominal=KNOWN, name=name)
+
+
+THRICE = 3
+SMOOTH, ROUGH = [steady(1e-3)] * THRICE, [steady(2e-3)] * THRICE  # N m s/rad
+EASY = [steady(0.01)] * THRICE  # N m
+KV = {1e-3: (CONSTANT**2 + RESISTANCE * 1e-3) / CONSTANT, 2e-3: (CONSTANT**2 + RESISTANCE * 2e-3) / CONSTANT}
+
+
+@pytest.fixture(scope="module")
+def monday() -> bp.Dataset:
+    return recording("monday", 1, SMOOTH, EASY)
+
+
+@pytest.fixture(scope="module")
+def braked(monday: bp.Dataset) -> bp.Changed:
+    return bp.changed(monday, recording("friday", 2, ROUGH, EASY))
+
+
+def test_two_recordings_of_one_state_have_not_changed(monday: bp.Dataset) -> None:
+    found = bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY))
+    assert found.verdict == "nothing"
+    assert found.changes == ()
+    assert "Nothing changed" in repr(found)
+
+
+def test_what_brakes_more_is_told_with_an_interval_that_holds_it(braked: bp.Changed) -> None:
+    (one,) = braked.changes
+    assert (braked.verdict, one.what, one.mechanism, one.unit) == ("changed", "kV", "bearing", "V s/rad")
+    truth = KV[2e-3] - KV[1e-3]
+    assert one.change.ci95[0] < truth < one.change.ci95[1]
+    assert one.change.ci95[1] - one.change.ci95[0] < truth / 2
+    assert one.before == pytest.approx(KV[1e-3], rel=0.02)
+    assert one.percent is not None
+    assert one.percent.value == pytest.approx(100 * truth / KV[1e-3], abs=2)
+    assert "braking that grows with speed rose by 18" in one.words
+    assert one.since is None
+
+
+def test_the_old_model_is_compared_before_anything_is_explained(braked: bp.Changed) -> None:
+    (fit,) = braked.fits["friday"].values()
+    assert fit.old_model_before is not None
+    assert fit.old_model_before > 99
+    assert fit.old_model_after is not None
+    assert fit.old_model_after < 90
+    assert fit.explained_after is not None
+    assert fit.explained_after > 99
+
+
+def test_the_other_direction_is_told_too(monday: bp.Dataset) -> None:
+    found = bp.changed(recording("friday", 2, ROUGH, EASY), monday)
+    (one,) = found.changes
+    assert one.what == "kV"
+    assert one.change.ci95[0] < KV[1e-3] - KV[2e-3] < one.change.ci95[1]
+    assert "fell" in one.words
+
+
+def test_what_sets_in_within_a_run_is_told_with_its_moment(monday: bp.Dataset) -> None:
+    begun = [steady(0.01), steady(0.01), lambda time: 0.01 if time < 3.0 else 0.02]
+    found = bp.changed(monday, recording("thursday", 5, SMOOTH, begun))
+    (one,) = found.changes
+    assert one.mechanism == "bearing"
+    assert one.since is not None
+    assert one.since.run == "run_2"
+    assert one.since.at_s == pytest.approx(3.0, abs=0.5)
+    assert one.after / one.before == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_change_within_what_runs_of_one_recording_differ_by_is_none() -> None:
+    before = recording("before", 6, SMOOTH, EASY, gains=(0.92, 1.0, 1.08))
+    after = recording("later", 7, SMOOTH, EASY, gains=(0.97, 1.04, 1.11))
+    found = bp.changed(before, after)
+    assert found.verdict == "nothing"
+
+
+def test_several_later_recordings_each_have_an_answer(monday: bp.Dataset) -> None:
+    found = bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY), recording("friday", 2, ROUGH, EASY))
+    assert found.verdicts == {"tuesday": "nothing", "friday": "changed"}
+    assert {one.recording for one in found.changes} == {"friday"}
+    assert {one.recording for one in found.constants} == {"before", "tuesday", "friday"}
+    assert {"recording", "what", "low", "high"} <= set(found.to_frame().columns)
+
+
+def test_a_model_stands_for_what_was_before(tmp_path: Path) -> None:
+    dry = {"coulomb_friction": {"torque": 0.01}}
+    old = bp.Model("as built", "motor", "coupled", {**KNOWN, "viscous_friction": 1e-3, "inductance": 0.0}, dry)
+    bp.save_model(old, tmp_path / "old.toml")
+    found = bp.changed(tmp_path / "old.toml", recording("friday", 2, ROUGH, EASY))
+    assert [one.what for one in found.changes] == ["kV"]
+    (fit,) = found.fits["friday"].values()
+    assert fit.old_model_before is None
+    assert fit.explained_after is not None
+    assert fit.explained_after > 99
+
+
+def test_the_spread_between_runs_is_that_of_random_effects() -> None:
+    random = np.random.default_rng(1)
+    true, own = 0.3, 0.1
+    drawn = [
+        spread_of([[(float(random.normal(0, np.hypot(true, own))), own**-2) for _ in range(4)] for _ in range(2)])
+        for _ in range(400)
+    ]
+    assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(true * 0.5**0.5, rel=0.1)
+    assert spread_of([[(0.0, 100.0), (0.01, 100.0)], [(0.0, 100.0), (0.02, 100.0)]]) == 0.0
+
+
+def test_each_recording_is_simulated_as_its_own_machine(monday: bp.Dataset) -> None:
+    joint = together({"before": monday, "later": recording("friday", 2, ROUGH, EASY)})
+    shared = bp.Model(
+        "m", "motor", "coupled", {**KNOWN, "viscous_friction": 1e-3}, {"coulomb_friction": {"torque": 0.0}}
+    )
+    said = {"viscous_friction": {"later": 1e-3}, "coulomb_friction.torque": {"later": 0.02}, "delay": {"later": 0.05}}
+    model = dataclasses.replace(shared, by_run=said)
+    runs = [run.name for run in joint.runs if run.recording == "later"]
+    own, other = in_recording(model, "later", runs), in_recording(model, "before", [])
+    assert (own.parameters["viscous_friction"], own.effects) == (2e-3, {"coulomb_friction": {"torque": 0.02}})
+    assert own.by_run == {"delay": dict.fromkeys(runs, 0.05)}
+    assert (other.parameters["viscous_friction"], other.effects) == (1e-3, {})
+    late, early = (Replay(joint).simulate([one], only=[runs[0]])[0][runs[0]]["speed"] for one in (own, other))
+    assert np.abs(late - early).max() > 1
+
+
+def test_the_command_says_what_changed_and_leaves_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from brickpilot.cli.main import cli
+
+    monkeypatch.chdir(tmp_path)
+    for name, seed, viscous in (("monday", 1, SMOOTH), ("friday", 2, ROUGH)):
+        for number, run in enumerate(recording(name, seed, viscous, EASY).runs):
+            frame = run.to_frame()
+            frame["time"] += number * 20.0
+            frame.to_csv(f"{name}.csv", index=False, mode="a" if number else "w", header=not number)
+    maps = [word for one in ("time=time", "voltage=voltage", "speed=speed:rad/s") for word in ("--map", one)]
+    known = [word for name, value in KNOWN.items() for word in ("--nominal", f"{name}={value}")]
+    asked = ["changed", "monday.csv", "friday.csv", "--out", "out", "--vehicle", "motor", *maps, *known]
+    ran = CliRunner().invoke(cli, asked)
+    assert ran.exit_code == 0, ran.output
+    assert "what changed: Braking that grows with speed rose by" in ran.output
+    assert "page: out/changed.html" in ran.output
+    assert {one.name for one in (tmp_path / "out").iterdir()} == {"changed.html", "changed.json", "data_0", "data_1"}
+    told = json.loads((tmp_path / "out/changed.json").read_text())
+    assert {"verdict", "changes", "fit_percent", "seed", "version"} <= told.keys()
+    one = told["changes"][0]
+    assert {"what", "mechanism", "side", "parameter", "unit", "before", "after", "change", "percent"} <= one.keys()
+    assert {"since", "rivals", "weight", "words"} <= one.keys()
+    assert set(told["fit_percent"]["speed"]) == {"old_model_before", "old_model_after", "explained_after"}
+    again = CliRunner().invoke(cli, [*asked, "--json"])
+    assert json.loads(again.stdout) == told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a.csv"], "AFTER"),
+        (["nowhere.csv", "nothing.csv"], "nowhere.csv: no such file"),
+        (["no.toml", "nothing.csv"], "no.toml"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(arguments: list[str], said: str, tmp_path: Path) -> None:
+    ran = brickpilot("changed", *arguments, cwd=tmp_path)
+    assert ran.returncode == 2
+    assert said in ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_recordings_of_two_vehicles_are_refused(monday: bp.Dataset) -> None:
+    robot = dataclasses.replace(monday, vehicle="diff_drive")
+    with pytest.raises(bp.InputError, match="is of a diff_drive"):
+        bp.changed(monday, robot)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "whats", "percent"),
+    [
+        ("shaft_damper_off", "shaft_damper_on", ["kV"], {"kV": (33, 43)}),
+        ("shaft_damper_on", "shaft_damper_off", ["kV"], {"kV": (-30.1, -24.8)}),
+        ("wheel_on_ground", "wheel_in_air", ["dry friction in volts", "kA"], {"kA": (-56.5, -28.6)}),
+    ],
+)
+def test_real_machines_whose_change_is_known(
+    before: str, after: str, whats: list[str], percent: dict[str, tuple[float, float]]
+) -> None:
+    for name in (before, after):
+        if not (SHARED / name).is_dir():
+            pytest.skip(f"the measured data set {name} is not here")
+    found = bp.changed(SHARED / before, SHARED / after)
+    assert found.verdict == "changed"
+    assert sorted(one.what for one in found.changes) == whats
+    for one in found.changes:
+        if one.what in percent:
+            low, high = percent[one.what]
+            assert one.percent is not None
+            assert one.percent.ci95[0] < high
+            assert one.percent.ci95[1] > low

@@ -1,0 +1,434 @@
+"""What changed, in the machine's words: each difference with its size before and after, and their intervals."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import __version__, catalogue
+from brickpilot.changed.differences import CONSTANTS, Difference
+from brickpilot.data.dataset import Dataset
+from brickpilot.data.shown import Result, valid
+from brickpilot.discover.finding import Step
+from brickpilot.vehicle.combinations import FORMULAS, Formula
+from brickpilot.vehicle.model import Model, with_values
+from brickpilot.vehicle.replay import RUN_KINDS, in_recording
+from brickpilot.vehicle.spread import Spread
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+Answer = Literal["nothing", "changed", "ambiguous", "unknown"]
+
+_STEP = 1e-3  # of a coordinate of a spread, for slopes
+_QUANTILE = 1.96  # of a normal distribution, for 95 %
+_COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
+
+
+@cache
+def combinations() -> Mapping[str, str]:
+    """Returns what differs -> the combination of constants that the data determine, where they may not tell it alone:
+    a constant, or "effect.parameter" of a torque that is told in volts."""
+    rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
+    return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
+
+
+def told_combinations() -> frozenset[str]:
+    """Returns the combinations that are told of each recording alone."""
+    return frozenset({*combinations().values(), "speed per volt"})
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A value with its 95 % interval, (low, high)."""
+
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Since:
+    """The moment from which on a difference is there: a run, s on its clock, and the 95 % interval."""
+
+    run: str
+    at_s: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference between two recordings.
+
+    Attributes:
+        recording: where it shows: the name of the later one.
+        what: an effect, a combination of constants (kV, kA, dry friction in volts) or a constant.
+        mechanism: as of an effect.
+        side: "left" or "right"; None: it belongs to both, or to the whole machine.
+        parameter: the value of the model that differs.
+        unit: of `before`, `after` and `change`.
+        before, after: the values.
+        change: after less before.
+        percent: the same in percent of `before`; None where there was nothing before, or its sign is not sure.
+        since: None: from the start of the recording, as far as the data show.
+        rivals: other explanations that the data do not rule out, each as the names of its differences.
+        weight: of the explanations that hold this difference, 0..1.
+        words: a sentence.
+        advice: what to do about it, a sentence.
+    """
+
+    recording: str
+    what: str
+    mechanism: str
+    side: Literal["left", "right"] | None
+    parameter: str
+    unit: str
+    before: float
+    after: float
+    change: Sized
+    percent: Sized | None
+    since: Since | None
+    rivals: tuple[tuple[str, ...], ...]
+    weight: float
+    words: str
+    advice: str
+
+
+@dataclass(frozen=True)
+class FitPercent:
+    """How much of a signal free runs explain, in percent; None: it was not measured there.
+
+    Attributes:
+        old_model_before, old_model_after: by the model of BEFORE alone.
+        explained_after: with what changed.
+    """
+
+    old_model_before: float | None
+    old_model_after: float | None
+    explained_after: float | None
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A combination of constants that one recording alone tells."""
+
+    recording: str
+    what: str
+    unit: str
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One signal of one run of a later recording, SI: measured, by the old model, and with what changed, (n,) each."""
+
+    run: str
+    signal: str
+    time: Array
+    measured: Array
+    old: Array
+    explained: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Changed(Result):
+    """What is different in recordings after another one.
+
+    Attributes:
+        before, after: what the recordings are called.
+        dataset: the first later recording: its vehicle and its units.
+        verdict: the strongest of the later recordings' verdicts.
+        verdicts: later recording -> its own.
+        changes: the surest first.
+        fits: later recording -> signal -> fit in percent.
+        constants: what each recording alone tells of the machine.
+        traces: later recording -> one signal of one run each, where what changed shows most.
+        steps: later recording -> how its verdict came about.
+        notes: sentences.
+        seed: of the random starts.
+    """
+
+    before: str
+    after: tuple[str, ...]
+    dataset: Dataset
+    verdicts: Mapping[str, Answer]
+    changes: tuple[Change, ...]
+    fits: Mapping[str, Mapping[str, FitPercent]]
+    constants: tuple[Constant, ...]
+    traces: Mapping[str, Sequence[Trace]]
+    steps: Mapping[str, tuple[Step, ...]]
+    notes: tuple[str, ...]
+    seed: int
+
+    @property
+    def verdict(self) -> Answer:
+        order: tuple[Answer, ...] = ("changed", "ambiguous", "unknown", "nothing")
+        return next(one for one in order if one in self.verdicts.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the content of changed.json."""
+        single = self.fits[self.after[0]] if len(self.after) == 1 else None
+        found: dict[str, Any] = {
+            "verdict": self.verdict,
+            "verdicts": self.verdicts,
+            "before": self.before,
+            "after": list(self.after),
+            "changes": self.changes,
+            "fit_percent": single if single is not None else _pooled(self.fits),
+            "fit_percent_by_recording": self.fits,
+            "constants": self.constants,
+            "steps": self.steps,
+            "notes": self.notes,
+            "seed": self.seed,
+            "version": __version__,
+        }
+        return {key: valid(one) for key, one in found.items()}
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns a row for each change: its size, with the ends of the 95 % interval."""
+        import pandas
+
+        rows = [
+            (one.recording, one.what, one.mechanism, one.before, one.after, *one.change.ci95, one.unit, one.weight)
+            for one in self.changes
+        ]
+        columns = ["recording", "what", "mechanism", "before", "after", "low", "high", "unit", "weight"]
+        return pandas.DataFrame(rows, columns=columns)
+
+
+def _pooled(fits: Mapping[str, Mapping[str, FitPercent]]) -> dict[str, FitPercent]:
+    """Returns signal -> the mean fit over the later recordings."""
+    names = dict.fromkeys(name for one in fits.values() for name in one)
+
+    def mean(values: Sequence[float | None]) -> float | None:
+        known = [one for one in values if one is not None]
+        return sum(known) / len(known) if known else None
+
+    return {
+        name: FitPercent(
+            *(
+                mean([getattr(one[name], field.name) for one in fits.values() if name in one])
+                for field in dataclasses.fields(FitPercent)
+            )
+        )
+        for name in names
+    }
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is told of a difference: its name, unit, and value in a model as it is in a recording."""
+
+    what: str
+    unit: str
+    value_in: Callable[[Model], float]
+
+
+def quantity_of(difference: Difference, vehicle: str) -> Quantity:
+    """Returns the form in which a difference is told: the combination that the data determine, or the value itself."""
+    name = difference.what
+    formula = next((one for one in FORMULAS[vehicle] if one.name == combinations().get(name)), None)
+    if formula is not None:
+        return Quantity(formula.name, formula.unit, lambda model: in_model(formula, model))
+    if name in RUN_KINDS:
+        base = 1.0 if RUN_KINDS[name].unit == "1" else 0.0
+        return Quantity(name, RUN_KINDS[name].unit, lambda model: base + _of_runs(model, name))
+    if difference.is_new:
+        row = difference.rows[difference.free[0]]
+        return Quantity(name, row.unit, lambda model: _of_effect(model, difference.free[0]))
+    if "." in name:
+        effect = name.partition(".")[0]
+        return Quantity(effect, difference.rows[name].unit, lambda model: _of_effect(model, name))
+    return Quantity(name, difference.rows[name].unit, lambda model: float(model.parameters[name]))
+
+
+def in_model(formula: Formula, model: Model) -> float:
+    """Returns the value of a combination; 0 for friction that the model has not, NaN where it is undefined."""
+    known = {f"{effect}.{name}": value for effect, table in model.effects.items() for name, value in table.items()}
+    values = dict.fromkeys(combinations(), 0.0) | known | dict(model.parameters)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        try:
+            return float(formula.value_at(values))
+        except ZeroDivisionError:
+            return math.nan
+
+
+def _of_runs(model: Model, kind: str) -> float:
+    return model.by_run.get(kind, {}).get("", 0.0)
+
+
+def _of_effect(model: Model, key: str) -> float:
+    effect, _, name = key.partition(".")
+    return model.effects.get(effect, {}).get(name, 0.0)
+
+
+def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
+    """Returns a value with its interval, to the first order of a fit's spread about its estimates.
+
+    Where the data do not tell single values, they may tell this one: along what they do not tell it does not change.
+
+    Args:
+        extra_sd: of the value, beside what the fit tells.
+    """
+    centre, slopes = value_in(model), []
+    if spread is not None:
+        for step in _STEP * np.eye(len(spread.names)):
+            ends = [value_in(with_values(model, spread.at(one))) for one in (step, -step)]
+            slopes.append((ends[0] - ends[1]) / (2 * _STEP))
+    slope = np.array(slopes)
+    variance = float(slope @ spread.covariance @ slope) if spread is not None and len(slope) else 0.0
+    half = _QUANTILE * math.sqrt(max(variance, 0.0) + extra_sd**2)
+    return Sized(centre, (centre - half, centre + half))
+
+
+def change_of(
+    difference: Difference, model: Model, spread: Spread | None, sd: float, before: str, after: str,
+    alone: Mapping[str, tuple[Sized, Sized]], **told: Any,
+) -> Change:  # fmt: skip
+    """Returns a difference as a change.
+
+    Args:
+        model: of the explanation that holds it.
+        spread: how its values may lie about it.
+        sd: by which its first value differs between recordings of one state, in the value's own unit.
+        before, after: the recordings.
+        alone: what each of them tells alone of a combination, (before, after). A difference that is too small to be
+            named still moves the others; so these are told where they tell surely that there is one.
+        told: the fields that the explanation alone does not say.
+    """
+    one = quantity_of(difference, model.vehicle)
+
+    def pair(of: Model) -> tuple[float, float]:
+        first, second = (one.value_in(in_recording(of, name, ("",))) for name in (before, after))
+        return first, second
+
+    def gone(of: Model) -> float:
+        first, second = pair(of)
+        return second - first
+
+    def share(of: Model) -> float:
+        first, second = pair(of)
+        return 100 * (second / first - 1)
+
+    first, second = pair(model)
+    told_sd = sd * abs(_slope(one, model, difference, after))
+    change = sized(gone, model, spread, told_sd)
+    percent = sized(share, model, spread, 100 * told_sd / abs(first)) if first > 0 else None
+    if one.what in alone and is_sure(apart := _apart(*alone[one.what], told_sd)):
+        first, second, change = alone[one.what][0].value, alone[one.what][1].value, apart
+        percent = _in_percent(*alone[one.what], told_sd)
+    side, words, advice = _said(difference, model, after, change, percent, one.unit)
+    return Change(
+        recording=after,
+        what=one.what,
+        mechanism=difference.mechanism,
+        side=side,
+        parameter=difference.free[0],
+        unit=one.unit,
+        before=first,
+        after=second,
+        change=change,
+        percent=percent,
+        words=words,
+        advice=advice,
+        **told,
+    )
+
+
+def _slope(one: Quantity, model: Model, difference: Difference, recording: str) -> float:
+    """Returns by how much what is told changes for each unit of the first value that differs."""
+    key, step = difference.free[0], 1e-3 * difference.rows[difference.free[0]].trial
+    value = model.by_run[key][recording]
+    low, high = (
+        one.value_in(in_recording(with_values(model, {f"{key}@{recording}": value + move}), recording, ("",)))
+        for move in (-step, step)
+    )
+    return (high - low) / (2 * step)
+
+
+def is_sure(change: Sized) -> bool:
+    """Returns whether the interval of a change holds no 0."""
+    low, high = change.ci95
+    return low > 0 or high < 0
+
+
+def _apart(before: Sized, after: Sized, sd: float) -> Sized:
+    half = math.hypot(_half(before), _half(after), _QUANTILE * sd)
+    change = after.value - before.value
+    return Sized(change, (change - half, change + half))
+
+
+def _in_percent(before: Sized, after: Sized, sd: float) -> Sized | None:
+    if before.value <= 0:
+        return None
+    ratio = after.value / before.value
+    half = 100 * math.hypot(_half(after), ratio * _half(before), _QUANTILE * sd) / before.value
+    return Sized(100 * (ratio - 1), (100 * (ratio - 1) - half, 100 * (ratio - 1) + half))
+
+
+def _half(one: Sized) -> float:
+    return (one.ci95[1] - one.ci95[0]) / 2
+
+
+_ADVICE = {
+    "viscous_friction": "Look for what brakes in motion: old grease, a brake or a damper, a tight belt.",
+    "mass": "Weigh the machine as it drives.",
+    "wheel_inertia": "Look at what the motor turns: another load, another wheel, ground contact.",
+    "yaw_inertia": "Look for a load that is further from the middle than before.",
+    "wheel_radius": "Measure the wheels, and pump them up or replace them.",
+    "half_track": "Measure the distance between the wheels.",
+    "supply_gain": "Measure the battery's voltage, and charge it; look at the leads from it to the motors.",
+    "delay": "Look at the link and at the period of the program that sends commands.",
+}
+
+
+def _said(
+    difference: Difference, model: Model, recording: str, change: Sized, percent: Sized | None, unit: str
+) -> tuple[Literal["left", "right"] | None, str, str]:
+    """Returns the side of a change, a sentence, and what to do about it."""
+    name = difference.what
+    side: Literal["left", "right"] | None = None
+    effect = name.partition(".")[0]
+    if name in CONSTANTS:
+        subject, advice = CONSTANTS[name].words, _ADVICE[name]
+    elif name in RUN_KINDS:
+        subject, advice = RUN_KINDS[name].words[0].lower() + RUN_KINDS[name].words[1:], _ADVICE[name]
+    else:
+        table = in_recording(model, recording, ("",)).effects.get(effect, {})
+        subject, advice = catalogue.effect(effect).words, catalogue.advice(effect, table)
+    if not difference.is_new:
+        verb = "rose" if change.value > 0 else "fell"
+        by = _size(percent.value, percent.ci95, "%") if percent else _size(change.value, change.ci95, unit)
+        return side, f"{subject} {verb} by {by}", advice
+    row = next(one for one in catalogue.effect(effect).parameters if difference.free[0] == f"{effect}.{one.name}")
+    gone = difference.recording != recording
+    value = -change.value if gone else change.value
+    clause = catalogue.says(effect, row.name, value)
+    sides = [one for one in ("left", "right") if f"the {one}" in clause]
+    if row.odd and sides:
+        side = "left" if sides[0] == "left" else "right"
+    size = _size(100 * value, _times(100, change.ci95), "%") if unit == "1" else _size(value, change.ci95, unit)
+    told = f": {clause.format(size)}" if clause else f", {size}"
+    return side, f"{subject} {'is gone' if gone else 'is new'}{told}", advice
+
+
+def _times(factor: float, ends: tuple[float, float]) -> tuple[float, float]:
+    return factor * ends[0], factor * ends[1]
+
+
+def _size(value: float, ends: tuple[float, float], unit: str) -> str:
+    """Returns the size of a value with its interval: "38 % (34 to 41 %)"."""
+    low, high = sorted(abs(one) for one in ends)
+    if ends[0] < 0 < ends[1]:
+        low = 0.0
+    digits = max(0, 1 - math.floor(math.log10(max(high - low, 1e-12)))) if high > low else 3
+    size, least, most = (f"{round(one, digits):.{digits}f}" for one in (abs(value), low, high))
+    return f"{size} {unit} ({least} to {most} {unit})"

@@ -1,0 +1,282 @@
+"""What may differ between two recordings of one machine: parts of an explanation, and where a search finds them.
+
+A difference belongs to one recording, AFTER: what the machine has there beside what both recordings share. It is a
+size that the machine has anyway, such as its friction, its load or the delay of its link; or an effect of the library
+that the other recording does not show.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
+from brickpilot.data.dataset import Nominal
+from brickpilot.discover import numbers
+from brickpilot.discover.deadline import Deadline
+from brickpilot.discover.explanation import Explanation
+from brickpilot.discover.parts import Excitation, Part, library_parts, scale_of
+from brickpilot.discover.screen import Trial, screen
+from brickpilot.discover.search import Width
+from brickpilot.fit.parameters import Free, Plan
+from brickpilot.fit.problem import Problem
+from brickpilot.vehicle.combinations import loss
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import ADDED, RUN_KINDS
+
+Array = NDArray[np.float64]
+Infos = Mapping[str, ParameterInfo]
+
+_NEW = 10  # effects of the library that are fitted beside the machine's own sizes
+_LEAST = 0.1  # of a usual size: a difference is tried at no less
+_MOST = 3.0  # usual changes: one of more is another machine
+_STARTS = (0.5, -0.5)  # of a usual size, from which each of the machine's own is fitted
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A nominal value that may change from one recording to the next.
+
+    Attributes:
+        odds: prior odds that it did.
+        sd: a usual change, as a share of the value; 0: it may be of any size.
+        mechanism: as of an effect.
+        words: the subject of a sentence.
+    """
+
+    odds: float
+    sd: float
+    mechanism: str
+    words: str
+
+
+CONSTANTS = {
+    "viscous_friction": Constant(numbers.COMMON, 0.0, "bearing", "braking that grows with speed"),  # grease, a brake
+    "mass": Constant(numbers.USUAL, 0.0, "body", "the mass"),  # a load
+    "wheel_inertia": Constant(numbers.USUAL, 0.0, "body", "the inertia that a motor turns"),  # another load
+    "yaw_inertia": Constant(numbers.RARE, 0.0, "body", "the inertia against turning"),
+    # Worn tyres; other wheels would make another machine.
+    "wheel_radius": Constant(numbers.RARE, numbers.RULER, "tyre", "the radius of the wheels"),
+    "half_track": Constant(numbers.RARE, numbers.RULER, "tyre", "the width of the track"),
+}
+"""What may change of a machine by itself. A motor stays what it is: its windings and magnets are not among it."""
+
+_OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing of a machine
+
+
+@cache
+def always() -> Mapping[str, str]:
+    """Returns effect -> the name of its size, of those that every machine has: dry friction, which is told in volts."""
+    rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
+    return {effect: row.name for effect, row in rows if row.in_volts}
+
+
+@dataclass(frozen=True)
+class Difference(Part):
+    """One thing that is different in one recording. `effect` names it, and `free` are its keys in `Model.by_run`.
+
+    Attributes:
+        recording: where it differs.
+        what: the nominal parameter, the kind of value of runs, the "effect.parameter" or the effect.
+        odds: the prior odds.
+        rows: key -> its row, with the range of a difference.
+        known: key -> what is known of it before any data.
+        sort: the mechanism.
+        held: the names of the parts whose law this one contains.
+    """
+
+    recording: str = ""
+    what: str = ""
+    odds: float = 1.0
+    rows: Infos = dataclasses.field(default_factory=dict, hash=False)
+    known: Mapping[str, Nominal] = dataclasses.field(default_factory=dict, hash=False)
+    sort: str = ""
+    held: tuple[str, ...] = ()
+
+    @property
+    def is_periodic(self) -> bool:
+        return False
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it is an effect that no other recording has."""
+        return bool(self.fixed)
+
+    @property
+    def infos(self) -> dict[str, ParameterInfo]:
+        return dict(self.rows)
+
+    @property
+    def log_odds(self) -> float:
+        return math.log(self.odds)
+
+    @property
+    def mechanism(self) -> str:
+        return self.sort
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        return self.held
+
+    @property
+    def made_of(self) -> tuple[str, ...]:
+        return ()
+
+    def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
+        effects = {name: dict(table) for name, table in base.model.effects.items()}
+        by_run = {key: dict(table) for key, table in base.model.by_run.items()}
+        for name, value in {**self.fixed, **{key: one for key, one in values.items() if key not in self.free}}.items():
+            effect, _, parameter = name.partition(".")
+            effects.setdefault(effect, {})[parameter] = value
+        for key in self.free:
+            by_run.setdefault(key, {})[self.recording] = values.get(key, 0.0)
+        free = tuple(self._free(key) for key in self.free)
+        return Plan(dataclasses.replace(base.model, effects=effects, by_run=by_run), (*base.free, *free), ())
+
+    def _free(self, key: str) -> Free:
+        info, known = self.rows[key], self.known.get(key)
+        size = known.sd if known is not None and known.sd else info.trial
+        natural = 0.0 if known is not None or info.role in ("limit", "switch") else info.trial
+        return Free(f"{key}@{self.recording}", info, known, unit=size, natural=natural)
+
+    def removed_from(self, model: Model) -> Model:
+        by_run = {
+            key: {name: one for name, one in table.items() if name != self.recording or key not in self.free}
+            for key, table in model.by_run.items()
+        }
+        gone = {name.partition(".")[0] for name in self.fixed}
+        effects = {name: table for name, table in model.effects.items() if name not in gone}
+        return dataclasses.replace(model, effects=effects, by_run={key: one for key, one in by_run.items() if one})
+
+    def owns(self, free: Free) -> bool:
+        return free.run == self.recording and free.name.partition("@")[0] in self.free
+
+    def values_in(self, model: Model) -> Mapping[str, float]:
+        return {key: model.by_run[key][self.recording] for key in self.free}
+
+
+def own_differences(model: Model, nominal: Collection[str], recording: str) -> Iterator[Difference]:
+    """Yields what may differ of all that a machine has anyway: constants, values of runs and sizes of its effects.
+
+    Args:
+        nominal: the nominal parameters that the vehicle's equations use.
+    """
+    for name, one in CONSTANTS.items():
+        value = model.parameters.get(name, 0.0)
+        if name not in ADDED and (name not in nominal or value == 0):
+            continue
+        row, known = catalogue.parameter(name), {name: Nominal(0.0, one.sd)} if one.sd else {}
+        if name in ADDED:
+            low, high, size = -row.maximum, row.maximum, _brakes(model) / 3
+        else:
+            low, high, size = (-_MOST * one.sd, _MOST * one.sd, one.sd) if one.sd else (-0.95, 20.0, 0.5)
+        yield _own(name, recording, row, (low, high), size, one.odds, one.mechanism, known)
+    for kind in _OWN_OF_RUNS:
+        of = RUN_KINDS[kind]
+        row = dataclasses.replace(catalogue.parameter("mass"), unit=of.unit)
+        known = {kind: Nominal(0.0, of.sd)}
+        yield _own(kind, recording, row, (-_MOST * of.sd, _MOST * of.sd), of.sd, numbers.USUAL, of.mechanism, known)
+    for effect, table in model.effects.items():
+        for row in catalogue.effect(effect).parameters:
+            if row.role == "size" and (table.get(row.name) or always().get(effect) == row.name):
+                key, mechanism = f"{effect}.{row.name}", row.mechanism or catalogue.effect(effect).mechanism
+                size = max(abs(table[row.name]), _LEAST * (row.preset or row.trial) * scale_of(row.unit, model))
+                ends = (-row.maximum, row.maximum)
+                yield _own(key, recording, row, ends, size, numbers.COMMON, mechanism, {})
+
+
+def _brakes(model: Model) -> float:
+    """Returns all that brakes a wheel in proportion to its speed, N m s/rad: D / R of `combinations`."""
+    values = model.parameters
+    if not values.get("resistance"):
+        return loss(values)
+    return loss(values) + values["torque_constant"] * values["emf_constant"] / values["resistance"]
+
+
+def _own(
+    key: str, recording: str, row: ParameterInfo, ends: tuple[float, float], size: float, odds: float, sort: str,
+    known: Mapping[str, Nominal],
+) -> Difference:  # fmt: skip
+    """Returns a difference of one value within `ends`, in steps of `size`."""
+    info = dataclasses.replace(
+        row, name=key, minimum=ends[0], maximum=ends[1], preset=0.0, trial=size, role="size", scan=(), limits="",
+        arm_of="", optional=False,
+    )  # fmt: skip
+    return Difference(f"{key}@{recording}", (key,), {}, recording, key, odds, {key: info}, known, sort)
+
+
+def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
+    """Yields the effects of the library that the machine may have in one recording alone.
+
+    Laws whose phase a fit has to find are left out, and those that one of the machine's own sizes says: a delay, and a
+    nominal parameter by another name.
+    """
+    for part in library_parts(model, measured):
+        row = catalogue.effect(part.effect)
+        if part.is_periodic or row.acts_on == "timing" or any(one.same_as for one in row.parameters):
+            continue
+        rows = {
+            f"{row.name}.{one.name}": dataclasses.replace(
+                one, name=f"{row.name}.{one.name}", trial=one.preset or one.trial
+            )
+            for one in row.parameters
+        }
+        off = {
+            f"{row.name}.{one.name}": 0.0 if one.name in part.free else part.fixed.get(one.name, one.preset)
+            for one in row.parameters
+        }
+        yield Difference(
+            f"{row.name}@{recording}", tuple(f"{row.name}.{name}" for name in part.free), off, recording, row.name,
+            math.exp(part.log_odds), rows, {}, part.mechanism, tuple(f"{one}@{recording}" for one in row.contains),
+        )  # fmt: skip
+
+
+class Differences:
+    """All that may differ in a recording, as a `Source` of a search.
+
+    The machine's own sizes are all fitted, each from two starts, whatever the screen says: it is linear, and a size
+    that is nearly nothing in one recording may be the largest in another.
+
+    Args:
+        nominal: the nominal parameters that the vehicle's equations use.
+        recording: the later one, in which the machine's own sizes differ.
+        new_in: the recordings that may have an effect which the other one lacks.
+    """
+
+    word, most, width = "difference", 3, Width(rough=40, fine=12, least=12, paired=12)
+
+    def __init__(
+        self, nominal: Collection[str], recording: str, excitation: Excitation, new_in: Sequence[str] = ()
+    ) -> None:
+        self._nominal, self._recording, self._excitation, self._new_in = nominal, recording, excitation, new_in
+
+    def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
+        """Returns the machine's own sizes, and then what is new and explains most beside them."""
+        base = problem.plan.at(point)
+
+        def lacks(one: Difference) -> bool:
+            return not any(one.recording in base.by_run.get(key, {}) for key in one.free)
+
+        own = [one for one in own_differences(base, self._nominal, self._recording) if lacks(one)]
+        starts = [
+            Trial(one, {key: sign * info.trial for key, info in one.rows.items()}, 0.0, math.inf)
+            for one in own
+            for sign in _STARTS
+        ]
+        if not self._new_in:
+            return starts
+        new: dict[str, Trial] = {}
+        fresh = [one for name in self._new_in for one in new_differences(base, problem.data.signals, name)]
+        for trial in screen(problem, point, fresh, excitation=self._excitation, deadline=deadline):
+            new.setdefault(trial.part.name, trial)
+        return [*starts, *list(new.values())[:_NEW]]
+
+    def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
+        return []

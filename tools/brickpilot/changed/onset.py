@@ -1,0 +1,110 @@
+"""Since when a difference is there: the moment in a recording from which on it explains what is measured.
+
+A sum of gains from a moment to the end is largest where they turn from losses to gains (Page 1954, Biometrika 41: the
+CUSUM of a change point). First the gain is that of a larger error: up to the moment, the old model is right. Then it
+is that of the differences that explain what comes behind it: a machine at rest, which every model explains, tells
+nothing of when they began.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.data.motion import run_of
+from brickpilot.discover import numbers
+from brickpilot.discover.evidence import Judge, scale_of_rest
+from brickpilot.fit.residual import Residual
+from brickpilot.fit.robust import correlation_time
+from brickpilot.vehicle.model import Model
+
+Array = NDArray[np.float64]
+
+_STEP_S = 0.1  # a moment is told to so much
+_FAR = 5.0  # scales: an error beyond counts as so far
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A moment in a recording.
+
+    Attributes:
+        run: its name in the joint data set.
+        at_s: on the clock of the run.
+        ci95: the moments that the data cannot tell from it, of the same run.
+    """
+
+    run: str
+    at_s: float
+    ci95: tuple[float, float]
+
+
+def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
+    """Returns the moment from which on the old model leaves more of a recording than is usual; None: there is none.
+
+    Args:
+        data: its floors say how much error is usual.
+    """
+    error, here = data.error(old), data.rows_of(recording)
+    gains, correlated = np.zeros(len(error)), 1.0
+    for signal in data.signals:
+        own = here & (data.by_signal({one: float(one == signal) for one in data.signals}) > 0)
+        usual = data.floor(signal)
+        large = scale_of_rest(error[own], usual)
+        squares = np.clip(error[own] / usual, -_FAR * large / usual, _FAR * large / usual) ** 2
+        gains[own] = (squares * (1 - (usual / large) ** 2)) / 2 - np.log(large / usual)
+        before = [np.clip(part / usual, -_FAR, _FAR) for part in data.parts(np.where(here, np.nan, error), signal)]
+        known = [part for part in before if np.isfinite(part).all()]
+        correlated = max(correlated, correlation_time(known, about_mean=False) if known else 1.0)
+    return _onset(data, gains / correlated, recording)
+
+
+def onset(judge: Judge, plain: Model, changed: Model, recording: str, temperature: float) -> Onset | None:
+    """Returns since when a model explains a recording better than another one; None: since its start.
+
+    Args:
+        plain, changed: the model without and with what is different in the recording.
+    """
+    data = judge.data
+    fine = Judge(data, np.arange(len(data.measured)), len(data.measured), 0.0)
+    gains = fine.rises(data.error(plain), data.error(changed))
+    return _onset(data, gains / temperature, recording)
+
+
+def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
+    """Returns the moment from which on the sum of gains (values,) is largest, if it is surely no other's luck."""
+    stretch, count = data.stretches(_STEP_S)
+    here = data.rows_of(recording)
+    total = np.bincount(stretch[here], gains[here], count)
+    place: dict[int, tuple[str, float]] = {}
+    for block in data.blocks:
+        numbers_of = stretch[block.place]
+        for number in np.unique(numbers_of[here[block.place]]).tolist():
+            first = float(block.middle[numbers_of == number].min())
+            place[number] = (run_of(block.run), min(first, place.get(number, ("", np.inf))[1]))
+    order = _order(data)
+    moments = sorted(place, key=lambda number: (order[place[number][0]], place[number][1]))
+    if len(moments) < 2:
+        return None
+    rest = np.cumsum(total[moments][::-1])[::-1]  # from each moment to the end
+    best = int(np.argmax(rest))
+    if rest[best] - rest[0] < numbers.CHANCE_NATS + np.log(len(moments)):  # any of so many moments may be it
+        return None
+    run, at_s = place[moments[best]]
+    near = [
+        place[one][1]
+        for one, sum_ in zip(moments, rest.tolist(), strict=True)
+        if sum_ > rest[best] - numbers.CHANCE_NATS and place[one][0] == run
+    ]
+    return Onset(run, at_s, (min(near), max(near)))
+
+
+def _order(data: Residual) -> Mapping[str, int]:
+    """Returns run -> its number in the data set."""
+    found: dict[str, int] = {}
+    for run in data.replay.dataset.runs:
+        found.setdefault(run_of(run.name), len(found))
+    return found

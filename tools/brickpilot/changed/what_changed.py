@@ -1,0 +1,432 @@
+"""`brickpilot changed`: from recordings of one machine to what is different in the later ones.
+
+    _structure   -> Parts       what the engine names in the first recording: all share it
+    _joint       -> Joint       both recordings as one data set, and one explanation of both without a difference
+    _begun       -> Onset       the moment at which the later recording changes, if it does               (onset.py)
+    _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine has anyway
+                                and, where one recording is left more than the other, in what is new (differences.py)
+    _changes     -> Change      each difference in the machine's words, with its interval                 (change.py)
+
+The criterion is that of `discover`, with its numbers. Nothing is held out: evidence is what stretches say that an
+explanation was not fitted to, and the spread between runs of one recording bounds what counts as a change.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from brickpilot.changed.change import (
+    Answer,
+    Change,
+    Changed,
+    Constant,
+    FitPercent,
+    Since,
+    Sized,
+    Trace,
+    change_of,
+    in_model,
+    is_sure,
+    sized,
+    told_combinations,
+)
+from brickpilot.changed.differences import Difference, Differences, always
+from brickpilot.changed.onset import Onset, onset, suspected
+from brickpilot.changed.recordings import only, own_name, since, together
+from brickpilot.changed.run_spread import sd_between_recordings
+from brickpilot.data.dataset import Dataset
+from brickpilot.discover import numbers
+from brickpilot.discover.deadline import NO_LIMIT, Stages
+from brickpilot.discover.evidence import Judge, scale_of_rest
+from brickpilot.discover.explanation import Explanation, joined, refine
+from brickpilot.discover.finding import Step
+from brickpilot.discover.parts import Part, library_parts
+from brickpilot.discover.pipeline import explain
+from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare
+from brickpilot.discover.row_meaning import with_known_timing
+from brickpilot.discover.search import Found, Search
+from brickpilot.discover.verdict import Verdict, weigh
+from brickpilot.fit.comparison import compare
+from brickpilot.fit.descent import Progress
+from brickpilot.fit.parameters import Plan
+from brickpilot.fit.residual import Residual
+from brickpilot.fit.robust import robust_size
+from brickpilot.fit.uncertainty import assess
+from brickpilot.vehicle.combinations import FORMULAS
+from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay, in_recording
+
+Array = NDArray[np.float64]
+
+BEFORE = "before"
+_LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
+_RUNS = "Runs of one recording differ among themselves by as much."
+_DRAWN = 2  # signals with a plot
+_MOST_NAMED = 1  # effects of BEFORE beside the dry friction of every machine
+_LITTLE = 0.03  # of a usual size: from there the friction that every machine has is fitted
+
+
+Alone = Mapping[str, tuple[Residual, Explanation]]
+Rests = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Two recordings as one data set, ready for fits.
+
+    Attributes:
+        base: what explains both with no difference.
+        alone: recording -> its residual and what explains it alone, of the same parts.
+        recording: the later one.
+        old: the model of what was before.
+    """
+
+    dataset: Dataset
+    prepared: Prepared
+    base: Explanation
+    alone: Alone
+    recording: str
+    old: Model
+
+    @property
+    def data(self) -> Residual:
+        return self.prepared.coarse
+
+    def rests(self, model_of: Mapping[str, Model], size: Callable[[Array, float], float]) -> Rests:
+        """Returns recording -> signal -> the size of what a model leaves of it, SI.
+
+        Args:
+            model_of: recording -> model.
+            size: of an error (values,), no less than the sensor's floor, SI.
+        """
+        data, found = self.data, dict[str, dict[str, float]]()
+        for name, model in model_of.items():
+            here, error = data.rows_of(name), data.error(model)
+            for signal in data.signals:
+                own = here & (data.by_signal({one: float(one == signal) for one in data.signals}) > 0)
+                if own.any():
+                    found.setdefault(name, {})[signal] = size(error[own], data.floor(signal))
+        return found
+
+    def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
+        """Returns recording -> by how many nats a value the worst of its signals is left more than in the other one."""
+        rests = self.rests(model_of, scale_of_rest)
+        names = list(rests)
+        return {
+            one: max((math.log(size / rests[other][signal]) for signal, size in rests[one].items()
+                      if signal in rests[other]), default=0.0)
+            for one, other in zip(names, reversed(names), strict=True)
+        }  # fmt: skip
+
+    @property
+    def models_alone(self) -> dict[str, Model]:
+        return {name: one.model for name, (_, one) in self.alone.items()}
+
+    @cached_property
+    def left_more(self) -> tuple[str, ...]:
+        """The recordings of which their own explanation leaves surely more than the other one's does of that."""
+        worse = self.worse(self.models_alone)
+        return tuple(name for name, nats in worse.items() if nats > numbers.UNEXPLAINED_NATS)
+
+    def usual(self) -> dict[str, float]:
+        """Returns signal -> the error that is usual, SI: what a recording that is explained well alone is left."""
+        rests = self.rests(self.models_alone, _robust)
+        return _largest([rest for name, rest in rests.items() if name not in self.left_more] or list(rests.values()))
+
+    def weighed(self, floors: Mapping[str, float]) -> Joint:
+        """Returns the same with these floors, signal -> SI: what is below them is no change."""
+        noise = {name: max(floors.get(name, 0.0), one.noise) for name, one in self.data.scales.items()}
+        coarse = self.data.with_floors(noise)
+        base = (refine(coarse, [self.base], self.prepared.jobs) or [self.base])[0] if self.base.plan.free else self.base
+        prepared = dataclasses.replace(self.prepared, coarse=coarse)
+        return dataclasses.replace(self, prepared=prepared, base=base)
+
+
+Parts = Sequence[tuple[Part, Mapping[str, float]]]
+"""Effects, each with its values."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Two recordings, and the verdict on what differs."""
+
+    joint: Joint
+    verdict: Verdict
+    steps: tuple[Step, ...]
+    since: Onset | None
+
+
+def what_changed(
+    before: Dataset | Model, after: Mapping[str, Dataset], *, seed: int = 0, jobs: int = 2,
+    progress: Progress | None = None,
+) -> Changed:  # fmt: skip
+    """Finds what is different in recordings after another one of the same machine.
+
+    Args:
+        before: a recording; or a model, for what is different from it.
+        after: name -> a later recording. No name is "before", and none holds "@".
+        seed: seed of the random starts. They are used where nominal values are not given.
+        jobs: number of fits at the same time.
+        progress: called with (done, total, text).
+
+    Raises:
+        InputError: a recording is of another vehicle, or has no signal that the model gives.
+        SimulationError: the plant diverges with the nominal values.
+    """
+    with threadpool_limits(1, "blas"):
+        tell = Stages(progress)
+        tell("explaining what was before")
+        parts = () if isinstance(before, Model) else _structure(before, seed, jobs)
+        found = [_compared(before, name, dataset, parts, seed, jobs, tell) for name, dataset in after.items()]
+        tell("computing intervals")
+        return _told(before, found, seed)
+
+
+def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
+    """Returns the effects that the engine names in a recording, each with its values; nothing where it names none."""
+    known = with_known_timing(together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
+    prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
+    prepared, nominal = in_closed_loop(*calibrate(prepared))
+    base = (refine(prepared.coarse, [_shared(nominal, ())], jobs) or [nominal])[0]
+    verdict = explain(prepared, base, Stages(None), _MOST_NAMED).verdict
+    more = verdict.best.effects[len(base.parts) :] if verdict.kind == "named" else ()
+    return tuple((one, one.values_in(verdict.best.model)) for one in more if not one.is_periodic)
+
+
+def _compared(
+    before: Dataset | Model, name: str, after: Dataset, parts: Parts, seed: int, jobs: int, tell: Stages
+) -> Compared:
+    """Compares two recordings, again from the moment on at which the later one changes, where it shows one."""
+    recordings = ({} if isinstance(before, Model) else {BEFORE: before}) | {name: after}
+    dataset = with_known_timing(together(recordings), None, seed=seed, jobs=jobs)
+    joint = _joint(dataset, name, before if isinstance(before, Model) else None, parts, seed, jobs)
+    if not joint.alone:  # a model was before, which leaves nothing
+        verdict = weigh(_search(joint, (name,), tell))
+        return Compared(joint, verdict, verdict.steps, None)
+    begun = _begun(joint, parts, seed, jobs, tell)
+    if begun is None:
+        ready, verdict = _verdict(joint, tell)
+        return Compared(ready, verdict, verdict.steps, None)
+    moment, cut = begun
+    ready, verdict = _verdict(cut, tell)
+    why = f"The recording changes at {moment.at_s:g} s of {own_name(moment.run)}: what was before it counts as before."
+    return Compared(ready, verdict, (Step("onset", verdict.kind, why), *verdict.steps), moment)
+
+
+def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tuple[Onset, Joint] | None:
+    """Returns the moment at which the later recording changes, and both recordings cut there; None: it does not."""
+    usual = joint.weighed(joint.usual())
+    first = suspected(usual.data, joint.old, joint.recording)
+    if first is None:
+        return None
+    tell("searching for the moment")
+    name = joint.recording
+
+    def at(moment: Onset) -> Joint:
+        return _joint(since(joint.dataset, BEFORE, name, moment.run, moment.at_s), name, None, parts, seed, jobs)
+
+    behind = at(first).models_alone[name]
+    moment = onset(Judge.of(usual.data, seed), joint.old, behind, name, 1.0)
+    return None if moment is None else (moment, at(moment))
+
+
+def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int) -> Joint:
+    """Returns two recordings ready for fits, with the explanation that both share."""
+    prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
+    prepared, nominal = in_closed_loop(*calibrate(prepared))
+    if model is not None:
+        effects = {name: {size: 0.0} for name, size in always().items()} | {
+            one: dict(of) for one, of in model.effects.items()
+        }
+        base = Explanation((), Plan(dataclasses.replace(model, effects=effects), (), ()), np.empty(0))
+        return Joint(dataset, prepared, base, {}, recording, model)
+    base = _shared(nominal, parts)
+    alone = {name: _alone(only(dataset, name), base, seed, jobs) for name in (BEFORE, recording)}
+    return Joint(dataset, prepared, base, alone, recording, alone[BEFORE][1].model)
+
+
+def _shared(nominal: Explanation, parts: Parts) -> Explanation:
+    """Returns the nominal model with what BEFORE showed, and the dry friction that every machine has."""
+    base = nominal
+    for part, values in parts:
+        base = joined(base, part, values)
+    said = base.key.union(*(one.contains for one in base.parts))
+    for part in library_parts(base.model):
+        name = always().get(part.name)
+        if name is not None and part.name not in said and part.free == (name,):
+            size = part.starting(base.plan, {}).free[-1].natural
+            base = joined(base, part, {name: _LITTLE * size})
+    return base
+
+
+def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[Residual, Explanation]:
+    """Returns the residual of one recording alone, and what explains it, of the same parts."""
+    prepared, _ = prepare(dataset, None, seed=seed, jobs=jobs)
+    prepared, _ = in_closed_loop(*calibrate(prepared))
+    return prepared.coarse, (refine(prepared.coarse, [base], jobs) or [base])[0]
+
+
+def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
+    """Returns the engine's verdict on what differs, and the recordings as they were weighed for it.
+
+    What the explanation of a recording alone leaves of it is no change: a model's error counts as noise here. A
+    recording that alone is left surely more than the other may have something new. Then the other one says how much
+    error is usual. If nothing new is found, the machine's own sizes are the answer, unless they leave too much.
+    """
+    if joint.left_more:
+        ready = joint.weighed(joint.usual())
+        verdict = weigh(_search(ready, joint.left_more, tell))
+        if any(isinstance(part, Difference) and part.is_new for part in verdict.best.parts):
+            return ready, verdict
+    ready = joint.weighed(_largest(list(joint.rests(joint.models_alone, _robust).values())))
+    verdict = weigh(_search(ready, (), tell))
+    left, gap = (
+        max(joint.worse(dict.fromkeys(joint.alone, model)).values()) for model in (verdict.best.model, joint.old)
+    )
+    if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more is left than gone
+        return ready, verdict.turned(Step("adequacy", "unknown", _LEFT.format(left)))
+    return ready, verdict
+
+
+def _robust(error: Array, floor: float) -> float:
+    return max(robust_size(error), floor)
+
+
+def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Returns signal -> the largest of what is left of it."""
+    return {name: max(one.get(name, 0.0) for one in rests) for name in dict.fromkeys(k for one in rests for k in one)}
+
+
+def _search(joint: Joint, new_in: Sequence[str], tell: Stages) -> Found:
+    prepared = joint.prepared
+    nominal = [one.name for one in prepared.plan.free if one.effect is None]
+    source = Differences(nominal, joint.recording, prepared.excitation, new_in)
+    search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
+    return search.run(Judge.of(prepared.coarse, prepared.seed))
+
+
+def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Changed:
+    """Returns what is told of all comparisons.
+
+    A change that is no larger than what runs of one recording differ by is none.
+    """
+    verdicts, steps = dict[str, Answer](), dict[str, tuple[Step, ...]]()
+    changes, constants = list[Change](), dict[tuple[str, str], Constant]()
+    for compared in found:
+        name = compared.joint.recording
+        alone = _told_alone(compared.joint)
+        for recording, table in alone.items():
+            for what, (unit, one) in table.items():
+                constants.setdefault((recording, what), Constant(recording, what, unit, one.value, one.ci95))
+        own = _changes(compared, alone)
+        verdicts[name], steps[name] = _KINDS[compared.verdict.kind], compared.steps
+        if own and not any(is_sure(one.change) for one in own):
+            verdicts[name], own = "nothing", []
+            steps[name] = (*compared.steps, Step("runs", "none", _RUNS))
+        changes += own
+    return Changed(
+        before=before.name,
+        after=tuple(verdicts),
+        dataset=only(found[0].joint.dataset, found[0].joint.recording),
+        verdicts=verdicts,
+        changes=tuple(sorted(changes, key=lambda one: -one.weight)),
+        fits={one.joint.recording: _fits(one) for one in found},
+        constants=tuple(constants.values()),
+        traces={one.joint.recording: _traces(one) for one in found},
+        steps=steps,
+        notes=tuple(dict.fromkeys(note for one in found for note in one.joint.dataset.notes)),
+        seed=seed,
+    )
+
+
+_KINDS: Mapping[str, Answer] = {"none": "nothing", "named": "changed", "ambiguous": "ambiguous", "unknown": "unknown"}
+
+
+def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Sized]]]) -> list[Change]:
+    """Returns the differences of the best explanation, each with what the rivals say instead."""
+    joint, verdict = compared.joint, compared.verdict
+    if verdict.kind not in ("named", "ambiguous"):
+        return []
+    best, count = verdict.best, len(joint.base.parts)
+    spread = assess(joint.data, best.model, best.plan.free).spread
+    moment, (first, later) = compared.since, (alone.get(name, {}) for name in (BEFORE, joint.recording))
+    both = {what: (first[what][1], later[what][1]) for what in first.keys() & later.keys()}
+    told: dict[str, Any] = {
+        "since": moment and Since(own_name(moment.run), moment.at_s, moment.ci95),
+        "rivals": tuple(tuple(part.what for part in _differences(one, count)) for one in verdict.rivals),
+    }
+    correlated = Judge.of(joint.data, 0).correlation(next(e for e in verdict.ranked if e.explanation.key == best.key))
+    return [
+        change_of(
+            part, best.model, spread, sd_between_recordings(joint.data, best, part, correlated), BEFORE,
+            joint.recording, both,
+            weight=min(sum(one.weight for one in verdict.held if one.explanation.says(part)), 1.0), **told,
+        )
+        for part in _differences(best, count)
+    ]  # fmt: skip
+
+
+def _differences(one: Explanation, count: int) -> list[Difference]:
+    return [part for part in one.parts[count:] if isinstance(part, Difference)]
+
+
+def _fits(compared: Compared) -> dict[str, FitPercent]:
+    """Returns signal -> how much of it free runs explain before and after."""
+    joint, recording = compared.joint, compared.joint.recording
+    sets = {name: only(joint.dataset, name) for name in (BEFORE, recording)}
+    after = in_recording(compared.verdict.best.model, recording, [run.name for run in sets[recording].runs])
+    found = [
+        _fit_percent(sets[name], model) if sets[name].runs else {}
+        for name, model in ((BEFORE, joint.old), (recording, joint.old), (recording, after))
+    ]
+    names = dict.fromkeys(name for one in found for name in one)
+    return {name: FitPercent(*(one.get(name) for one in found)) for name in names}
+
+
+def _traces(compared: Compared) -> list[Trace]:
+    """Returns the run and the signal in which what changed explains most, at most one of each signal."""
+    joint, name = compared.joint, compared.joint.recording
+    later = only(joint.dataset, name)
+    after = in_recording(compared.verdict.best.model, name, [run.name for run in later.runs])
+    old, explained = Replay(later).simulate([joint.old, after])
+    best: dict[str, tuple[float, Trace]] = {}
+    for run in later.runs:
+        for signal in run.outputs.keys() & old[run.name].keys() - {"battery_voltage"}:
+            measured = run.outputs[signal]
+            first, last = (measured - of[run.name][signal] for of in (old, explained))
+            gain = float(np.nansum(first**2) - np.nansum(last**2))
+            if gain > best.get(signal, (0.0,))[0]:
+                made = Trace(
+                    own_name(run.name), signal, run.time, measured, old[run.name][signal], explained[run.name][signal]
+                )
+                best[signal] = (gain, made)
+    spread = {name: float(np.nanstd(one.measured)) ** 2 * len(one.time) for name, (_, one) in best.items()}
+    order = sorted(best, key=lambda one: -best[one][0] / max(spread[one], 1e-30))
+    return [best[one][1] for one in order[:_DRAWN]]
+
+
+def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
+    explained = compare(dataset, model).headline
+    return {signal: explained.of(signal, "fit").fit_percent for signal in explained.signals}
+
+
+def _told_alone(joint: Joint) -> dict[str, dict[str, tuple[str, Sized]]]:
+    """Returns recording -> combination of constants -> its unit, and what the recording alone tells of it."""
+    found: dict[str, dict[str, tuple[str, Sized]]] = {}
+    for name, (data, explanation) in joint.alone.items():
+        spread = assess(data, explanation.model, explanation.plan.free).spread
+        for formula in FORMULAS[joint.dataset.vehicle]:
+            if formula.name in told_combinations():
+                one = sized(partial(in_model, formula), explanation.model, spread)
+                if np.isfinite([one.value, *one.ci95]).all():
+                    found.setdefault(name, {})[formula.name] = (formula.unit, one)
+    return found
