@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.discover import evidence, verdict
+from brickpilot.discover import evidence, numbers, verdict
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.parts import Part
@@ -147,8 +147,8 @@ def test_a_model_that_predicts_every_stretch_better_makes_none_less_likely() -> 
 def test_the_most_likely_scale_is_the_reference_s() -> None:
     random = np.random.default_rng(2)
     for residual in (0.4 * random.normal(size=900), 2.0 * random.standard_t(2, 900), random.uniform(-1, 1, 900)):
-        assert evidence._scale(residual, 1e-6) == pytest.approx(likeliest_scale(residual, 1e-6), rel=2e-3)
-    assert evidence._scale(0.01 * random.normal(size=900), 0.2) == 0.2
+        assert evidence.scale_of_rest(residual, 1e-6) == pytest.approx(likeliest_scale(residual, 1e-6), rel=2e-3)
+    assert evidence.scale_of_rest(0.01 * random.normal(size=900), 0.2) == 0.2
 
 
 def made(names: str, table: Array, surprise: float = 0.0, cost: float | None = None) -> Evidence:
@@ -196,6 +196,7 @@ class Settled:
 
     nats: float
     top: float = 0.0
+    shape: float = numbers.LAW_SHAPE
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
         return self.nats

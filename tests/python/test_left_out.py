@@ -38,7 +38,14 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
     data = dataclasses.replace(judge.data, measured=measured, threads=1)
     free: list[Any] = [
         SimpleNamespace(
-            name=f"x{k}", run="", reach=1e6, known=None, effect=None, bounds=lambda: (-1e6, 1e6), away=lambda x: x / 0.7
+            centred=False,
+            name=f"x{k}",
+            run="",
+            reach=1e6,
+            known=None,
+            effect=None,
+            bounds=lambda: (-1e6, 1e6),
+            away=lambda x: x / 0.7,
         )
         for k in range(3)
     ]

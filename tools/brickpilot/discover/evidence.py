@@ -93,21 +93,23 @@ class Judge:
     Attributes:
         stretch: (values,) the stretch of each compared value.
         top: the evidence that noise alone would have.
+        shape: the share of what a law removes that its own wrong shape may have left; 0: the floors hold that error.
     """
 
     data: Residual
     stretch: Indices
     count: int
     top: float
+    shape: float = numbers.LAW_SHAPE
 
     @classmethod
-    def of(cls, data: Residual, seed: int) -> Judge:
+    def of(cls, data: Residual, seed: int, shape: float = numbers.LAW_SHAPE) -> Judge:
         """Returns the judge of a residual; its noise is drawn from `seed`."""
         stretch, count = data.stretches(numbers.STRETCH_S, _LEAST_STRETCHES)
         noise = data.by_signal({signal: one.noise for signal, one in data.scales.items()})
         drawn = np.random.default_rng(seed).normal(size=len(data.measured)) * noise
-        judge = cls(data, stretch, count, 0.0)
-        return cls(data, stretch, count, float(judge.density(drawn).sum()))
+        top = float(cls(data, stretch, count, 0.0).density(drawn).sum())
+        return cls(data, stretch, count, top, shape)
 
     def density(self, residual: Array) -> Array:
         """Returns (stretches,): the log density of a residual (values,), SI."""

@@ -56,8 +56,7 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine: how many of one screen are fitted, and of these to the end, at most.
-        least: and at least.
+        rough, fine, least: how many of one screen are fitted; how many of these to the end, at most and at least.
         paired: of so many of the best singles all pairs are fitted, half of `fine` to the end.
     """
 

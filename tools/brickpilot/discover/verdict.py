@@ -202,7 +202,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     def says_as_much(one: Evidence, other: Evidence) -> bool:
         first, second = one.explanation, other.explanation
         if second.contains(first):
-            gone, own = excess[one] - excess[other], numbers.LAW_SHAPE * np.maximum(start - excess[one], 0.0)
+            gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
             gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
             sure = temperature * numbers.CHANCE_NATS * bool(own.any())
             if gain < max(excess[other].sum() / 2 + moved[other], sure):

@@ -129,12 +129,8 @@ class Comparison(Result):
                 errors = {name: error.to_json() for name, error in run.windows.items()}
                 entry["windows"] = {"window_s": self.window_s, "signals": errors}
             runs.append(entry)
-        return {
-            "dataset": self.dataset,
-            "headline": self.headline.to_json(),
-            "runs": runs,
-            "notes": list(self.notes),
-        }
+        shared = {"dataset": self.dataset, "headline": self.headline.to_json()}
+        return {**shared, "runs": runs, "notes": list(self.notes)}
 
 
 def compare(
