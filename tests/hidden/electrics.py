@@ -38,10 +38,8 @@ def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, numbe
     out = commands
     frames = hidden.get("command_jitter")
     if frames:
-        sent = (
-            np.arange(len(out))
-            - delays((np.arange(len(out)) + 0.5) * step_s, number, frames["delay"], frames["jitter"]) / step_s
-        )
+        time = np.asarray((np.arange(len(out)) + 0.5) * step_s, dtype=np.float64)
+        sent = np.arange(len(out)) - delays(time, number, frames["delay"], frames["jitter"]) / step_s
         out = np.where(sent >= 0, out[np.clip(np.floor(sent), 0, None).astype(np.int64)], 0.0)
     delay = hidden.get("input_delay", {}).get("delay", 0.0)
     if delay > 0:

@@ -122,7 +122,7 @@ def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], 
 
 def _lagged(values: Floats, lag: float, step: float) -> Floats:
     """Returns a first-order low-pass that starts at the first value. It is exact for values linear in each step."""
-    numerator, denominator, _ = cont2discrete(([1.0], [lag, 1.0]), step, method="foh")
+    numerator, denominator, _ = cont2discrete((np.array([1.0]), np.array([lag, 1.0])), step, method="foh")
     first = values[0]
     return np.asarray(lfilter(np.ravel(numerator), denominator, values - first) + first, dtype=float)
 

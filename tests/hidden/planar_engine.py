@@ -132,7 +132,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
     """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of it."""
     out = np.zeros((steps, 2, plant.runs))
-    clock = np.arange(steps + 1) * plant.step
+    clock = np.asarray(np.arange(steps + 1) * plant.step, dtype=np.float64)
     late = np.broadcast_to(plant.late_start, plant.runs)
     for k, run in enumerate(runs):
         if plant.frames:

@@ -42,7 +42,7 @@ def _sag_with_memory(plant: Plant, p: Parameters) -> None:
 
     def fall(plant: Plant) -> Floats:
         slow[:] += plant.step / p["time_constant"] * (p["slow"] * plant.supply_current - slow)
-        return p["resistance"] * plant.supply_current + slow
+        return np.asarray(p["resistance"] * plant.supply_current + slow)
 
     plant.falls.append(fall)
 

@@ -47,7 +47,7 @@ def read(track: Track, hidden: Hidden, age: float, number: int) -> Readings:
 
 def _second_order(values: Floats, omega: float, damping: float, step: float) -> Floats:
     """Returns a low-pass of order two that starts settled; a value holds over a step (zero-order hold)."""
-    filtered = cont2discrete(([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="zoh")
+    filtered = cont2discrete((np.array([omega**2]), np.array([1.0, 2 * damping * omega, omega**2])), step, method="zoh")
     first = values[0]
     return np.asarray(lfilter(filtered[0].ravel(), filtered[1], values - first) + first, dtype=float)
 

@@ -22,7 +22,7 @@ from brickpilot.cli.terminal import (
 from brickpilot.errors import InputError
 from brickpilot.report import run_folder
 
-from lab import blind_test, page, real_logs, real_results, real_run, real_table, result, sets, table
+from lab import blind_test, changed_sets, page, real_logs, real_results, real_run, real_table, result, sets, table
 from lab.sets import QUICK, SUITES
 
 
@@ -188,6 +188,49 @@ def lab_real(
         click.echo(json.dumps({"logs": list(kept.values())}))
         return
     for line in real_table.lines(kept, known):
+        click.echo(line)
+
+
+@lab.command("changed")
+@click.option(
+    "--engine", type=click.Choice(["mujoco", "planar"]), default="planar", show_default=True, help="As in discover."
+)
+@click.option("--size", type=float, default=2.0, show_default=True, help="Of each effect: at 1 it shows clearly.")
+@click.option("--nulls", type=click.IntRange(0), default=100, show_default=True, help="Pairs in which nothing differs.")
+@click.option("--only", multiple=True, metavar="PATTERN", help="Run only pairs whose name matches; repeatable.")
+@click.option("--limit", type=click.IntRange(1), metavar="N", help="Run only the first N pairs of each kind.")
+@click.option("--seed-offset", type=click.IntRange(0), default=1_000_000, show_default=True, help="As in discover.")
+@click.option("--data", metavar="DIR", help="Measured data: labelled pairs, and halves of each log.")
+@click.option("--out", metavar="DIR", default="runs/lab-changed", show_default=True, help="Recordings and results.")
+@click.option("--write", "readme", metavar="FILE.md", help="Write the table between its marks in this file.")
+@jobs_option
+@as_json
+def lab_changed(
+    engine: Any, size: float, nulls: int, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None,
+    out: str, readme: str | None, jobs: int, as_json: bool,
+) -> None:  # fmt: skip
+    """Asks what changed between two recordings: pairs of the engines with one effect new or gone, or with nothing new.
+
+    An interrupted call goes on where it stopped.
+    """
+    path = Path(out) / "results.jsonl"
+    known = changed_sets.load(path)
+    asked = [one for one in changed_sets.pairs(engine, size, nulls, seed_offset) if _matches(one.name, only)]
+    for pair in changed_sets.chosen(asked, limit):
+        if pair.name not in known:
+            known[pair.name] = changed_sets.ask(pair, Path(out) / "data", jobs)
+            changed_sets.keep(path, known[pair.name])
+            click.echo(f"{pair.name}: {known[pair.name]['score']}", err=True)
+    if data is not None:
+        for one in (*changed_sets.labelled(Path(data), jobs), *changed_sets.halves(Path(data), jobs)):
+            known[one["name"]] = one
+    found = changed_sets.lines(list(known.values()))
+    if readme is not None:
+        real_table.write_between_marks(Path(readme), found, (changed_sets.BEGIN, changed_sets.END))
+    if as_json:
+        click.echo(json.dumps({"pairs": list(known.values())}))
+        return
+    for line in found:
         click.echo(line)
 
 

@@ -1,0 +1,212 @@
+"""How often `changed` is right: pairs of recordings of the test engines, labelled pairs of real machines, and halves.
+
+A pair of an engine is one vehicle driven twice, with other voltages and other noise. One of the two has an effect, or
+neither has one. Three kinds of answers are told apart by the mechanism: right alone, right with another name beside it,
+and right among rivals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import brickpilot as bp
+import numpy as np
+from brickpilot import catalogue
+from hidden import effects, folder, other_laws, scales
+from hidden.manoeuvre import short, varied
+from hidden.recipe import VEHICLES, Hidden, Recipe, specimen
+
+from lab.parts import part
+
+Engine = Literal["mujoco", "planar"]
+BEGIN, END = "<!-- changed -->", "<!-- end of changed -->"
+
+_STREAM = 17  # of random numbers: no other suite has it
+_KINDS = tuple(VEHICLES.values())
+_SDS: tuple[Literal["half", "all", "none"], ...] = ("half", "all", "none")
+
+# What the README of the measured data says of them: before, after -> what may be said, and percent of it.
+LABELLED: Mapping[tuple[str, str], Mapping[str, tuple[float, float]]] = {
+    ("shaft_damper_off", "shaft_damper_on"): {"kV": (33, 43)},
+    ("shaft_damper_on", "shaft_damper_off"): {"kV": (-30.1, -24.8)},
+    ("wheel_in_air", "wheel_on_ground"): {"dry friction in volts": (45, 95), "kA": (40, 130)},
+    ("wheel_on_ground", "wheel_in_air"): {"dry friction in volts": (-48.7, -31.0), "kA": (-56.5, -28.6)},
+}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two recordings of an engine.
+
+    Attributes:
+        effect: the one that differs; None: nothing does.
+        size: times the size that shows clearly.
+        gone: it is there before, and not after.
+        index: of the pair in its suite.
+    """
+
+    engine: Engine
+    effect: str | None
+    size: float
+    gone: bool
+    index: int
+    seed_offset: int
+
+    @property
+    def name(self) -> str:
+        way = "" if self.effect is None else "-gone" if self.gone else "-new"
+        return f"{self.engine}-{self.effect or 'nothing'}{way}-{self.size:g}-{self.index}-{self.seed_offset}"
+
+    def recipes(self) -> tuple[Recipe, Recipe]:
+        """Returns how both recordings are made: vehicle, voltages and noise are drawn from index and seed offset."""
+        random = np.random.default_rng((_STREAM, self.seed_offset, self.index))
+        vehicle = specimen(_KINDS[self.index % len(_KINDS)], random)
+        absent = effects.TABLE[self.effect].absent if self.effect in effects.TABLE else ()
+        vehicle = replace(vehicle, **dict.fromkeys(absent, 0.0))
+        drawn: Hidden = {} if self.effect is None else {self.effect: self._drawn(vehicle, random)}
+        first, second = (
+            Recipe(
+                name=f"{self.name}-{number}",
+                hidden=hidden,
+                vehicle=vehicle,
+                engine=self.engine,
+                runs=scales.at_voltage(varied(short(), random), vehicle),
+                seed=self.seed_offset + 1000 * _STREAM + 10 * self.index + number,
+                sds=_SDS[self.index % 3],
+                frame="FLU" if self.index % 2 else "FRD",
+                noise_sd_stated=self.index % 3 != 2,
+            )
+            for number, hidden in enumerate(({}, drawn))
+        )
+        return (second, first) if self.gone else (first, second)
+
+    def _drawn(self, vehicle: Any, random: np.random.Generator) -> Mapping[str, float]:
+        assert self.effect is not None
+        return other_laws.draw(self.effect, self.size, vehicle, random)
+
+
+def pairs(engine: Engine, size: float, nulls: int, seed_offset: int) -> Iterator[Pair]:
+    """Yields each effect of the library as new and as gone, and pairs in which nothing differs."""
+    for index, effect in enumerate(effects.LIBRARY):
+        for gone in (False, True):
+            yield Pair(engine, effect, size, gone, index, seed_offset)
+    for index in range(nulls):
+        yield Pair(engine, None, 0.0, False, 1000 + index, seed_offset)
+
+
+def ask(pair: Pair, data: Path, jobs: int) -> dict[str, Any]:
+    """Returns the answer to a pair in short, and its score."""
+    made = [data / one.name if (data / one.name).is_dir() else folder.write(one, data) for one in pair.recipes()]
+    began = time.perf_counter()
+    said = _short(bp.changed(*made, jobs=jobs))
+    truth = None if pair.effect is None else catalogue.effect(pair.effect).mechanism
+    return {
+        "name": pair.name,
+        **dataclasses.asdict(pair),
+        **said,
+        "score": score(said, truth),
+        "seconds": round(time.perf_counter() - began, 1),
+    }
+
+
+def _short(found: bp.Changed) -> dict[str, Any]:
+    told = found.to_dict()
+    keys = ("what", "mechanism", "side", "before", "after", "change", "percent", "since", "rivals", "weight")
+    return {"verdict": told["verdict"], "changes": [{key: one[key] for key in keys} for one in told["changes"]]}
+
+
+def score(said: Mapping[str, Any], truth: str | None) -> str:
+    """Returns how right an answer is: truth is the mechanism that differs, None: nothing does."""
+    verdict, names = said["verdict"], {one["mechanism"] for one in said["changes"]}
+    if truth is None:
+        return "right" if verdict == "nothing" else "wrong" if verdict == "changed" else verdict
+    if verdict in ("nothing", "unknown"):
+        return str(verdict)
+    if truth not in names:
+        return "wrong" if verdict == "changed" else "not among rivals"
+    if verdict == "ambiguous":
+        return "among rivals"
+    return "right" if names == {truth} else "right, and an extra name"
+
+
+def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
+    """Yields the answers to the labelled pairs of real machines, and whether the intervals of the labels hold."""
+    for (before, after), label in LABELLED.items():
+        if not ((data / before).is_dir() and (data / after).is_dir()):
+            continue
+        said = _short(bp.changed(data / before, data / after, jobs=jobs))
+        told = {one["what"]: one["percent"]["ci95"] for one in said["changes"] if one["percent"]}
+        holds = {
+            what: bool(what in told and told[what][0] <= high and told[what][1] >= low)
+            for what, (low, high) in label.items()
+        }
+        right = {one["what"] for one in said["changes"]} == {*label}
+        yield {"name": f"{before} -> {after}", **said, "right": right, "intervals": holds}
+
+
+def halves(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
+    """Yields the answers to the first and the second half of each measured log: nothing should have changed."""
+    for place in sorted(one.parent for one in data.glob("*/dataset.toml")):
+        dataset = bp.read(place)
+        first, second = (replace(part(dataset, index, 2), name=f"half {index + 1}") for index in range(2))
+        said = _short(bp.changed(first, second, jobs=jobs))
+        yield {"name": place.name, **said, "right": said["verdict"] == "nothing"}
+
+
+def load(path: Path) -> dict[str, dict[str, Any]]:
+    """Returns name -> answer of a file of results; nothing where there is none."""
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return {one["name"]: one for one in rows}
+
+
+def keep(path: Path, one: Mapping[str, Any]) -> None:
+    """Appends an answer to a file of results."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(one, allow_nan=False) + "\n")
+
+
+def lines(results: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Returns the table in Markdown: each kind of pair, and how its answers score."""
+    rows = [one for one in results if "score" in one]
+    real = [one for one in results if "right" in one]
+    kinds = {
+        "new": [one for one in rows if one["effect"] and not one["gone"]],
+        "gone": [one for one in rows if one["effect"] and one["gone"]],
+        "nothing": [one for one in rows if not one["effect"]],
+    }
+    columns = ("right", "right, and an extra name", "among rivals", "unknown", "nothing", "not among rivals", "wrong")
+    made = [f"| what differs | pairs | {' | '.join(columns)} |", f"|---|---|{'---|' * len(columns)}"]
+    for kind, some in kinds.items():
+        counts = Counter(one["score"] for one in some)
+        made.append(f"| {kind} | {len(some)} | {' | '.join(str(counts[name]) for name in columns)} |")
+    made.append("")
+    for one in real:
+        made.append(f"- {one['name']}: {_told(one)}")
+    return made
+
+
+def _told(one: Mapping[str, Any]) -> str:
+    says = ", ".join(_change(change) for change in one["changes"]) or one["verdict"]
+    return f"{one['verdict']}, {says}" if one["changes"] else str(says)
+
+
+def _change(one: Mapping[str, Any]) -> str:
+    percent = one["percent"]
+    size = f" {percent['value']:+.0f} % [{percent['ci95'][0]:.0f}, {percent['ci95'][1]:.0f}]" if percent else ""
+    return f"{one['what']}{size}"
+
+
+def chosen(asked: Sequence[Pair], limit: int | None) -> Sequence[Pair]:
+    """Returns the first of each kind, where there is a limit."""
+    if limit is None:
+        return asked
+    with_effect = [one for one in asked if one.effect]
+    return [*with_effect[:limit], *[one for one in asked if not one.effect][:limit]]
