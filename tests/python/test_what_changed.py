@@ -11,8 +11,10 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
+from brickpilot.changed.differences import new_differences
 from brickpilot.changed.recordings import together
 from brickpilot.changed.run_spread import spread_of
+from brickpilot.fit.parameters import Plan
 from brickpilot.vehicle.replay import Replay, in_recording
 from click.testing import CliRunner
 from command import brickpilot
@@ -178,6 +180,19 @@ def test_each_recording_is_simulated_as_its_own_machine(monday: bp.Dataset) -> N
     assert (other.parameters["viscous_friction"], other.effects) == (1e-3, {})
     late, early = (Replay(joint).simulate([one], only=[runs[0]])[0][runs[0]]["speed"] for one in (own, other))
     assert np.abs(late - early).max() > 1
+
+
+def test_an_effect_that_both_recordings_have_in_their_own_size_stays_for_the_other() -> None:
+    base = Plan(bp.Model("m", "motor", "coupled", {**KNOWN, "viscous_friction": 1e-3}), (), ())
+    first, second = (
+        next(one for one in new_differences(base.model, ["speed"], name) if one.what == "coulomb_friction")
+        for name in ("before", "later")
+    )
+    both = second.starting(first.starting(base, {first.free[0]: 0.01}), {second.free[0]: 0.02})
+    left = first.removed_from(both.model)
+    assert in_recording(left, "later", []).effects == {"coulomb_friction": {"torque": 0.02}}
+    assert in_recording(left, "before", []).effects == {}
+    assert second.removed_from(left).effects == {}
 
 
 def test_the_command_says_what_changed_and_leaves_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,7 +151,8 @@ class Difference(Part):
             key: {name: one for name, one in table.items() if name != self.recording or key not in self.free}
             for key, table in model.by_run.items()
         }
-        gone = {name.partition(".")[0] for name in self.fixed}
+        used = {key.partition(".")[0] for key, one in by_run.items() if one}  # another recording may have it too
+        gone = {name.partition(".")[0] for name in self.fixed} - used
         effects = {name: table for name, table in model.effects.items() if name not in gone}
         return dataclasses.replace(model, effects=effects, by_run={key: one for key, one in by_run.items() if one})
 
