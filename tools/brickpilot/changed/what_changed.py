@@ -236,7 +236,13 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
 
     behind = at(first).models_alone[name]
     moment = onset(Judge.of(usual.data, seed), joint.old, behind, name, 1.0)
-    return None if moment is None else (moment, at(moment))
+    if moment is None:
+        return None
+    cut = at(moment)
+    whole, longer = (one.rests({BEFORE: one.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for one in (joint, cut))
+    # What comes before the moment has to be as it was: else it is a part of the change, too.
+    grown = max(math.log(longer[signal] / size) for signal, size in whole.items())
+    return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
 
 def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int) -> Joint:
