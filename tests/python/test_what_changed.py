@@ -11,6 +11,7 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
+from brickpilot.changed.change import change_of
 from brickpilot.changed.differences import new_differences
 from brickpilot.changed.recordings import together
 from brickpilot.changed.run_spread import spread_of
@@ -189,6 +190,10 @@ def test_an_effect_that_both_recordings_have_in_their_own_size_stays_for_the_oth
         for name in ("before", "later")
     )
     both = second.starting(first.starting(base, {first.free[0]: 0.01}), {second.free[0]: 0.02})
+    told = {"since": None, "rivals": (), "weight": 1.0}
+    one = change_of(first, first.starting(base, {first.free[0]: 0.01}).model, None, 0.0, "before", "later", {}, **told)
+    assert (one.before, one.after) == (0.01, 0.0)
+    assert "is gone" in one.words
     left = first.removed_from(both.model)
     assert in_recording(left, "later", []).effects == {"coulomb_friction": {"torque": 0.02}}
     assert in_recording(left, "before", []).effects == {}

@@ -319,7 +319,7 @@ def change_of(
         return 100 * (second / first - 1)
 
     first, second = pair(model)
-    told_sd = sd * abs(_slope(one, model, difference, after))
+    told_sd = sd * abs(_slope(one, model, difference))
     change = sized(gone, model, spread, told_sd)
     percent = sized(share, model, spread, 100 * told_sd / abs(first)) if first > 0 else None
     if one.what in alone and is_sure(apart := _apart(*alone[one.what], told_sd)):
@@ -343,9 +343,10 @@ def change_of(
     )
 
 
-def _slope(one: Quantity, model: Model, difference: Difference, recording: str) -> float:
+def _slope(one: Quantity, model: Model, difference: Difference) -> float:
     """Returns by how much what is told changes for each unit of the first value that differs."""
-    key, step = difference.free[0], 1e-3 * difference.rows[difference.free[0]].trial
+    recording, key = difference.recording, difference.free[0]
+    step = 1e-3 * difference.rows[key].trial
     value = model.by_run[key][recording]
     low, high = (
         one.value_in(in_recording(with_values(model, {f"{key}@{recording}": value + move}), recording, ("",)))
