@@ -48,30 +48,43 @@ def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
     Args:
         data: its floors say how much error is usual.
     """
-    error, here = data.error(old), data.rows_of(recording)
-    gains, correlated = np.zeros(len(error)), 1.0
+    error, gains = data.error(old), np.zeros(len(data.measured))
     for signal in data.signals:
-        own = here & (data.by_signal({one: float(one == signal) for one in data.signals}) > 0)
-        usual = data.floor(signal)
-        large = scale_of_rest(error[own], usual)
-        squares = np.clip(error[own] / usual, -_FAR * large / usual, _FAR * large / usual) ** 2
-        gains[own] = (squares * (1 - (usual / large) ** 2)) / 2 - np.log(large / usual)
-        before = [np.clip(part / usual, -_FAR, _FAR) for part in data.parts(np.where(here, np.nan, error), signal)]
-        known = [part for part in before if np.isfinite(part).all()]
-        correlated = max(correlated, correlation_time(known, about_mean=False) if known else 1.0)
-    return _onset(data, gains / correlated, recording)
+        own, usual = data.rows_of(recording, signal), data.floor(signal)
+        if own.any():
+            large = scale_of_rest(error[own], usual)
+            squares = np.clip(error[own] / usual, -_FAR * large / usual, _FAR * large / usual) ** 2
+            gains[own] = (squares * (1 - (usual / large) ** 2)) / 2 - np.log(large / usual)
+    return _onset(data, gains / _correlated(data, error, recording), recording)
 
 
-def onset(judge: Judge, plain: Model, changed: Model, recording: str, temperature: float) -> Onset | None:
-    """Returns since when a model explains a recording better than another one; None: since its start.
+def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset | None:
+    """Returns since when a model explains a recording better than the old one does; None: since its start.
 
     Args:
-        plain, changed: the model without and with what is different in the recording.
+        data: its floors say how much error is usual.
+        changed: the model of what comes behind the change.
     """
-    data = judge.data
-    fine = Judge(data, np.arange(len(data.measured)), len(data.measured), 0.0)
-    gains = fine.rises(data.error(plain), data.error(changed))
-    return _onset(data, gains / temperature, recording)
+    error = data.error(old)
+    by_value = Judge(data, np.arange(len(error)), len(error), 0.0)
+    gains = by_value.rises(error, data.error(changed))
+    return _onset(data, gains / _correlated(data, error, recording), recording)
+
+
+def _correlated(data: Residual, error: Array, recording: str) -> float:
+    """Returns after how many values the old model's error outside a recording is another one: the longest of signals.
+
+    In the recording the error is correlated because of the change itself.
+    """
+    there = ~data.rows_of(recording)
+    found = 1.0
+    for signal in data.signals:
+        parts = [
+            np.clip(one / data.floor(signal), -_FAR, _FAR) for one in data.parts(np.where(there, error, np.nan), signal)
+        ]
+        known = [one for one in parts if np.isfinite(one).all()]
+        found = max(found, correlation_time(known, about_mean=False) if known else 1.0)
+    return found
 
 
 def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:

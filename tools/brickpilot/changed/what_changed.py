@@ -110,9 +110,9 @@ class Joint:
         """
         data, found = self.data, dict[str, dict[str, float]]()
         for name, model in model_of.items():
-            here, error = data.rows_of(name), data.error(model)
+            error = data.error(model)
             for signal in data.signals:
-                own = here & (data.by_signal({one: float(one == signal) for one in data.signals}) > 0)
+                own = data.rows_of(name, signal)
                 if own.any():
                     found.setdefault(name, {})[signal] = size(error[own], data.floor(signal))
         return found
@@ -235,7 +235,7 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
         return _joint(since(joint.dataset, BEFORE, name, moment.run, moment.at_s), name, None, parts, seed, jobs)
 
     behind = at(first).models_alone[name]
-    moment = onset(Judge.of(usual.data, seed), joint.old, behind, name, 1.0)
+    moment = onset(usual.data, joint.old, behind, name)
     if moment is None:
         return None
     cut = at(moment)
@@ -286,20 +286,20 @@ def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
 
     What the explanation of a recording alone leaves of it is no change: a model's error counts as noise here. A
     recording that alone is left surely more than the other may have something new. Then the other one says how much
-    error is usual. If nothing new is found, the machine's own sizes are the answer, unless they leave too much.
+    error is usual. If nothing new is found, the machine's own sizes are the answer. Either may leave too much.
     """
+    ready, verdict = joint, None
     if joint.left_more:
         ready = joint.weighed(joint.usual())
         verdict = weigh(_search(ready, joint.left_more, tell))
-        if any(isinstance(part, Difference) and part.is_new for part in verdict.best.parts):
-            return ready, verdict
-    ready = joint.weighed(_largest(list(joint.rests(joint.models_alone, _robust).values())))
-    verdict = weigh(_search(ready, (), tell))
+    if verdict is None or not any(isinstance(part, Difference) and part.is_new for part in verdict.best.parts):
+        ready = joint.weighed(_largest(list(joint.rests(joint.models_alone, _robust).values())))
+        verdict = weigh(_search(ready, (), tell))
     left, gap = (
         max(joint.worse(dict.fromkeys(joint.alone, model)).values()) for model in (verdict.best.model, joint.old)
     )
     if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more is left than gone
-        return ready, verdict.turned(Step("adequacy", "unknown", _LEFT.format(left)))
+        verdict = verdict.turned(Step("adequacy", "unknown", _LEFT.format(left)))
     return ready, verdict
 
 

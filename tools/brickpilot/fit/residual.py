@@ -326,12 +326,12 @@ class Residual:
             moved.append(nudged.predict([model])[0] - base)
         return np.array(moved)
 
-    def rows_of(self, run: str) -> NDArray[np.bool_]:
-        """Returns (values,) whether a value is of a run, of a window of it, or of a recording of this name."""
+    def rows_of(self, run: str, signal: str = "") -> NDArray[np.bool_]:
+        """Returns (values,) whether a value is of a run, a window of it or a recording; "": of any signal."""
         rows = np.zeros(len(self.measured), dtype=np.bool_)
         recordings = {one.name: one.recording for one in self.replay.dataset.runs}
         for block in self.blocks:
-            if run in (run_of(block.run), recordings[block.run]):
+            if run in (run_of(block.run), recordings[block.run]) and signal in ("", block.signal):
                 rows[block.place] = True
         return rows
 
