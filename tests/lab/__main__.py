@@ -214,12 +214,12 @@ def lab_changed(
     An interrupted call goes on where it stopped.
     """
     path = Path(out) / "results.jsonl"
-    known = changed_sets.load(path)
+    known = {one["name"]: one for one in result.load(path)} if path.exists() else {}
     asked = [one for one in changed_sets.pairs(engine, size, nulls, seed_offset) if _matches(one.name, only)]
     for pair in changed_sets.chosen(asked, limit):
         if pair.name not in known:
             known[pair.name] = changed_sets.ask(pair, Path(out) / "data", jobs)
-            changed_sets.keep(path, known[pair.name])
+            result.append(path, known[pair.name])
             click.echo(f"{pair.name}: {known[pair.name]['score']}", err=True)
     if data is not None:
         for one in (*changed_sets.labelled(Path(data), jobs), *changed_sets.halves(Path(data), jobs)):

@@ -8,7 +8,6 @@ and right among rivals.
 from __future__ import annotations
 
 import dataclasses
-import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ from hidden import effects, folder, other_laws, scales
 from hidden.manoeuvre import short, varied
 from hidden.recipe import VEHICLES, Hidden, Recipe, specimen
 
+from lab import measured
 from lab.parts import part
 
 Engine = Literal["mujoco", "planar"]
@@ -110,6 +110,8 @@ def ask(pair: Pair, data: Path, jobs: int) -> dict[str, Any]:
     return {
         "name": pair.name,
         **dataclasses.asdict(pair),
+        "seed": pair.seed_offset,
+        "measured": measured.state(),
         **said,
         "score": score(said, truth),
         "seconds": round(time.perf_counter() - began, 1),
@@ -160,19 +162,6 @@ def halves(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
         yield {"name": place.name, **said, "right": said["verdict"] == "nothing"}
 
 
-def load(path: Path) -> dict[str, dict[str, Any]]:
-    """Returns name -> answer of a file of results; nothing where there is none."""
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    return {one["name"]: one for one in rows}
-
-
-def keep(path: Path, one: Mapping[str, Any]) -> None:
-    """Appends an answer to a file of results."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(one, allow_nan=False) + "\n")
-
-
 def lines(results: Iterable[Mapping[str, Any]]) -> list[str]:
     """Returns the table in Markdown: each kind of pair, and how its answers score."""
     rows = [one for one in results if "score" in one]
@@ -187,7 +176,7 @@ def lines(results: Iterable[Mapping[str, Any]]) -> list[str]:
     for kind, some in kinds.items():
         counts = Counter(one["score"] for one in some)
         made.append(f"| {kind} | {len(some)} | {' | '.join(str(counts[name]) for name in columns)} |")
-    made.append("")
+    made += ["", f"- {measured.told((one.get('measured') for one in rows), 'pairs')}.".replace("- m", "- M")]
     for one in real:
         made.append(f"- {one['name']}: {_told(one)}")
     return made

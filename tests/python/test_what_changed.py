@@ -249,6 +249,20 @@ def test_recordings_of_two_vehicles_are_refused(monday: bp.Dataset) -> None:
         bp.changed(monday, robot)
 
 
+def test_recordings_whose_inputs_mean_something_else_are_refused(monday: bp.Dataset) -> None:
+    with pytest.raises(bp.InputError, match="input_timing: is 'linear', and that of"):
+        together({"before": monday, "later": dataclasses.replace(monday, input_timing="linear")})
+
+
+def test_other_nominal_values_of_a_later_recording_are_left_out_with_a_note(monday: bp.Dataset) -> None:
+    other = dataclasses.replace(monday, name="friday", nominal={}, notes=("A note of friday.",))
+    joint = together({"before": monday, "later": other})
+    assert joint.nominal == monday.nominal
+    assert "A note of friday." in joint.notes
+    assert joint.notes[-1] == "The nominal values of monday are used: friday states others."
+    assert [run.name for run in joint.runs if run.recording == "later"] == [f"later: run_{k}" for k in range(THRICE)]
+
+
 @pytest.mark.parametrize(
     ("before", "after", "whats", "percent"),
     [

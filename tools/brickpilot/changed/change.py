@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from brickpilot import __version__, catalogue
 from brickpilot.changed.differences import CONSTANTS, Difference
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.shown import Result, valid
+from brickpilot.discover import numbers
 from brickpilot.discover.finding import Step
 from brickpilot.vehicle.combinations import FORMULAS, Formula
 from brickpilot.vehicle.model import Model, with_values
@@ -29,7 +31,7 @@ Array = NDArray[np.float64]
 Answer = Literal["nothing", "changed", "ambiguous", "unknown"]
 
 _STEP = 1e-3  # of a coordinate of a spread, for slopes
-_QUANTILE = 1.96  # of a normal distribution, for 95 %
+_QUANTILE = float(norm.ppf((1 + numbers.SURE) / 2))
 _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 
@@ -391,34 +393,43 @@ _ADVICE = {
 }
 
 
+_LESS = "Less of it is no fault by itself. If nobody mended it, look for what came loose or is missing."
+
+
+def subject(what: str) -> str:
+    """Returns what differs as a noun phrase: a constant, a value of runs, an effect or "effect.parameter"."""
+    if what in CONSTANTS:
+        return CONSTANTS[what].words
+    if what in RUN_KINDS:
+        return RUN_KINDS[what].words[0].lower() + RUN_KINDS[what].words[1:]
+    return catalogue.effect(what.partition(".")[0]).words
+
+
 def _said(
     difference: Difference, model: Model, recording: str, change: Sized, percent: Sized | None, unit: str
 ) -> tuple[Literal["left", "right"] | None, str, str]:
     """Returns the side of a change, a sentence, and what to do about it."""
-    name = difference.what
-    side: Literal["left", "right"] | None = None
-    effect = name.partition(".")[0]
-    if name in CONSTANTS:
-        subject, advice = CONSTANTS[name].words, _ADVICE[name]
-    elif name in RUN_KINDS:
-        subject, advice = RUN_KINDS[name].words[0].lower() + RUN_KINDS[name].words[1:], _ADVICE[name]
-    else:
-        table = in_recording(model, recording, ("",)).effects.get(effect, {})
-        subject, advice = catalogue.effect(effect).words, catalogue.advice(effect, table)
+    name, effect = difference.what, difference.what.partition(".")[0]
+    gone = difference.recording != recording
+    table = in_recording(model, recording, ("",)).effects.get(effect, {})
+    advice = _ADVICE.get(name) or catalogue.advice(effect, table)
+    if gone or (difference.mechanism == "bearing" and not difference.is_new and change.value < 0):
+        advice = _LESS
     if not difference.is_new:
         verb = "rose" if change.value > 0 else "fell"
         by = _size(percent.value, percent.ci95, "%") if percent else _size(change.value, change.ci95, unit)
-        return side, f"{subject} {verb} by {by}", advice
+        return None, f"{subject(name)} {verb} by {by}", advice
     row = next(one for one in catalogue.effect(effect).parameters if difference.free[0] == f"{effect}.{one.name}")
-    gone = difference.recording != recording
     value = -change.value if gone else change.value
     clause = catalogue.says(effect, row.name, value)
-    sides = [one for one in ("left", "right") if f"the {one}" in clause]
-    if row.odd and sides:
-        side = "left" if sides[0] == "left" else "right"
+    sides = [one for one in _SIDES if f"the {one}" in clause]
     size = _size(100 * value, _times(100, change.ci95), "%") if unit == "1" else _size(value, change.ci95, unit)
     told = f": {clause.format(size)}" if clause else f", {size}"
-    return side, f"{subject} {'is gone' if gone else 'is new'}{told}", advice
+    words = f"{subject(name)} {'is gone' if gone else 'is new'}{told}"
+    return (sides[0] if row.odd and sides else None), words, advice
+
+
+_SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 
 def _times(factor: float, ends: tuple[float, float]) -> tuple[float, float]:

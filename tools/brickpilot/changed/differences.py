@@ -36,7 +36,8 @@ Infos = Mapping[str, ParameterInfo]
 
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
 _LEAST = 0.1  # of a usual size: a difference is tried at no less
-_MOST = 3.0  # usual changes: one of more is another machine
+_MOST = 3.0  # usual changes: a larger one of what hardly changes is another machine
+_SHARES = (-0.95, 20.0)  # by which a constant may differ: next to nothing is left, or twenty times as much is added
 _STARTS = (0.5, -0.5)  # of a usual size, from which each of the machine's own is fitted
 
 
@@ -177,7 +178,7 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
         if name in ADDED:
             low, high, size = -row.maximum, row.maximum, _brakes(model) / 3
         else:
-            low, high, size = (-_MOST * one.sd, _MOST * one.sd, one.sd) if one.sd else (-0.95, 20.0, 0.5)
+            low, high, size = (-_MOST * one.sd, _MOST * one.sd, one.sd) if one.sd else (*_SHARES, 0.5)
         yield _own(name, recording, row, (low, high), size, one.odds, one.mechanism, known)
     for kind in _OWN_OF_RUNS:
         of = RUN_KINDS[kind]

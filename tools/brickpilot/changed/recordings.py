@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from brickpilot.data.dataset import Dataset, Run
+from brickpilot.data.dataset import Dataset, Run, with_all_runs
 from brickpilot.data.motion import run_of
 from brickpilot.errors import InputError
 from brickpilot.fit.residual import Residual
@@ -16,34 +16,27 @@ _SEP = ": "  # between a recording and its run
 def together(recordings: Mapping[str, Dataset]) -> Dataset:
     """Returns the runs of all recordings, all to be fitted, as one data set that is else like the first one.
 
+    Other nominal values of a later recording are left out: what is different is asked of the data. A note says so.
+
     Args:
-        recordings: name -> data set. A name holds no "@" and is no name of a run.
+        recordings: name -> data set. A name holds no "@" and no ": ", and is no name of a run.
 
     Raises:
-        InputError: one is of another vehicle, or has other inputs.
+        InputError: one is of another vehicle, or its inputs mean something else between two rows.
     """
     first, *others = recordings.values()
+    notes = []
     for one in others:
         if one.vehicle != first.vehicle:
             raise InputError(f"is of a {one.vehicle}, {first.path} of a {first.vehicle}", file=one.path)
-    runs = [
-        dataclasses.replace(
-            run,
-            name=f"{name}{_SEP}{run.name}",
-            role="fit",
-            recording=name,
-            replicate_of=run.replicate_of and f"{name}{_SEP}{run.replicate_of}",
-        )
-        for name, dataset in recordings.items()
-        for run in dataset.runs
-    ]
-    signals = {name: signal for one in reversed(list(recordings.values())) for name, signal in one.signals.items()}
-    faults = [
-        dataclasses.replace(fault, run=f"{name}{_SEP}{fault.run}")
-        for name, one in recordings.items()
-        for fault in one.faults
-    ]
-    return dataclasses.replace(first, runs=tuple(runs), signals=signals, faults=tuple(faults))
+        if one.input_timing != first.input_timing:
+            message = f"is {one.input_timing!r}, and that of {first.path} is {first.input_timing!r}"
+            raise InputError(message, file=one.path, field="input_timing")
+        if (one.nominal, one.nominal_effects) != (first.nominal, first.nominal_effects):
+            notes.append(f"The nominal values of {first.name} are used: {one.name} states others.")
+    joint = with_all_runs({f"{name}{_SEP}": one for name, one in recordings.items()})
+    runs = (dataclasses.replace(run, role="fit", recording=run.name.partition(_SEP)[0]) for run in joint.runs)
+    return dataclasses.replace(joint, runs=tuple(runs), notes=(*joint.notes, *notes))
 
 
 def only(joint: Dataset, recording: str) -> Dataset:

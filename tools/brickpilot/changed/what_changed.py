@@ -335,10 +335,10 @@ def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Chan
             for what, (unit, one) in table.items():
                 constants.setdefault((recording, what), Constant(recording, what, unit, one.value, one.ci95))
         own = _changes(compared, alone)
-        verdicts[name], steps[name] = _KINDS[compared.verdict.kind], compared.steps
+        verdicts[name], steps[name] = _KINDS[compared.verdict.kind], _steps(compared)
         if own and not any(is_sure(one.change) for one in own):
             verdicts[name], own = "nothing", []
-            steps[name] = (*compared.steps, Step("runs", "none", _RUNS))
+            steps[name] = (*steps[name], Step("runs", "none", _RUNS))
         changes += own
     return Changed(
         before=before.name,
@@ -352,6 +352,14 @@ def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Chan
         steps=steps,
         notes=tuple(dict.fromkeys(note for one in found for note in one.joint.dataset.notes)),
         seed=seed,
+    )
+
+
+def _steps(compared: Compared) -> tuple[Step, ...]:
+    """Returns how a verdict came about, without what both recordings share."""
+    shared = "".join(f"{name} + " for name in compared.joint.base.names)
+    return tuple(
+        dataclasses.replace(one, why=one.why.replace(shared, "").replace("@", " of ")) for one in compared.steps
     )
 
 

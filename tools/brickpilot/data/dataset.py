@@ -240,21 +240,24 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
     for one in datasets[1:]:
         if (one.vehicle, one.nominal, one.nominal_effects) != (first.vehicle, first.nominal, first.nominal_effects):
             raise InputError(f"states another vehicle or nominal values than {first.path}", file=one.path)
-    if len(datasets) == 1:
-        return first
-    several = [(f"{number}_", one) for number, one in enumerate(datasets, 1)]
+    return first if len(datasets) == 1 else with_all_runs({f"{number}_": one for number, one in enumerate(datasets, 1)})
+
+
+def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
+    """Returns the runs of all data sets in one that is else like the first. A run's name follows its set's key."""
+    several, first = list(datasets.items()), next(iter(datasets.values()))
     runs = [
         replace(run, name=before + run.name, replicate_of=run.replicate_of and before + run.replicate_of)
         for before, one in several for run in one.runs
     ]  # fmt: skip
     return replace(
         first,
-        signals={name: signal for one in reversed(datasets) for name, signal in one.signals.items()},
+        signals={name: signal for _, one in reversed(several) for name, signal in one.signals.items()},
         runs=tuple(runs),
         faults=tuple(replace(fault, run=before + fault.run) for before, one in several for fault in one.faults),
-        notes=tuple(dict.fromkeys(note for one in datasets for note in one.notes)),
-        wiring=tuple(dict.fromkeys(fault for one in datasets for fault in one.wiring)),
-        guessed=tuple(dict.fromkeys(guess for one in datasets for guess in one.guessed)),
+        notes=tuple(dict.fromkeys(note for _, one in several for note in one.notes)),
+        wiring=tuple(dict.fromkeys(fault for _, one in several for fault in one.wiring)),
+        guessed=tuple(dict.fromkeys(guess for _, one in several for guess in one.guessed)),
     )
 
 

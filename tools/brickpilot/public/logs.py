@@ -219,11 +219,12 @@ def _names(given: Sequence[Recording | Model]) -> list[str]:
             name = path.parent.name if path.name == "dataset.toml" else path.name if path.is_dir() else path.stem
         else:
             name = one.name
-        name = name.replace("@", "_") or "recording"
-        taken = {BEFORE, *found}
-        found.append(
-            next(text for k in range(1, len(given) + 2) if (text := f"{name} {k}" if k > 1 else name) not in taken)
-        )
+        wanted = name = name.replace("@", "_").replace(": ", "_") or "recording"
+        number = 1
+        while name in {BEFORE, *found}:
+            number += 1
+            name = f"{wanted} {number}"
+        found.append(name)
     return found
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from brickpilot.changed.change import Change, Changed, FitPercent
-from brickpilot.changed.differences import CONSTANTS
-from brickpilot.report.discover_text import listed, say, words
+from brickpilot.changed.change import Change, Changed, FitPercent, subject
+from brickpilot.report import headline_text
+from brickpilot.report.discover_text import listed, say
 from brickpilot.report.quantities import fit_text, percent, quantity
 from brickpilot.report.user_terms import told
 
 _NOTHING = "Nothing changed beyond what two recordings of one state differ by."
+_NO_NEED = (
+    "One explanation of both recordings, without a difference, predicts what it was not fitted to as well as any."
+)
 _UNKNOWN = "Something is different that nothing here explains."
 
 
@@ -42,7 +45,8 @@ def _of(found: Changed, name: str) -> Said:
     changes = [one for one in found.changes if one.recording == name]
     verdict, step = found.verdicts[name], found.steps[name][-1]
     if verdict == "nothing":
-        return Said(name, _NOTHING, step.why, ("Go on: there is nothing to repair.",))
+        why = step.why if step.stage == "runs" else _NO_NEED
+        return Said(name, _NOTHING, why, ("Go on: there is nothing to repair.",))
     if verdict == "unknown":
         ask = f"brickpilot why on {name} alone names what its simulation lacks."
         return Said(name, _UNKNOWN, step.why, (ask,))
@@ -70,21 +74,11 @@ def _since(one: Change) -> str:
 
 def _sure(changes: list[Change], *, ambiguous: bool) -> str:
     if not ambiguous:
-        return (
-            f"No other explanation is left: this one holds {percent(min(one.weight for one in changes))} of the weight."
-        )
-    rivals = [" and ".join(_subject(name) for name in rival) or "nothing" for rival in changes[0].rivals]
-    held = listed([f"{_subject_of(one)} {percent(one.weight)}" for one in changes])
-    return f"Of the weight of all explanations, these hold: {held}. Instead, it may be {listed(rivals, 'or')}."
-
-
-def _subject_of(one: Change) -> str:
-    return one.words.partition(" rose")[0].partition(" fell")[0].partition(" is new")[0].partition(" is gone")[0]
-
-
-def _subject(what: str) -> str:
-    """Returns what differs, by its name, as a noun phrase."""
-    return CONSTANTS[what].words if what in CONSTANTS else words(what.partition(".")[0])
+        weight = percent(min(one.weight for one in changes))
+        return f"No other explanation is left: this one holds {weight} of the weight."
+    rivals = [" and ".join(subject(name) for name in rival) or "nothing" for rival in changes[0].rivals]
+    held = listed([f"{subject(one.parameter)} in {percent(one.weight)}" for one in changes])
+    return f"By weight, the possible explanations contain {held}. Another explanation is {listed(rivals, 'or')}."
 
 
 def _capital(text: str) -> str:
@@ -108,11 +102,6 @@ def lines(found: Changed) -> list[str]:
             made.append(f"{one.recording}:")
         made += [f"what changed: {one.what}", f"how sure: {one.sure}", f"what to do: {' '.join(one.todo)}"]
         made.append(f"{'signal':28}{'old model, before':>20}{'old model, after':>20}{'with the change':>20}")
-        made += [
-            "".join([f"{row[0]:28}", *(f"{cell:>20}" for cell in row[1:])]) for row in fit_rows(found, one.recording)
-        ]
-    return [_plain(line) for line in made]
-
-
-def _plain(text: str) -> str:
-    return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{MINUS SIGN}", "-")
+        rows = fit_rows(found, one.recording)
+        made += ["".join([f"{row[0]:28}", *(f"{cell:>20}" for cell in row[1:])]) for row in rows]
+    return [headline_text.plain(line) for line in made]
