@@ -19,8 +19,9 @@ _REST_S = 0.5  # at the start of a run at rest: the longest time that is average
 MOVING_SAMPLES = 12
 """So many samples are fitted by a line where a run starts in motion."""
 _LEAST_KNOWN = 4  # of these, for a line
+_LEAST_BENT = 6  # of these, to see that a motion bends
 _HELD_S = 0.1  # in which the first sample of a held channel is searched
-_TREND_SD = 3.0  # a slope of more than so many of its sd is motion
+_TREND_SD = 3.0  # a slope of more than so many of its sd is motion, and a bend is none of a line
 _SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample at this distance from the others is damaged
 
 
@@ -48,7 +49,8 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
     """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
 
     A run starts from the state that its first sample measured. The noise of one sample would be simulated as a motion
-    that did not happen. Before the first command the samples are averaged; in motion a line is fitted to a few.
+    that did not happen. Before the first command the samples are averaged; in motion a line is fitted to a few, and
+    what bends within these starts as measured.
 
     Args:
         inputs: run -> (n, 1) or (n, 2) V.
@@ -81,19 +83,25 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
     """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
-    for count in (rest, moving):
-        chosen = known[known < count]
-        if len(chosen) < _LEAST_KNOWN:
-            continue
-        clock = time[chosen] - time[0]
-        slope, at_start = np.polyfit(clock, values[chosen], 1)
-        residual = values[chosen] - at_start - slope * clock
-        sd = float(np.std(residual, ddof=2)) / max(float(np.sqrt(np.sum((clock - clock.mean()) ** 2))), 1e-300)
-        if count == rest and abs(slope) < _TREND_SD * sd + 1e-300:
-            return float(np.mean(values[chosen]))
-        if count == moving:
-            return float(at_start)
-    return float(values[known[0]])
+    chosen = known[known < rest]
+    if len(chosen) >= _LEAST_KNOWN and not _trends(time[chosen], values[chosen], 1):
+        return float(np.mean(values[chosen]))
+    chosen = known[known < moving]
+    while len(chosen) >= _LEAST_BENT and _trends(time[chosen], values[chosen], 2):
+        chosen = chosen[: len(chosen) // 2]
+    if len(chosen) < _LEAST_KNOWN:
+        return float(values[known[0]])
+    return float(np.polyfit(time[chosen] - time[0], values[chosen], 1)[1])
+
+
+def _trends(time: Array, values: Array, degree: int) -> bool:
+    """Returns whether a polynomial's leading term is more than chance makes of noise about it."""
+    clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
+    terms = np.vander(clock, degree + 1)
+    found = np.linalg.lstsq(terms, values, rcond=None)[0]
+    noise = np.sum((values - terms @ found) ** 2) / max(len(values) - degree - 1, 1)
+    sd = float(np.sqrt(noise * np.linalg.pinv(terms.T @ terms)[0, 0]))
+    return bool(abs(found[0]) >= _TREND_SD * sd + 1e-300)
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
