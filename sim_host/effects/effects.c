@@ -30,6 +30,7 @@
     EFFECT(torque_ripple) \
     EFFECT(cogging) \
     EFFECT(gear_backlash) \
+    EFFECT(coupled_inertia) \
     EFFECT(coulomb_friction) \
     EFFECT(stiction_stribeck) \
     EFFECT(load_friction) \
@@ -61,6 +62,7 @@
     EFFECT(gyro_saturation) \
     EFFECT(encoder_scale) \
     EFFECT(speed_lag) \
+    EFFECT(unsigned_sensor) \
     EFFECT(speed_delay) \
     EFFECT(gyro_delay) \
     EFFECT(sensor_delay)

@@ -70,7 +70,7 @@ typedef struct {
     int over_mean; /* 1: left less right over their mean; texts say how much smaller the smaller side is than the other */
 } bp_parameter_info;
 
-/* One effect of the library. Every row sets every field except the last seven; the composed effect has no advice.
+/* One effect of the library. Every row sets every field except the last eight; the composed effect has no advice.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
  * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
@@ -106,6 +106,7 @@ typedef struct {
     const char *variation;  /* what differs from that one; NULL: none */
     const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */
     const char *made_of;    /* names of the effects that together are this law, with spaces between; NULL: none */
+    const char *stated_by;  /* key of a rotation sensor's channel in a data set that states it, at its presets; NULL: none */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */

@@ -128,6 +128,10 @@ LIBRARY: dict[str, Effect] = {
     "speed_lag": _one("time_constant", 0.03),
     "speed_delay": _one("delay", 0.03),
     "gyro_delay": _one("delay", 0.03),
+    "coupled_inertia": Effect(
+        {"period": 0.35, "share": 0.15, "damping": 0.1}, ("share",), ranges={"period": (0.23, 0.47)}
+    ),
+    "unsigned_sensor": _one("share", 0.43),
 }  # fmt: skip
 """Every effect of the library that these engines can make, with the library's names, parameters and signs."""
 
@@ -147,9 +151,6 @@ ODD: dict[str, Effect] = {
     "odd_voltage_gain": _one("loss", 0.01),
     "odd_crosstalk": _one("share", 0.04, signed=True),
     "odd_gyro_cubic": _one("cubic", 0.003, signed=True),
-    "odd_coupled_inertia": Effect(
-        {"share": 0.15, "frequency": 2.5, "damping": 0.1}, ("share",), ranges={"frequency": (2.0, 4.0)}
-    ),
 }
 """Oddities that no library names. README.md says what each does."""
 

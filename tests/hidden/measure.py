@@ -33,7 +33,7 @@ SEEDED = frozenset({"planar"})
 
 SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-     "gyro_saturation", "encoder_scale", "speed_lag", "speed_delay", "gyro_delay",
+     "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
      "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
 )  # fmt: skip
 """The effects that act here and not in an engine."""
@@ -111,6 +111,8 @@ def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], 
     lag = hidden.get("speed_lag", {}).get("time_constant", 0.0) if "speed" in name else 0.0
     if lag > 0:
         values = _lagged(values, lag, track.oversample_s)
+    if "speed" in name:
+        values = values + hidden.get("unsigned_sensor", {}).get("share", 0.0) * (np.abs(values) - values)
     if name.startswith(("wheel_speed", "yaw")):
         effects.append(own)
     for effect in effects:

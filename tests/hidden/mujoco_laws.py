@@ -1,4 +1,4 @@
-"""Laws of `other_laws`, and an oddity that remembers, from step to step on the vehicle that MuJoCo moves.
+"""Laws of `other_laws`, and a law of the library that remembers, from step to step on the vehicle that MuJoCo moves.
 
 Each function takes a law's parameters and the number of the run, and returns what changes a `Step`. It may remember.
 """
@@ -184,13 +184,15 @@ def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
     return act
 
 
-def _odd_coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
-    second = second_inertia(vehicle, **p)
-    twist, speed = [0.0, 0.0], [0.0, 0.0]
+def _coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
+    """A law of the library stands here because it remembers; `stretch` makes its spring harden, as rubber does."""
+    second = second_inertia(vehicle, p["share"], p["period"], p["damping"])
+    twist, speed, stretch = [0.0, 0.0], [0.0, 0.0], p.get("stretch", math.inf)
 
     def act(s: Step) -> None:
         for i in (0, 1):
-            torque = second.stiffness * twist[i] + second.damping * (s.speeds[i] - speed[i])
+            bent = twist[i] * (1 + (twist[i] / stretch) ** 2)
+            torque = second.stiffness * bent + second.damping * (s.speeds[i] - speed[i])
             s.load[i] -= torque
             speed[i] += DT * torque / second.inertia
             twist[i] += DT * (s.speeds[i] - speed[i])
@@ -198,11 +200,15 @@ def _odd_coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
     return act
 
 
+def _inertia_on_rubber(p: Parameters, run: int, vehicle: Vehicle) -> Act:
+    return _coupled_inertia(p, run, vehicle)
+
+
 LAWS: dict[str, Callable[[Parameters, int, Vehicle], Act]] = {
     make.__name__[1:]: make
     for make in (
         _ripple_rectified, _cogging_sharp, _backlash_soft, _coulomb_tanh, _friction_dahl, _friction_lugre,
         _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _caster_viscous, _scrub_smooth,
-        _curve_drag, _drag_power, _nap_viscous, _floor_wavy, _odd_coupled_inertia,
+        _curve_drag, _drag_power, _nap_viscous, _floor_wavy, _coupled_inertia, _inertia_on_rubber,
     )
 }  # fmt: skip

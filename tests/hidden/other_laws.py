@@ -83,6 +83,9 @@ OTHER: dict[str, Law] = {
     "backlash_soft": _law(
         {"gap": 0.15, "rotor_share": 0.5, "stiffness": 1.0, "damping": 0.003}, "gap", "gear", "gear_backlash"
     ),
+    "inertia_on_rubber": _law(
+        {"share": 0.15, "period": 0.35, "damping": 0.1, "stretch": 0.05}, "share", "gear body motor", "coupled_inertia"
+    ),
     # bearing
     "coulomb_tanh": _law({"torque": 0.003, "speed": 1.5}, "torque", "bearing", "coulomb_friction", kind="torque"),
     "friction_dahl": _law({"torque": 0.002, "stretch": 0.05}, "torque", "bearing", "coulomb_friction", kind="torque"),
@@ -148,6 +151,7 @@ OTHER: dict[str, Law] = {
     "gyro_soft_limit": _law({"limit": -1.5}, "limit", "sensor", "gyro_saturation", offset={"limit": 6.5}, kind="spin"),
     "encoder_eccentric": _law({"share": 0.05}, "share", "sensor", "encoder_scale"),
     "encoder_one_side": _law({"error": 0.05}, "error", "sensor", "encoder_scale", signed=True),
+    "speed_signed_by_command": _law({"share": 0.43}, "share", "sensor", "unsigned_sensor"),
     "wheel_speed_counted": _law({"window": 0.08}, "window", "sensor", "speed_delay speed_lag sensor_delay"),
     "wheel_speed_smoothed": _law({"time": 0.03}, "time", "sensor", "speed_lag speed_delay"),
     "gyro_smoothed": _law({"time": 0.03}, "time", "sensor", "gyro_delay imu_lag"),
@@ -168,7 +172,6 @@ ODD_MECHANISMS: dict[str, tuple[str, ...]] = {
     "odd_voltage_gain": ("drive", "supply"),
     "odd_crosstalk": ("drive", "supply"),
     "odd_gyro_cubic": ("sensor",),
-    "odd_coupled_inertia": ("gear", "body", "motor"),
 }
 """Where each oddity acts, and the mechanisms that give the same signals."""
 

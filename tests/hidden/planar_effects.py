@@ -20,7 +20,7 @@ Parameters = Mapping[str, float]
 
 ELSEWHERE = (
     "imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-    "gyro_saturation", "encoder_scale", "speed_lag", "speed_delay", "gyro_delay",
+    "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
     "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
 """Sensor effects: they change what is measured, not what happens."""
@@ -275,6 +275,7 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "torque_ripple": electrics.torque_ripple,
     "cogging": electrics.cogging,
     "gear_backlash": electrics.gear_backlash,
+    "coupled_inertia": electrics.coupled_inertia,
     "coulomb_friction": _coulomb_friction,
     "stiction_stribeck": _stiction_stribeck,
     "load_friction": _load_friction,
@@ -306,6 +307,5 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "odd_load_ramp": odd.load_ramp,
     "odd_heading_spring": odd.heading_spring,
     "odd_tether": odd.tether,
-    "odd_coupled_inertia": odd.coupled_inertia,
 } | planar_laws.LAWS
 """In the order in which a command passes them; `odd_...` and those of `planar_laws` are in no library."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hidden.planar_plant import LEFT_RIGHT, PLAY, Plant
-from hidden.recipe import Floats
+from hidden.recipe import Floats, second_inertia
 
 Parameters = Mapping[str, float]
 
@@ -216,3 +216,22 @@ def gear_backlash(plant: Plant, p: Parameters) -> None:
         plant.gear -= push
 
     plant.loads.append(hook)
+
+
+def coupled_inertia(plant: Plant, p: Parameters) -> None:
+    """Hangs a second inertia on each wheel, behind a spring and a damper."""
+    second = second_inertia(plant.vehicle, p["share"], p["period"], p["damping"])
+    twist, speed = plant.memory(2), plant.memory(2)
+
+    def hook(plant: Plant) -> None:
+        torque = second.stiffness * _hardened(twist, p) + second.damping * (plant.wheel - speed)
+        plant.torque -= torque
+        speed[:] += plant.step * torque / second.inertia
+        twist[:] += plant.step * (plant.wheel - speed)
+
+    plant.loads.append(hook)
+
+
+def _hardened(twist: Floats, p: Parameters) -> Floats:
+    """Returns the twist as the spring feels it: rubber hardens with its `stretch`, a spring does not."""
+    return np.asarray(twist * (1 + (twist / p["stretch"]) ** 2)) if "stretch" in p else twist

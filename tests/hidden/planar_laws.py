@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from hidden.by_run import place
+from hidden.planar_electrics import coupled_inertia
 from hidden.planar_plant import LEFT_RIGHT, PLAY, Plant, in_body
 from hidden.recipe import GRAVITY, Floats
 
@@ -156,6 +157,11 @@ def _backlash_soft(plant: Plant, p: Parameters) -> None:
         plant.gear -= push
 
     plant.loads.append(hook)
+
+
+def _inertia_on_rubber(plant: Plant, p: Parameters) -> None:
+    """Hangs a second inertia on each wheel behind rubber, which hardens as it is stretched."""
+    coupled_inertia(plant, p)
 
 
 # ---- bearing
@@ -366,9 +372,10 @@ LAWS: dict[str, Callable[[Plant, Parameters], None]] = {
     for act in (
         _start_delay_by_run, _command_jitter, _discharge_settling, _sag_with_memory, _slew_limit, _deadband_sloped,
         _soft_saturation, _switching_loss, _brake_late, _levels_cut_off, _one_side_drop, _one_motor_saturates,
-        _ripple_rectified, _cogging_sharp, _backlash_soft, _coulomb_tanh, _friction_dahl, _friction_lugre,
-        _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _grip_circle, _grip_that_fades,
-        _side_skid, _caster_viscous, _scrub_smooth, _curve_drag, _drag_power, _nap_viscous, _floor_wavy,
+        _ripple_rectified, _cogging_sharp, _backlash_soft, _inertia_on_rubber, _coulomb_tanh, _friction_dahl,
+        _friction_lugre, _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _grip_circle,
+        _grip_that_fades, _side_skid, _caster_viscous, _scrub_smooth, _curve_drag, _drag_power, _nap_viscous,
+        _floor_wavy,
     )
 }  # fmt: skip
 """In the order in which a command passes them."""

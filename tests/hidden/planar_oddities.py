@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from hidden.planar_plant import Plant, in_body
-from hidden.recipe import second_inertia
 
 Parameters = Mapping[str, float]
 
@@ -121,19 +120,5 @@ def tether(plant: Plant, p: Parameters) -> None:
         ahead, aside = in_body(plant, plant.position[0], plant.position[1])
         plant.force[0] -= p["stiffness"] * ahead
         plant.force[1] -= p["stiffness"] * aside
-
-    plant.loads.append(hook)
-
-
-def coupled_inertia(plant: Plant, p: Parameters) -> None:
-    """Hangs a second inertia on each wheel, behind a spring and a damper."""
-    second = second_inertia(plant.vehicle, **p)
-    twist, speed = plant.memory(2), plant.memory(2)
-
-    def hook(plant: Plant) -> None:
-        torque = second.stiffness * twist + second.damping * (plant.wheel - speed)
-        plant.torque -= torque
-        speed[:] += plant.step * torque / second.inertia
-        twist[:] += plant.step * (plant.wheel - speed)
 
     plant.loads.append(hook)

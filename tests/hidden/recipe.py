@@ -60,15 +60,17 @@ class SecondInertia:
     damping: float
 
 
-def second_inertia(vehicle: Vehicle, share: float, frequency: float, damping: float) -> SecondInertia:
-    """Returns a second inertia that swings at `frequency`, Hz, with a damping ratio where the wheel is held.
+def second_inertia(vehicle: Vehicle, share: float, period: float, damping: float) -> SecondInertia:
+    """Returns a second inertia on a spring and a damper.
 
     Args:
         share: its size, as a share of what a wheel moves: itself and half of the vehicle.
+        period: s, of the free swing of both against each other.
+        damping: damping ratio of that swing.
     """
-    inertia = share * (vehicle.wheel_inertia + vehicle.mass * vehicle.wheel_radius**2 / 2)
-    rate = 2 * math.pi * frequency
-    return SecondInertia(inertia, inertia * rate**2, 2 * damping * rate * inertia)
+    first = vehicle.wheel_inertia + vehicle.mass * vehicle.wheel_radius**2 / 2
+    rate, reduced = 2 * math.pi / period, share / (1 + share) * first
+    return SecondInertia(share * first, reduced * rate**2, 2 * damping * rate * reduced)
 
 
 BENCH = Vehicle()

@@ -103,6 +103,17 @@ def _encoder_one_side(r: Readings, p: Parameters, _: Track) -> None:
     r.left = r.left * (1 + p["error"])
 
 
+def _speed_signed_by_command(r: Readings, p: Parameters, track: Track) -> None:
+    """One light barrier on each wheel: the program gives its counts the sign of the command, and keeps it at zero."""
+
+    def told(true: Floats, command: Floats) -> Floats:
+        last = np.maximum.accumulate(np.where(command != 0, np.arange(len(command)), 0))
+        sign = np.where(command[last] < 0, -1.0, 1.0)
+        return true + p["share"] * (np.abs(true) * sign - true)
+
+    r.left, r.right = told(r.left, track.command_left), told(r.right, track.command_right)
+
+
 def _wheel_speed_counted(r: Readings, p: Parameters, _: Track) -> None:
     """Speeds are counts over a window that has passed: means over it."""
     count = max(1, round(p["window"] / r.step))
@@ -124,7 +135,8 @@ LAWS: dict[str, Callable[[Readings, Parameters, Track], None]] = {
     act.__name__[1:]: act
     for act in (
         _arm_on_mast, _accel_cross_axis, _imu_second_order, _accel_bias_fading, _gyro_scale_bent, _gyro_bias_by_run,
-        _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side, _wheel_speed_counted,
+        _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side,
+        _speed_signed_by_command, _wheel_speed_counted,
         _wheel_speed_smoothed, _gyro_smoothed,
     )
 }  # fmt: skip

@@ -201,6 +201,11 @@ def test_sensors_err_as_stated() -> None:
     assert sensed(gyro_drift={"rate": 0.01})["yaw_rate"] == pytest.approx(drifted)
     assert sensed(gyro_saturation={"limit": 1.0})["yaw_rate"].max() == 1.0
     assert sensed(encoder_scale={"error": -0.1})["wheel_speed_left"] == pytest.approx(truth["wheel_speed_left"] * 0.9)
+    backward = measure.sense([replace(track, wheel_speed_left=-track.wheel_speed_left)], plain)[0]["wheel_speed_left"]
+    turned = replace(plain, hidden={"unsigned_sensor": {"share": 1.0}})
+    unsigned = measure.sense([replace(track, wheel_speed_left=-track.wheel_speed_left)], turned)[0]["wheel_speed_left"]
+    assert backward.min() < -1
+    assert unsigned == pytest.approx(np.abs(backward))
     arm = sensed(imu_lever_arm={"x": 0.03, "y": 0.02})
     rate = truth["yaw_rate"][-1]
     assert arm["accel_surge"][-1] - truth["accel_surge"][-1] == pytest.approx(-(rate**2) * 0.03, rel=1e-3)

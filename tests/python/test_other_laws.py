@@ -218,7 +218,7 @@ def test_a_second_inertia_adds_to_the_first_and_swings(engine) -> None:
     run = steps("run", 6.0, (0.2, 6, 6))
     alone, coupled = (
         drive(engine, hidden, run)[0].wheel_speed_left
-        for hidden in ({}, {"odd_coupled_inertia": {"share": 0.5, "frequency": 4.0, "damping": 0.05}})
+        for hidden in ({}, {"coupled_inertia": {"share": 0.5, "period": 0.2, "damping": 0.05}})
     )
     settled = alone[-1]
     assert coupled[-1] == pytest.approx(settled, rel=0.01)
@@ -227,7 +227,22 @@ def test_a_second_inertia_adds_to_the_first_and_swings(engine) -> None:
     assert missing[1] / missing[0] == pytest.approx(1.5, rel=0.02)
     swing = coupled[250:1250] - alone[250:1250]
     spectrum = np.abs(np.fft.rfft(np.diff(swing, 2) * np.hanning(998), 20000))
-    assert np.fft.rfftfreq(20000, 0.001)[np.argmax(spectrum)] == pytest.approx(4.0 * 1.5**0.5, rel=0.1)
+    assert np.fft.rfftfreq(20000, 0.001)[np.argmax(spectrum)] == pytest.approx(1 / 0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rubber_swings_faster_the_further_it_is_stretched(engine) -> None:
+    spring = {"share": 0.5, "period": 0.3, "damping": 0.05}
+    run = steps("run", 3.0, (0.2, 6, 6))
+
+    def swing(hidden: dict[str, dict[str, float]]) -> float:
+        moved = drive(engine, hidden, run)[0].wheel_speed_left - drive(engine, {}, run)[0].wheel_speed_left
+        spectrum = np.abs(np.fft.rfft(np.diff(moved[250:850], 2) * np.hanning(598), 20000))
+        return float(np.fft.rfftfreq(20000, 0.001)[np.argmax(spectrum)])
+
+    soft = swing({"inertia_on_rubber": spring | {"stretch": 1e3}})
+    assert soft == pytest.approx(swing({"coupled_inertia": spring}), rel=1e-3)
+    assert swing({"inertia_on_rubber": spring | {"stretch": 0.02}}) > 1.2 * soft
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,6 +40,11 @@ def test_sensors_err_by_laws_of_their_own() -> None:
     one = read(0, encoder_one_side={"error": 0.05})
     np.testing.assert_allclose(one.left, 1.05 * first.wheel_speed_left)
     np.testing.assert_array_equal(one.right, first.wheel_speed_right)
+    command = np.where(first.time < 1.0, -1.0, 0.0)
+    told = replace(first, command_left=command, command_right=-command)
+    signed = sensor_laws.read(told, {"speed_signed_by_command": {"share": 1.0}}, 0.0, 0)
+    np.testing.assert_allclose(signed.left, -np.abs(first.wheel_speed_left))  # the sign stays as the command ends
+    np.testing.assert_allclose(signed.right, np.abs(first.wheel_speed_right))
     counted = read(0, wheel_speed_counted={"window": 0.05})
     assert counted.left[700] == pytest.approx(first.wheel_speed_left[651:701].mean())
     np.testing.assert_array_equal(counted.rate, first.yaw_rate)

@@ -83,6 +83,7 @@ class EffectInfo:
         variation: what differs from that one, to be read after "but"; empty: none.
         contains: the effects whose laws are this one's with some of its parameters at 0 or equal to each other.
         made_of: the effects that together are this law, at sizes of their own.
+        stated_by: the key of a rotation sensor's channel in a data set that states it, at its presets; empty: none.
     """
 
     name: str
@@ -103,6 +104,7 @@ class EffectInfo:
     variation: str
     contains: tuple[str, ...]
     made_of: tuple[str, ...]
+    stated_by: str
 
 
 def _text(value: Any) -> str:
@@ -195,6 +197,7 @@ def effects() -> tuple[EffectInfo, ...]:
                 variation=_text(info.variation),
                 contains=tuple(_text(info.contains).split()),
                 made_of=tuple(_text(info.made_of).split()),
+                stated_by=_text(info.stated_by),
             )
         )
     return tuple(found)

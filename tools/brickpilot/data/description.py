@@ -38,6 +38,8 @@
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
   acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
   which of the two the data show. The wrong choice changes the fitted inductance and resistance.
+- `unsigned = true` under a rotation sensor's channel says that it counts alike in both directions. Then the simulated
+  reading does, too, of all rotation sensors of the machine.
 - Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
   channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
   first row that has it. Inputs stay as logged, and so do the files.
@@ -54,10 +56,20 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from brickpilot import catalogue
 from brickpilot.data.input_timing import INPUT_TIMINGS, UNKNOWN_TIMING, InputTiming, Sampling
 from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
 from brickpilot.data.rows import DELIMITERS, CsvFormat
-from brickpilot.data.signals import INITIAL_UNITS, INPUT_SETS, SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, to_frd
+from brickpilot.data.signals import (
+    INITIAL_UNITS,
+    INPUT_SETS,
+    RATE_OF,
+    SIGNALS,
+    TURNS_WITH_FRAME,
+    Frame,
+    Vehicle,
+    to_frd,
+)
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
@@ -158,7 +170,7 @@ def described(toml: TomlFile) -> Description:
     _check_columns(toml, signals, layout)
     nominal_table = toml.table(("nominal",), data.get("nominal", {}))
     effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
-    effects = read_nominal_effects(toml, effects_table, frame)
+    effects = _of_channels(toml, data["signals"]) | read_nominal_effects(toml, effects_table, frame)
     gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
     timing = toml.choice(("input_timing",), data.get("input_timing", "held"), INPUT_TIMINGS)
     runs = _runs(toml, vehicle, frame, gap_s)
@@ -236,6 +248,16 @@ def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal
     return {name: _signal(toml, name, entry, frame) for name, entry in table.items()}
 
 
+def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str, Nominal]]:
+    """Returns the effects that channels state of their sensors, such as `unsigned`, at their presets."""
+    stated = {}
+    for effect in catalogue.effects():
+        key = effect.stated_by
+        if key and any(_switch(toml, ("signals", name, key), one[key]) for name, one in table.items() if key in one):
+            stated[effect.name] = {one.name: Nominal(one.preset) for one in effect.parameters}
+    return stated
+
+
 def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> None:
     sets = INPUT_SETS[vehicle]
     present = [name for name in table if SIGNALS[name].kind == "input"]
@@ -254,8 +276,10 @@ def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) ->
 def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     key = ("signals", name)
     entry = toml.table(key, value)
-    accelerometer = {"sampling"} if name.startswith("accel_") else set()
-    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | accelerometer)
+    own = {"sampling"} if name.startswith("accel_") else set()
+    if name in RATE_OF or name in RATE_OF.values():
+        own |= {one.stated_by for one in catalogue.effects() if one.stated_by}
+    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | own)
     for needed in ("column", "unit"):
         if needed not in entry:
             toml.refuse(key, f"{needed} is missing")

@@ -17,7 +17,7 @@ from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent
 from brickpilot.fit.descent import Count, Progress, Start
-from brickpilot.fit.parameters import Plan, plan, value_of
+from brickpilot.fit.parameters import Plan, plan, settings, value_of
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual, Scale, of_samples
 from brickpilot.fit.uncertainty import (
@@ -197,8 +197,9 @@ def calibrate(
         raise InputError("every run is held out: there is none to fit", file=dataset.path, field="runs.role")
     data = _residual(ready, chosen, threads)
     notes.extend(data.notes)
-    count = descent.counted(progress, descent.most_starts(with_effects=bool(effects)) + _ROUNDS + 1)
-    best, starts = _coarse_fit(ready, (nominal, chosen), np.random.default_rng(seed), threads, count)
+    tried = settings(chosen, dataset)
+    count = descent.counted(progress, descent.most_starts(len(tried) if effects else 0) + _ROUNDS + 1)
+    chosen, best, starts = _coarse_fit(ready, nominal, tried, np.random.default_rng(seed), threads, count)
     count("refining")
     data = data.weighed_by_size(chosen.at(best), correlated=True)
     best = descent.descend(Problem(data, chosen), best, descent.FINE)
@@ -217,25 +218,28 @@ def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float =
 
 
 def _coarse_fit(
-    ready: Comparable, plans: tuple[Plan, Plan], random: np.random.Generator, threads: int, count: Count
-) -> tuple[Array, tuple[Start, ...]]:
-    """Fits with a coarse motor step: first the nominal plan, then the one with effects where it has more parameters.
+    ready: Comparable, nominal: Plan, tried: Sequence[Plan], random: np.random.Generator, threads: int, count: Count
+) -> tuple[Plan, Array, tuple[Start, ...]]:
+    """Fits with a coarse motor step: first the nominal plan, then each one with effects where it has more parameters.
 
-    Returns the best point and the starts that were followed.
+    Returns the best of the plans, its best point and the starts that were followed.
     """
-    nominal, chosen = plans
     rough = _residual(ready, nominal, threads, _COARSE_STEP)
-    best, starts = np.empty(0), tuple[Start, ...]()
+    best, starts, chosen = np.empty(0), tuple[Start, ...](), tried[0]
     if nominal.free:
         best, starts = descent.search(Problem(rough, nominal, holds_priors=False), random, count)
     if len(chosen.free) > len(nominal.free):
-        rough = _residual(ready, chosen, threads, _COARSE_STEP)
-        best, starts = descent.search_sizes(Problem(rough, chosen, holds_priors=False), best, count)
+        ends = []
+        for one in tried:
+            problem = Problem(_residual(ready, one, threads, _COARSE_STEP), one, holds_priors=False)
+            ends.append((problem, *descent.search_sizes(problem, best, count)))
+        problem, best, starts = min(ends, key=lambda end: end[0].cost(end[1]))
+        rough, chosen = problem.data, problem.plan
     for number in range(_ROUNDS):
         count(f"weighing the signals and fitting again, round {number + 1} of {_ROUNDS}")
         rough = rough.weighed_by_size(chosen.at(best), correlated=True)
         best = descent.descend(Problem(rough, chosen, holds_priors=number == _ROUNDS - 1), best, descent.ROUGH)
-    return best, starts
+    return chosen, best, starts
 
 
 def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str]:

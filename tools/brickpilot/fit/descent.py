@@ -36,9 +36,9 @@ class Start:
     cost: float
 
 
-def most_starts(*, with_effects: bool) -> int:
-    """Returns how many starts `search` follows at most, and `search_sizes` after it."""
-    return 2 + FOLLOWED + (2 * len(VISIBLE) if with_effects else 0)
+def most_starts(added: int) -> int:
+    """Returns how many starts `search` follows at most, and so many calls of `search_sizes` after it."""
+    return 2 + FOLLOWED + 2 * len(VISIBLE) * added
 
 
 def counted(progress: Progress | None, total: int) -> Count:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -170,7 +171,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     prior.
 
     Args:
-        effects: effects to switch on, with all their parameters free.
+        effects: effects to switch on, with all their parameters free but switches: see `settings`.
         free: nominal parameters to fit although the data set gives them as plain values.
 
     Raises:
@@ -194,10 +195,22 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     for name in model.effects:
         for info in effect_infos[name].parameters:
             known = dataset.nominal_effects.get(name, {}).get(info.name)
-            if known is None or _is_open(known, info):
+            if info.role != "switch" and (known is None or _is_open(known, info)):
                 chosen.append(Free(f"{name}.{info.name}", info, known))
     absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
     return Plan(model, tuple(chosen), (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ())
+
+
+def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
+    """Returns the plan once for every setting of its effects' switches that the data set does not state."""
+    switches = {
+        f"{name}.{info.name}": (info.minimum, info.maximum)
+        for name in chosen.model.effects
+        for info in catalogue.effect(name).parameters
+        if info.role == "switch" and info.name not in dataset.nominal_effects.get(name, {})
+    }
+    each = [dict(zip(switches, values, strict=True)) for values in itertools.product(*switches.values())]
+    return [dataclasses.replace(chosen, model=with_values(chosen.model, one)) for one in each]
 
 
 def _is_open(known: Nominal, info: ParameterInfo) -> bool:
