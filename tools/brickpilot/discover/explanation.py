@@ -28,7 +28,8 @@ ROUGH, FINE = 1e-3, 1e-4
 """Relative change of cost at which a descent ends, of a proposal and of what is judged."""
 
 _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # descents of one fine fit, at most; one that gains less is the last
-_AT_BOUND = 1e-3  # of a parameter: this near to an end of its range other than 0, it stands at it
+_AT_BOUND = 1e-3  # of a parameter: this near to another end of its range than these, it stands at it
+_WHOLE = (0, 1)  # nothing and all of it: values that machines have
 _LIMIT_OVER_READING = 0.9  # a sensor never reads beyond its limit; readings have noise on them
 _LEAST_BASE_SHARE = 0.1  # of what is added to a parameter: dry friction remains after a breakaway
 
@@ -187,7 +188,7 @@ def is_possible(found: Explanation, excitation: Excitation) -> bool:
     for one in found.effects:
         for info in catalogue.effect(one.effect).parameters:
             value = tables[one.effect].get(info.name, info.preset)
-            away = min(abs(value - end) for end in (info.minimum, info.maximum) if end != 0)
+            away = min((abs(value - end) for end in (info.minimum, info.maximum) if end not in _WHOLE), default=np.inf)
             if info.name in one.free and away < _AT_BOUND * abs(value):
                 return False
     periodic = all(tables[one.effect]["order"] >= excitation.least_order for one in found.effects if one.is_periodic)

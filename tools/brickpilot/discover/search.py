@@ -1,8 +1,9 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all that it fitted.
 
-Singles, pairs of the best, then one part more beside the best two, as long as that scores better. Rivals are searched
-as hard as the winner: each part of the best explanation is forbidden once, and what is best without it is found from
-there. An explanation that comes out worse than one that it contains is a failed fit and is fitted again from there.
+Singles, pairs of the best, then one part more beside the best two and beside what fits best, as long as that surely
+predicts better. Each part of what fits best gives way once to other laws of its mechanism. Rivals are searched as hard
+as the winner: each part of the best explanation is forbidden once, and what is best without it is found from there. An
+explanation that comes out worse than one that it contains is a failed fit and is fitted again from there.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from brickpilot.discover.explanation import (
     side_by_side,
     without,
 )
-from brickpilot.discover.parts import Excitation, library_parts, run_parts
+from brickpilot.discover.parts import Excitation, Part, library_parts, run_parts
 from brickpilot.discover.screen import Trial, screen
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
@@ -44,6 +45,7 @@ _PROMISED = 0.3  # of what a part has to gain: one that promises less in the scr
 _NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
 _STARTS = 3  # of a periodic part, at so many orders
 _BEAM = 2
+_SWAPS = 4  # laws that are tried in the place of one
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
@@ -60,7 +62,7 @@ class Width:
         paired: of so many of the best singles all pairs are fitted, half of `fine` to the end.
     """
 
-    rough: int = 10
+    rough: int = 12
     fine: int = 7
     least: int = 3
     paired: int = 5
@@ -191,8 +193,7 @@ class Search:
             if not self._may_gain(found) or not self.deadline.allows(f"the search for {self.source.word} {count}"):
                 break
             self.tell(f"searching for {self.source.word} {count}")
-            before = found.ranked()[0]
-            parents = _different(found.ranked(base + count - 1))[:_BEAM]
+            parents = self._parents(found, base + count - 1)
             if count == 1 and (stated := self._as_stated()) is not None:
                 parents.append(judge.of_explanation(stated))
             for parent in parents:
@@ -202,13 +203,23 @@ class Search:
                 found.add(self._pairs([one.explanation for one in singles]), self.jobs)
             self._prune(found)
             self._repair(found)
-            if found.ranked()[0] is before and count > 1:
+            if count > 1 and not self._gained(found, base + count):
                 break
         if len(found.table) > 1 and self.deadline.allows("the search for rivals"):
             self.tell("searching for rivals")
             self._rivals(found)
             self._repair(found)
         return found
+
+    def _parents(self, found: Found, count: int) -> list[Evidence]:
+        """Returns what is searched beside: the best so far of so many parts, and what fits best whatever its odds.
+
+        Three odd parts that only together explain a machine are reached through two that look unlikely.
+        """
+        ranked = found.ranked(count)
+        fitting = sorted(ranked, key=lambda one: _information(one.explanation))[:1]
+        best = [one for one in _different(ranked) if one not in fitting]
+        return best[:_BEAM] + fitting
 
     def _as_stated(self) -> Explanation | None:
         """Returns the base at its stated values, where these are not near: it may have moved to stand in for an effect.
@@ -222,6 +233,13 @@ class Search:
         stated = [one.known is not None for one in free]
         point = np.where(stated, self.base.plan.start(), fitted)
         return Explanation(self.base.parts, self.base.plan, point)
+
+    @staticmethod
+    def _gained(found: Found, count: int) -> bool:
+        """Returns whether so many parts surely predict better than fewer do, whatever their odds."""
+        fewer = max(one.total for key, one in found.table.items() if len(key) < count)
+        most = max((one.total for key, one in found.table.items() if len(key) == count), default=fewer)
+        return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one part more could score better than the best so far, if it left noise alone."""
@@ -258,7 +276,7 @@ class Search:
             return []
         rough = self._possible(side_by_side(start, trials, self.jobs, self.deadline))
         near = self.source.nearby(here, current, rough)
-        rough += self._possible(side_by_side(start, near, self.jobs, self.deadline)) if near else []
+        rough += self._possible(side_by_side(start, near, self.jobs, self.deadline))
         rough.sort(key=_information)
         if rough and rough[0].is_periodic and (other := self._with_better_order(rough[0])) is not None:
             rough.insert(0, other)
@@ -268,26 +286,27 @@ class Search:
         least = min(rough[0].cost, best.explanation.cost)
         worth = sum(one.cost < least + _NEAR * best.nat(temperature) for one in rough)
         count = min(max(worth, self.source.width.least), self.source.width.fine)
-        return self._possible(refine(self.data, rough[:count], self.jobs, self.deadline))
+        return self._refined(rough[:count])
 
     def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
         return [one for one in fits if one is not None and is_possible(one, self.excitation)]
 
+    def _refined(self, fits: Sequence[Explanation]) -> list[Explanation]:
+        return self._possible(refine(self.data, fits, self.jobs, self.deadline))
+
+    def _rough(self, starts: Sequence[Explanation]) -> list[Explanation]:
+        """Returns where rough fits from `starts` end, the best first."""
+
+        def one(begin: Explanation) -> Explanation | None:
+            here = Problem(self.data, begin.plan).keeping(begin.point, len(self.base.point))
+            return fit(here, begin.parts, begin.plan, begin.point, ROUGH)
+
+        return sorted(self._possible(side_by_side(one, starts, self.jobs, self.deadline)), key=_information)
+
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
         """Returns the best pairs of singles, each fitted from where both stood alone: two are not taken for a third."""
-        pairs = list(itertools.combinations(singles, 2))
-
-        def one(pair: tuple[Explanation, Explanation]) -> Explanation | None:
-            both = self._joined(*pair)
-            here = Problem(self.data, both.plan).keeping(both.point, len(self.base.point))
-            return fit(here, both.parts, both.plan, both.point, ROUGH)
-
-        rough = sorted(self._possible(side_by_side(one, pairs, self.jobs, self.deadline)), key=_information)
-        return (
-            self._possible(refine(self.data, rough[: self.source.width.fine // 2], self.jobs, self.deadline))
-            if rough
-            else []
-        )
+        pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
+        return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
         """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""
@@ -324,40 +343,46 @@ class Search:
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
-            fewer += self._in_one_law(best)
-            found.add(self._possible(refine(self.data, fewer, self.jobs, self.deadline)), self.jobs)
+            found.add(self._refined(fewer), self.jobs)
+        near = best.cost + _NEAR * found.ranked()[0].nat(found.temperature)
+        known = {key: one.explanation.cost for key, one in found.table.items()}
+        swapped = self._rough(self._in_other_laws(best))
+        found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
-    def _in_one_law(self, best: Explanation) -> list[Explanation]:
-        """Returns an explanation with one law in the place of those that it is made of."""
-        made, added = [], {one.name: one for one in best.parts[len(self.base.parts) :]}
-        for part in library_parts(best.model):
-            if part.made_of and added.keys() >= {*part.made_of}:
-                rest = best
-                for name in part.made_of:
-                    rest = without(rest, added[name])
-                trials = screen(Problem(self.data, rest.plan), rest.point, [part], excitation=self.excitation)
-                made += [joined(rest, part, one.values) for one in trials[:1]]
-        return made
+    def _in_other_laws(self, best: Explanation) -> list[Explanation]:
+        """Returns an explanation with a law of one's mechanism in its place, or one law for those it is made of."""
+        added = {one.name: one for one in best.parts[len(self.base.parts) :]}
+        swaps: dict[tuple[str, ...], list[Part]] = {}
+        for part in library_parts(best.model, self.data.signals):
+            like = [(name,) for name, one in added.items() if one.mechanism == part.mechanism]
+            for names in (*like, part.made_of):
+                if names and added.keys() >= {*names}:
+                    swaps.setdefault(names, []).append(part)
+        starts = []
+        for names, chosen in swaps.items():
+            rest = best
+            for name in names:
+                rest = without(rest, added[name])
+            trials = screen(Problem(self.data, rest.plan), rest.point, chosen, excitation=self.excitation)
+            best_of = {one.part.name: one for one in reversed(trials)}
+            likely = sorted(best_of.values(), key=lambda one: one.left)[:_SWAPS]
+            starts += [joined(rest, one.part, one.values) for one in likely]
+        return starts
 
     def _repair(self, found: Found) -> None:
         """Fits again each explanation that came out worse than one that it contains, from there.
 
         One that still gains nothing stays as it is: the smaller one speaks for it.
         """
-        failed = []
+        starts, reached = [], {}
         for key, one in found.table.items():
             parts_of = [found.table[other].explanation for other in found.table if other < key]
             best = min(parts_of, key=lambda other: other.cost, default=one.explanation)
             if one.explanation.cost > best.cost + _WORSE:
-                failed.append((_from_part(best, one.explanation), best.cost))
-
-        def start(pair: tuple[Explanation, float]) -> Explanation | None:
-            begin, reached = pair
-            again = fit(Problem(self.data, begin.plan), begin.parts, begin.plan, begin.point, ROUGH)
-            return again if again is not None and again.cost < reached - _WORSE else None
-
-        again = [one for one in side_by_side(start, failed, self.jobs, self.deadline) if one is not None]
-        found.add(self._possible(refine(self.data, again, self.jobs, self.deadline)) if again else [], self.jobs)
+                starts.append(_from_part(best, one.explanation))
+                reached[key] = best.cost
+        again = [one for one in self._rough(starts) if one.cost < reached[one.key] - _WORSE]
+        found.add(self._refined(again), self.jobs)
 
     def _with_better_order(self, found: Explanation) -> Explanation | None:
         """Returns `found`, with a periodic effect, fitted from the best order near its own; None if that is best.
@@ -380,11 +405,13 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns those that contain no better one: what joins one joins the other."""
+    """Returns those that contain no better one, and vary no better one's laws: what joins one joins the other."""
+    families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one
         for index, one in enumerate(ranked)
         if not any(one.explanation.contains(other.explanation) for other in ranked[:index])
+        and families[index] not in families[:index]
     ]
 
 
