@@ -22,6 +22,7 @@ MUST_NOT = {
     "fit": {"discover", "bench", "report"},
     "discover": {"bench", "report", "hil", "changed"},
     "changed": {"report", "importers", "public"},
+    "readiness": {"report", "importers", "public"},
     "report": {"bench", "importers"},
     "link": {"fit", "hil", "data"},
     "hil": {"fit", "discover", "flash"},

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from brickpilot.data import reading
 from brickpilot.data.signals import Vehicle
-from brickpilot.discover.readiness import Check, check
+from brickpilot.readiness.data_check import Check, check
 from brickpilot.report import check_text
 from command import brickpilot
 from synthetic import motor, robot, write

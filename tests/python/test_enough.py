@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from brickpilot.data import holdout
 from brickpilot.data.holdout import enough_to_fit
-from brickpilot.discover import readiness
 from brickpilot.discover.deadline import Span
+from brickpilot.readiness import data_check
 
 VOLTS = (3.0, 4.0, 5.0, 6.0, 7.0, -3.0, -4.0, -5.0, -6.0, -7.0)
 KNOWN = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0, "wheel_inertia": 7.5e-4}
@@ -84,7 +84,7 @@ def test_the_time_of_a_discovery_is_that_of_all_runs(monkeypatch: pytest.MonkeyP
         asked.append(times)
         return Span(1.0, 2.0)
 
-    monkeypatch.setattr(readiness, "estimate", estimated)
+    monkeypatch.setattr(data_check, "estimate", estimated)
     bp.check(steps(), jobs=1)
     assert len(asked) == 1
     assert 2 < asked[0] < 1000 / 300 + 0.01

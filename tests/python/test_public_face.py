@@ -47,7 +47,7 @@ page: str = bp.to_html(finding)
     [
         "brickpilot",
         "brickpilot.data.dataset",
-        "brickpilot.discover.readiness",
+        "brickpilot.readiness.data_check",
         "brickpilot.fit.calibration",
         "brickpilot.fit.comparison",
         "brickpilot.public.analysis",

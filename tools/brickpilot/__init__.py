@@ -68,7 +68,6 @@ if TYPE_CHECKING:
     from brickpilot.changed.change import Changed
     from brickpilot.data.reading import Dataset, read
     from brickpilot.discover.finding import Finding
-    from brickpilot.discover.readiness import Check
     from brickpilot.errors import InputError, SimulationError
     from brickpilot.fit.calibration import Calibration
     from brickpilot.fit.comparison import Comparison
@@ -77,6 +76,7 @@ if TYPE_CHECKING:
     from brickpilot.public.flights import hil
     from brickpilot.public.logs import changed, import_log, why
     from brickpilot.public.making import campaign, export, firmware, tune
+    from brickpilot.readiness.data_check import Check
     from brickpilot.report.notebook import to_html, to_text
     from brickpilot.report.why_page import Why
     from brickpilot.vehicle.model import Model, rcx
@@ -90,7 +90,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "Calibration": "brickpilot.fit.calibration:Calibration",
     "Changed": "brickpilot.changed.change:Changed",
-    "Check": "brickpilot.discover.readiness:Check",
+    "Check": "brickpilot.readiness.data_check:Check",
     "Comparison": "brickpilot.fit.comparison:Comparison",
     "Dataset": "brickpilot.data.reading:Dataset",
     "Finding": "brickpilot.discover.finding:Finding",

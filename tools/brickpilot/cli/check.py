@@ -22,7 +22,7 @@ def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     from which size, which manoeuvres would tell more, and how long discover will take. It writes nothing.
     """
     from brickpilot.data import reading
-    from brickpilot.discover import readiness as check_module
+    from brickpilot.readiness import data_check as check_module
     from brickpilot.report import check_text
 
     measured = reading.read(Path(dataset))

@@ -6,9 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from brickpilot.discover import pipeline
-from brickpilot.discover import readiness as checking
 from brickpilot.discover.finding import Finding
-from brickpilot.discover.readiness import Check
 from brickpilot.errors import InputError
 from brickpilot.fit import calibration as calibrating
 from brickpilot.fit import comparison as comparing
@@ -16,6 +14,8 @@ from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
 from brickpilot.fit.descent import Progress
 from brickpilot.public.doors import Data, dataset_of, jobs_of, model_of, names_of, seed_of
+from brickpilot.readiness import data_check as checking
+from brickpilot.readiness.data_check import Check
 from brickpilot.vehicle.model import Model
 
 
@@ -31,7 +31,7 @@ def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
         InputError: an argument is wrong, no measured signal is one that the model gives, every run is held out, or the
             plant diverges with the nominal values.
 
-    `brickpilot.discover.readiness.check` has an example.
+    `brickpilot.readiness.data_check.check` has an example.
     """
     return checking.check(dataset_of(dataset), seed=seed_of(seed), jobs=jobs_of(jobs))
 

@@ -17,7 +17,6 @@ from brickpilot.changed.what_changed import BEFORE, what_changed
 from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, joined
 from brickpilot.discover.finding import Finding, verdict_json
-from brickpilot.discover.readiness import check
 from brickpilot.errors import InputError
 from brickpilot.fit.descent import Progress
 from brickpilot.importers import IMPORTERS
@@ -25,6 +24,7 @@ from brickpilot.importers.registry import Importer, importer_and_files, options_
 from brickpilot.importers.writer import Imported
 from brickpilot.public.analysis import discover
 from brickpilot.public.doors import jobs_of, seed_of
+from brickpilot.readiness.data_check import check
 from brickpilot.report import changed_page, composed_law, discover_page, experiment_files, why_page, why_text
 from brickpilot.report.run_folder import fresh_folder
 from brickpilot.report.why_page import Why

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from brickpilot.data.own_units import FRAME_WORDS
 from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Visible
-from brickpilot.discover.readiness import Check
 from brickpilot.fit.uncertainty import Estimate
+from brickpilot.readiness.data_check import Check
 from brickpilot.report import headline_text
 from brickpilot.report.discover_text import listed
 from brickpilot.report.quantities import quantity

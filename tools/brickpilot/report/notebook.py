@@ -10,9 +10,9 @@ from brickpilot.changed.change import Changed
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Finding
-from brickpilot.discover.readiness import Check
 from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
+from brickpilot.readiness.data_check import Check
 from brickpilot.report import changed_text, check_text, discover_text, headline_text
 from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
