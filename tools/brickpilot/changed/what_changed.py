@@ -336,10 +336,11 @@ def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Chan
                 constants.setdefault((recording, what), Constant(recording, what, unit, one.value, one.ci95))
         own = _changes(compared, alone)
         verdicts[name], steps[name] = _KINDS[compared.verdict.kind], _steps(compared)
-        if own and not any(is_sure(one.change) for one in own):
-            verdicts[name], own = "nothing", []
+        sure = [one for one in own if is_sure(one.change)]
+        if own and not sure:
+            verdicts[name] = "nothing"
             steps[name] = (*steps[name], Step("runs", "none", _RUNS))
-        changes += own
+        changes += sure
     return Changed(
         before=before.name,
         after=tuple(verdicts),
