@@ -22,6 +22,7 @@ _LEAST_KNOWN = 4  # of these, for a line
 _LEAST_BENT = 6  # of these, to see that a motion bends
 _HELD_S = 0.1  # in which the first sample of a held channel is searched
 _TREND_SD = 3.0  # a slope of more than so many of its sd is motion, and a bend is none of a line
+_OF_MOTION = (1, 2, 3)  # degrees of a trend that no rest has: a pendulum swings, and goes nowhere
 _SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample at this distance from the others is damaged
 
 
@@ -84,7 +85,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
     """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
-    if len(chosen) >= _LEAST_KNOWN and not _trends(time[chosen], values[chosen], 1):
+    if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], one) for one in _OF_MOTION):
         return float(np.mean(values[chosen]))
     chosen = known[known < moving]
     while len(chosen) >= _LEAST_BENT and _trends(time[chosen], values[chosen], 2):
@@ -235,15 +236,19 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
 
 
 def wheel_angles(run: Run) -> dict[str, Array] | None:
-    """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one."""
+    """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one.
+
+    An angle of which only the first sample is known is where the integral begins.
+    """
     found = {}
     for angle, rate in RATE_OF.items():
         if "travel" in angle:
             continue
         angles, rates = (_without_holes(run.time, run.outputs.get(name)) for name in (angle, rate))
-        if angles is not None:
+        if angles is not None and (rates is None or np.isfinite(angles).all()):
             found[angle] = angles
         elif rates is not None:
-            found[angle] = cumulative_trapezoid(rates, run.time, initial=0)
+            begun = 0.0 if angles is None else float(np.nan_to_num(angles[0]))
+            found[angle] = begun + cumulative_trapezoid(rates, run.time, initial=0)
     one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
     return None if one_of_two else found or None
