@@ -37,6 +37,7 @@
     EFFECT(viscous_loss) \
     EFFECT(rolling_sqrt) \
     EFFECT(constant_offset) \
+    EFFECT(gravity_load) \
     EFFECT(carpet_nap) \
     EFFECT(caster_drag) \
     EFFECT(yaw_scrub) \
@@ -57,6 +58,7 @@
     EFFECT(imu_lag) \
     EFFECT(accel_bias) \
     EFFECT(gyro_scale) \
+    EFFECT(gyro_asymmetry) \
     EFFECT(gyro_bias) \
     EFFECT(gyro_drift) \
     EFFECT(gyro_saturation) \

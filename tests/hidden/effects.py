@@ -132,6 +132,10 @@ LIBRARY: dict[str, Effect] = {
         {"period": 0.35, "share": 0.15, "damping": 0.1}, ("share",), ranges={"period": (0.23, 0.47)}
     ),
     "unsigned_sensor": _one("share", 0.43),
+    "gravity_load": Effect(
+        {"torque": 0.007, "level": 0.6}, ("torque",), kind="torque", ranges={"level": (-3.0, 3.0)}
+    ),
+    "gyro_asymmetry": _one("difference", 0.06, signed=True),
 }  # fmt: skip
 """Every effect of the library that these engines can make, with the library's names, parameters and signs."""
 

@@ -32,8 +32,8 @@ SEEDED = frozenset({"planar"})
 """Engines whose physics has a random texture of its own."""
 
 SENSOR_EFFECTS = frozenset(
-    {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-     "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
+    {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_asymmetry", "gyro_bias",
+     "gyro_drift", "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
      "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
 )  # fmt: skip
 """The effects that act here and not in an engine."""
@@ -91,6 +91,7 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
     bias = hidden.get("accel_bias", {})
     surge, sway = surge + bias.get("surge", 0.0), sway + bias.get("sway", 0.0)
     rate = rate * (1 + hidden.get("gyro_scale", {}).get("error", 0.0))
+    rate = rate + 0.5 * hidden.get("gyro_asymmetry", {}).get("difference", 0.0) * np.abs(ideal.rate)
     rate = rate + hidden.get("odd_gyro_cubic", {}).get("cubic", 0.0) * rate**3
     rate = rate + hidden.get("gyro_bias", {}).get("bias", 0.0)
     rate = rate + hidden.get("gyro_drift", {}).get("rate", 0.0) * (age + track.time)

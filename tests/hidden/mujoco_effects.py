@@ -77,6 +77,11 @@ def _constant_offset(s: Step, p: Parameters) -> None:
     s.load[1] -= p["torque"] - difference
 
 
+def _gravity_load(s: Step, p: Parameters) -> None:
+    for i in (0, 1):
+        s.load[i] -= p["torque"] * math.cos(s.angles[i] - p["level"])
+
+
 def _phases(s: Step, p: Parameters) -> tuple[float, float]:
     shift = 0.5 * p.get("phase_difference", 0.0)
     middle, order = p.get("phase", 0.0), p["order"]
@@ -163,7 +168,8 @@ def _odd_tether(s: Step, p: Parameters) -> None:
 EFFECTS: dict[str, Callable[[Step, Parameters], None]] = {
     act.__name__[1:]: act
     for act in (
-        _stiction_stribeck, _rolling_sqrt, _direction_asymmetry, _constant_offset, _cogging, _torque_ripple,
+        _stiction_stribeck, _rolling_sqrt, _direction_asymmetry, _constant_offset, _gravity_load, _cogging,
+        _torque_ripple,
         _load_friction, _viscous_loss, _surge_drag, _viscous_scrub, _quadratic_drag, _curve_scrub, _carpet_nap,
         _odd_periodic_force, _odd_friction_with_voltage, _odd_drag_patch, _odd_angle_brake, _odd_cubic_drag,
         _odd_yaw_by_speed, _odd_turn_force, _odd_load_ramp, _odd_heading_spring, _odd_tether,

@@ -204,11 +204,22 @@ def _inertia_on_rubber(p: Parameters, run: int, vehicle: Vehicle) -> Act:
     return _coupled_inertia(p, run, vehicle)
 
 
+def _ballast_on_spring(p: Parameters, _: int, __: Vehicle) -> Act:
+    """A weight on each wheel gives way to gravity: its angle on the wheel follows the pull."""
+
+    def act(s: Step) -> None:
+        for i in (0, 1):
+            s.load[i] -= p["torque"] * math.cos(s.angles[i] - p["give"] * math.cos(s.angles[i]))
+
+    return act
+
+
 LAWS: dict[str, Callable[[Parameters, int, Vehicle], Act]] = {
     make.__name__[1:]: make
     for make in (
         _ripple_rectified, _cogging_sharp, _backlash_soft, _coulomb_tanh, _friction_dahl, _friction_lugre,
         _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _caster_viscous, _scrub_smooth,
         _curve_drag, _drag_power, _nap_viscous, _floor_wavy, _coupled_inertia, _inertia_on_rubber,
+        _ballast_on_spring,
     )
 }  # fmt: skip

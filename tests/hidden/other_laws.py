@@ -86,6 +86,9 @@ OTHER: dict[str, Law] = {
     "inertia_on_rubber": _law(
         {"share": 0.15, "period": 0.35, "damping": 0.1, "stretch": 0.05}, "share", "gear body motor", "coupled_inertia"
     ),
+    "ballast_on_spring": _law(
+        {"torque": 0.008, "give": 0.4}, "torque", "body motor", "gravity_load cogging", kind="torque"
+    ),
     # bearing
     "coulomb_tanh": _law({"torque": 0.003, "speed": 1.5}, "torque", "bearing", "coulomb_friction", kind="torque"),
     "friction_dahl": _law({"torque": 0.002, "stretch": 0.05}, "torque", "bearing", "coulomb_friction", kind="torque"),
@@ -144,6 +147,7 @@ OTHER: dict[str, Law] = {
     "gyro_scale_bent": _law(
         {"error": 0.025, "cubic": 0.003}, "error cubic", "sensor", "gyro_scale", signed=True
     ),
+    "gyro_curved_one_way": _law({"cubic": 0.005}, "cubic", "sensor", "gyro_asymmetry gyro_scale", signed=True),
     "gyro_bias_by_run": _law({"bias": 0.08, "spread": 0.9}, "bias", "sensor", "gyro_bias gyro_drift", signed=True),
     "gyro_warming_up": _law(
         {"bias": 0.12, "time_constant": 12.0}, "bias", "sensor", "gyro_drift gyro_bias", signed=True

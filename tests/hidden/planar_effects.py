@@ -19,8 +19,8 @@ from hidden.recipe import GRAVITY, Floats, Hidden
 Parameters = Mapping[str, float]
 
 ELSEWHERE = (
-    "imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_bias", "gyro_drift",
-    "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
+    "imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_asymmetry", "gyro_bias",
+    "gyro_drift", "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
     "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
 """Sensor effects: they change what is measured, not what happens."""
@@ -276,6 +276,7 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "cogging": electrics.cogging,
     "gear_backlash": electrics.gear_backlash,
     "coupled_inertia": electrics.coupled_inertia,
+    "gravity_load": electrics.gravity_load,
     "coulomb_friction": _coulomb_friction,
     "stiction_stribeck": _stiction_stribeck,
     "load_friction": _load_friction,

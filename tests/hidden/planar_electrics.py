@@ -232,6 +232,13 @@ def coupled_inertia(plant: Plant, p: Parameters) -> None:
     plant.loads.append(hook)
 
 
+def gravity_load(plant: Plant, p: Parameters) -> None:
+    def hook(plant: Plant) -> None:
+        plant.torque -= p["torque"] * np.cos(plant.angle - p["level"])
+
+    plant.loads.append(hook)
+
+
 def _hardened(twist: Floats, p: Parameters) -> Floats:
     """Returns the twist as the spring feels it: rubber hardens with its `stretch`, a spring does not."""
     return np.asarray(twist * (1 + (twist / p["stretch"]) ** 2)) if "stretch" in p else twist

@@ -164,6 +164,15 @@ def _inertia_on_rubber(plant: Plant, p: Parameters) -> None:
     coupled_inertia(plant, p)
 
 
+def _ballast_on_spring(plant: Plant, p: Parameters) -> None:
+    """A weight on each wheel gives way to gravity: its angle on the wheel follows the pull."""
+
+    def hook(plant: Plant) -> None:
+        plant.torque -= p["torque"] * np.cos(plant.angle - p["give"] * np.cos(plant.angle))
+
+    plant.loads.append(hook)
+
+
 # ---- bearing
 
 
@@ -372,7 +381,8 @@ LAWS: dict[str, Callable[[Plant, Parameters], None]] = {
     for act in (
         _start_delay_by_run, _command_jitter, _discharge_settling, _sag_with_memory, _slew_limit, _deadband_sloped,
         _soft_saturation, _switching_loss, _brake_late, _levels_cut_off, _one_side_drop, _one_motor_saturates,
-        _ripple_rectified, _cogging_sharp, _backlash_soft, _inertia_on_rubber, _coulomb_tanh, _friction_dahl,
+        _ripple_rectified, _cogging_sharp, _backlash_soft, _inertia_on_rubber, _ballast_on_spring, _coulomb_tanh,
+        _friction_dahl,
         _friction_lugre, _friction_by_load, _loss_that_levels_off, _loss_one_way, _offset_by_run, _grip_circle,
         _grip_that_fades, _side_skid, _caster_viscous, _scrub_smooth, _curve_drag, _drag_power, _nap_viscous,
         _floor_wavy,

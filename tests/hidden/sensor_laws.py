@@ -81,6 +81,11 @@ def _gyro_scale_bent(r: Readings, p: Parameters, _: Track) -> None:
     r.rate = (1 + p["error"]) * r.rate + p["cubic"] * r.rate**3
 
 
+def _gyro_curved_one_way(r: Readings, p: Parameters, _: Track) -> None:
+    """The gain grows with the square of the rate, in turns to the right alone."""
+    r.rate = r.rate + p["cubic"] * np.maximum(r.rate, 0.0) ** 3
+
+
 def _gyro_bias_by_run(r: Readings, p: Parameters, _: Track) -> None:
     r.rate = r.rate + p["bias"] * (1 + p["spread"] * place(r.number))
 
@@ -134,7 +139,8 @@ def _gyro_smoothed(r: Readings, p: Parameters, _: Track) -> None:
 LAWS: dict[str, Callable[[Readings, Parameters, Track], None]] = {
     act.__name__[1:]: act
     for act in (
-        _arm_on_mast, _accel_cross_axis, _imu_second_order, _accel_bias_fading, _gyro_scale_bent, _gyro_bias_by_run,
+        _arm_on_mast, _accel_cross_axis, _imu_second_order, _accel_bias_fading, _gyro_scale_bent,
+        _gyro_curved_one_way, _gyro_bias_by_run,
         _gyro_warming_up, _gyro_soft_limit, _encoder_eccentric, _encoder_one_side,
         _speed_signed_by_command, _wheel_speed_counted,
         _wheel_speed_smoothed, _gyro_smoothed,

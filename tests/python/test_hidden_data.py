@@ -197,6 +197,8 @@ def test_sensors_err_as_stated() -> None:
 
     assert sensed(gyro_bias={"bias": 0.1})["yaw_rate"] == pytest.approx(truth["yaw_rate"] + 0.1)
     assert sensed(gyro_scale={"error": 0.1})["yaw_rate"] == pytest.approx(truth["yaw_rate"] * 1.1)
+    apart = sensed(gyro_asymmetry={"difference": -0.1})["yaw_rate"]
+    assert apart == pytest.approx(truth["yaw_rate"] - 0.05 * np.abs(truth["yaw_rate"]))
     drifted = truth["yaw_rate"] + 0.01 * 0.003 * np.arange(len(truth["yaw_rate"]))
     assert sensed(gyro_drift={"rate": 0.01})["yaw_rate"] == pytest.approx(drifted)
     assert sensed(gyro_saturation={"limit": 1.0})["yaw_rate"].max() == 1.0

@@ -270,5 +270,5 @@ def test_the_engine_shares_no_code_with_brickpilot():
         assert not [name for name in imported if name.startswith(("brickpilot", "cffi"))], file
         assert {name for name in imported if name.startswith("hidden")} <= {
             "hidden", "hidden.by_run", "hidden.manoeuvre", "hidden.recipe", "hidden.planar_plant",
-            "hidden.planar_effects",
+            "hidden.planar_effects", "hidden.planar_electrics",
         }  # fmt: skip

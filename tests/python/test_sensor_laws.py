@@ -31,6 +31,8 @@ def test_sensors_err_by_laws_of_their_own() -> None:
     np.testing.assert_allclose(fading.surge - second.accel_surge, 0.3 * np.exp(-(2.0 + second.time) / 4.0))
     bent = read(0, gyro_scale_bent={"error": 0.02, "cubic": 0.01})
     np.testing.assert_allclose(bent.rate, 1.02 * first.yaw_rate + 0.01 * first.yaw_rate**3)
+    curved = read(0, gyro_curved_one_way={"cubic": 0.01})
+    np.testing.assert_allclose(curved.rate, first.yaw_rate + 0.01 * np.maximum(first.yaw_rate, 0) ** 3)
     by_run = read(1, gyro_bias_by_run={"bias": 0.1, "spread": 0.5})
     np.testing.assert_allclose(by_run.rate - second.yaw_rate, 0.1 * (1 + 0.5 * place(1)))
     warm = read(1, gyro_warming_up={"bias": 0.1, "time_constant": 5.0})

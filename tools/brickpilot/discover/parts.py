@@ -239,9 +239,9 @@ def switch_settings(part: Part) -> list[dict[str, float]]:
 
 def _natural_size(info: ParameterInfo, model: Model) -> float:
     """Returns a usual size of an effect's parameter on this vehicle, SI; 0 where there is none to speak of."""
-    if info.role == "place" and not info.arm_of:
+    if info.role == "place" and info.unit == "m" and not info.arm_of:
         return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not within a decade of that
-    if info.name in _UNSCALED or info.role in ("limit", "switch") or info.arm_of:
+    if info.name in _UNSCALED or info.role in ("place", "limit", "switch") or info.arm_of:
         return 0.0
     return (info.preset or info.trial) * scale_of(info.unit, model)
 
