@@ -33,12 +33,20 @@ _KINDS = ("table", "matlab", "wpilib")
 
 @dataclass(frozen=True)
 class HiddenTest:
-    """A benchmark's own protocol: fits see no sample of `run`; the error of `signal` counts after `skip` samples."""
+    """A benchmark's own protocol: fits see no sample of `run`; the error of `signal` counts after `skip` samples.
+
+    Attributes:
+        unit: in which the benchmark gives the error, `scale` of them to the signal's SI unit.
+        published: what others reached, in words.
+    """
 
     run: str
     signal: str
     skip: int
     source: str
+    unit: str
+    scale: float
+    published: str
 
 
 @dataclass(frozen=True)

@@ -209,8 +209,9 @@ def _mechanisms(result: Result) -> set[str]:
 def _test(result: Result, known: Mapping[str, RealLog]) -> str:
     log = known.get(result["name"])
     test = None if log is None else log.test
+    scale, unit = (1.0, "in SI") if test is None else (test.scale, test.unit)
     parts = [
-        f"{name} {1000 * one['rmse']:.2f} mm"
+        f"{name} {scale * one['rmse']:.3g} {unit}"
         for name, one in result["test"].items()
         if isinstance(one, Mapping) and one.get("rmse") is not None
     ]
@@ -219,7 +220,8 @@ def _test(result: Result, known: Mapping[str, RealLog]) -> str:
         if test is None
         else f" ({test.source}; fitted without `{test.run}`, {test.signal} after {test.skip} samples)"
     )
-    return f"`{result['name']}` by the benchmark's own protocol{source}: {', '.join(parts) or 'not run'}."
+    published = "" if test is None else f" Published: {test.published}."
+    return f"`{result['name']}` by the benchmark's own protocol{source}: {', '.join(parts) or 'not run'}.{published}"
 
 
 def write_between_marks(path: Path, text: Sequence[str], marks: tuple[str, str] = (BEGIN, END)) -> None:

@@ -235,7 +235,7 @@ def test_peers_run_on_a_folder_and_keep_the_rest(tmp_path):
 
 def test_hidden_test_is_fitted_without_its_run(tmp_path):
     pytest.importorskip("nonlinear_benchmarks")
-    test = real_logs.HiddenTest("r3", "speed", 20, "a paper")
+    test = real_logs.HiddenTest("r3", "speed", 20, "a paper", "rad/s", 1.0, "0.1 rad/s")
     work = real_run.Work(discover=False, peers=PEERS[1:2])
     data = motor_set(tmp_path / "a")
     roles = Roles({run.name: "held_out" if run.name == "r3" else "fit" for run in data.runs}, "")
