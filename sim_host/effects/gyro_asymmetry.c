@@ -27,8 +27,7 @@ static const bp_parameter_info PARAMETERS[] = {
      .maximum = 1,
      .preset = 0.05,
      .odd = 1,
-     .says = "the gyro reads {} more in turns to the right than in turns to the left",
-     .says_below = "the gyro reads {} more in turns to the left than in turns to the right"},
+     .says = "the gyro reads {} more in turns to the right than in turns to the left"},
 };
 
 const effect_t effect_gyro_asymmetry = {
