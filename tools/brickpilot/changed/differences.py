@@ -252,7 +252,7 @@ class Differences:
         new_in: the recordings that may have an effect which the other one lacks.
     """
 
-    word, most, width = "difference", 3, Width(rough=40, fine=12, least=12, paired=12)
+    word, most, width = "difference", 3, Width(rough=40, fine=12, least=12, paired=12, swapped=0)
 
     def __init__(
         self, nominal: Collection[str], recording: str, excitation: Excitation, new_in: Sequence[str] = ()

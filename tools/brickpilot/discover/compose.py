@@ -99,7 +99,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 class TermSource:
     """See `search.Source`. Holds the signature of each atom at the model that the search begins with."""
 
-    word, most, width = "term", _MOST_TERMS, Width(paired=0)
+    word, most, width = "term", _MOST_TERMS, Width(paired=0, swapped=0)
 
     def __init__(self, data: Residual, base: Explanation) -> None:
         self._data, self._base = data, base.model

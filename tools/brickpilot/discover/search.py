@@ -45,7 +45,6 @@ _PROMISED = 0.3  # of what a part has to gain: one that promises less in the scr
 _NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
 _STARTS = 3  # of a periodic part, at so many orders
 _BEAM = 2
-_SWAPS = 4  # laws that are tried in the place of one
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
@@ -60,12 +59,14 @@ class Width:
     Attributes:
         rough, fine, least: how many of one screen are fitted; how many of these to the end, at most and at least.
         paired: of so many of the best singles all pairs are fitted, half of `fine` to the end.
+        swapped: so many other laws of the library are tried in the place of one; 0 where parts are no laws of it.
     """
 
     rough: int = 12
     fine: int = 7
     least: int = 3
     paired: int = 5
+    swapped: int = 4
 
 
 class Source(Protocol):
@@ -344,6 +345,8 @@ class Search:
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
             found.add(self._refined(fewer), self.jobs)
+        if not self.source.width.swapped:
+            return
         near = best.cost + _NEAR * found.ranked()[0].nat(found.temperature)
         known = {key: one.explanation.cost for key, one in found.table.items()}
         swapped = self._rough(self._in_other_laws(best))
@@ -365,7 +368,7 @@ class Search:
                 rest = without(rest, added[name])
             trials = screen(Problem(self.data, rest.plan), rest.point, chosen, excitation=self.excitation)
             best_of = {one.part.name: one for one in reversed(trials)}
-            likely = sorted(best_of.values(), key=lambda one: one.left)[:_SWAPS]
+            likely = sorted(best_of.values(), key=lambda one: one.left)[: self.source.width.swapped]
             starts += [joined(rest, one.part, one.values) for one in likely]
         return starts
 
