@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from math import pi
 from pathlib import Path
 
@@ -149,6 +151,19 @@ def test_the_only_channel_is_turned_back_and_not_lost(tmp_path: Path) -> None:
     assert dataset.notes[0].startswith("wiring: ")
     assert all(np.isfinite(run.outputs["wheel_speed_left"]).all() for run in dataset.runs)
     assert not any("no sound sample is left" in note for note in dataset.notes)
+
+
+def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
+    """Counts without a sign disagree with the drives and the other sensors in each turn backward."""
+    sensor = next(effect for effect in catalogue.effects() if effect.stated_by)
+    truth = dataclasses.replace(synthetic.robot(), effects={sensor.name: {}})
+    assert {kind for kind, _ in wrong(robot(tmp_path / "s", {}, truth=truth)).values()} == {"sign"}
+    toml = tmp_path / "s" / "dataset.toml"
+    text = toml.read_text(encoding="utf-8")
+    toml.write_text(re.sub(r"^(wheel_\w+ = {)", rf"\1 {sensor.stated_by} = true,", text, flags=re.M), encoding="utf-8")
+    stated = read(tmp_path / "s")
+    assert wrong(stated) == {}
+    assert all(np.isfinite(values).all() for run in stated.runs for values in run.outputs.values())
 
 
 @pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects() if not effect.stated_by])

@@ -105,6 +105,7 @@ class Signal:
     resolution: float | None
     range: tuple[float, float] | None
     sampling: Sampling | None = None  # of an accelerometer: the meaning of a sample
+    stated: tuple[str, ...] = ()  # of a rotation sensor: keys that state an effect of it, such as `unsigned`
 
     @property
     def to_si(self) -> float:
@@ -304,6 +305,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
         sampling=cast(Sampling, toml.choice((*key, "sampling"), entry["sampling"], _SAMPLED))
         if "sampling" in entry
         else None,
+        stated=tuple(one.stated_by for one in catalogue.effects() if one.stated_by and entry.get(one.stated_by)),
     )
 
 

@@ -179,7 +179,7 @@ def channels_of(run: Run) -> Channels:
 
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
     """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
-    channels = [channels_of(run) for run in runs]
+    channels = [Channels(run.time, run.inputs, _comparable(run, description)) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = miswired(channels, nominal)
     if description.as_wired:
@@ -187,7 +187,7 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
     found, guessed = with_counts(found, description.guessed)
     if not any(one.is_mended for one in found):
         return found, guessed, runs
-    right = [mended(one, found) for one in channels]
+    right = [mended(channels_of(run), found) for run in runs]
     for one in right:
         for values in (one.time, *one.inputs.values(), *one.outputs.values()):
             values.setflags(write=False)
@@ -203,13 +203,23 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
     """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
-    measured = [MeasuredRun(run.name, run.time, run.inputs, run.raw_outputs) for run in runs]
+    measured = [MeasuredRun(run.name, run.time, run.inputs, _comparable(run, description)) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = audit(measured, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():
         for values in outputs.values():
             values.setflags(write=False)
-    return tuple(replace(run, outputs=found.outputs[run.name]) for run in runs), found.faults, found.notes
+    sound = [{**run.raw_outputs, **found.outputs[run.name]} for run in runs]
+    audited = tuple(replace(run, outputs=outputs) for run, outputs in zip(runs, sound, strict=True))
+    return audited, found.faults, found.notes
+
+
+def _comparable(run: Run, description: Description) -> dict[str, Vector]:
+    """Returns the outputs of a run without those of which the data set states that they err.
+
+    A reading without a sign disagrees with every other channel in each turn backward, and is no fault.
+    """
+    return {name: values for name, values in run.raw_outputs.items() if not description.signals[name].stated}
 
 
 def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
