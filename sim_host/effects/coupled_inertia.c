@@ -68,7 +68,7 @@ static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
     }
 }
 
-/* Where the sensor of a wheel or a motor sits, and what it reads in metres for each rad. */
+/* Moves the readings of a wheel or a motor to the second inertia where the sensor sits on that. */
 static void read_second(const real_t *value, vehicle_t *vehicle, second_t *second, int k)
 {
     const bool motor = vehicle->vehicle == BP_MOTOR;

@@ -39,8 +39,8 @@ const effect_t effect_gyro_asymmetry = {
              .variant_of = "gyro_scale",
              .variation = "by the direction of turning",
              .equation = "yaw_rate = r + difference / 2 |r|; yaw_angle is its integral",
-             .source = "scale-factor asymmetry, IEEE Std 1431-2004; 363.4 and 362.8 degrees a turn, measured by the "
-                       "makers of Pybricks on a LEGO hub",
+             .source = "scale-factor asymmetry, IEEE Std 1431-2004; 363.4 and 362.8 degrees a turn, measured on a "
+                       "LEGO hub by its makers",
              .prior = BP_PRIOR_RARE,
              .prior_reason = "Few cheap gyros differ by direction as much as they are off in both.",
              .advice = "Turn the robot by ten full turns each way, and give the gyro a scale for either direction.",

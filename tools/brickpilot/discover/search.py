@@ -353,7 +353,7 @@ class Search:
         found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
     def _in_other_laws(self, best: Explanation) -> list[Explanation]:
-        """Returns an explanation with a law of one's mechanism in its place, or one law for those it is made of."""
+        """Returns `best` with one law replaced by another of its mechanism, or several by the law that they make."""
         added = {one.name: one for one in best.parts[len(self.base.parts) :]}
         swaps: dict[tuple[str, ...], list[Part]] = {}
         for part in library_parts(best.model, self.data.signals):
