@@ -37,7 +37,7 @@ bool hal_link_read(message_t *message)
             return true;
         case FRAME_BAD:
             count(&bad);
-            break;
+            return false; /* the rest waits, so that a read takes the time of one frame */
         case FRAME_MORE:
             break;
         }
@@ -49,10 +49,12 @@ static bool send(const message_t *message)
 {
     uint8_t bytes[FRAME_SIZE_MAX];
 
-    if (serial_write(bytes, frame_encode(message, bytes)))
-        return true;
-    count(&without_room);
-    return false;
+    if (!serial_has_room(FRAME_SIZE_MAX)) { /* asked first: a frame takes time to make */
+        count(&without_room);
+        return false;
+    }
+    serial_write(bytes, frame_encode(message, bytes));
+    return true;
 }
 
 static void send_faults(void)

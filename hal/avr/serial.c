@@ -80,12 +80,15 @@ bool serial_read(uint8_t *byte)
     return true;
 }
 
-bool serial_write(const uint8_t *bytes, uint8_t size)
+bool serial_has_room(uint8_t size)
+{
+    return ((uint8_t)(out_taken - out_put - 1U) & (SERIAL_OUT - 1U)) >= size;
+}
+
+void serial_write(const uint8_t *bytes, uint8_t size)
 {
     uint8_t put = out_put;
 
-    if (((uint8_t)(out_taken - put - 1U) & (SERIAL_OUT - 1U)) < size)
-        return false;
     for (; size > 0; size--) {
         out[put] = *bytes++;
         put = next_out(put);
@@ -95,7 +98,6 @@ bool serial_write(const uint8_t *bytes, uint8_t size)
     {
         UCSR0B |= 1U << UDRIE0;
     }
-    return true;
 }
 
 uint16_t serial_overruns(void)

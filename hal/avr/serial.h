@@ -14,8 +14,11 @@ void serial_start(void);
 /* Gives the oldest byte that has come. Returns false if there is none. */
 bool serial_read(uint8_t *byte);
 
-/* Sends all of the bytes. Returns false, and sends nothing, if there is no room for them. */
-bool serial_write(const uint8_t *bytes, uint8_t size);
+/* Whether so many bytes can be sent at once, 0..127. */
+bool serial_has_room(uint8_t size);
+
+/* Sends bytes for which there is room. */
+void serial_write(const uint8_t *bytes, uint8_t size);
 
 /* Bytes that were lost, in the UART or for want of room in the buffer; stays at 65535. */
 uint16_t serial_overruns(void);

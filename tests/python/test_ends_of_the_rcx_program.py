@@ -126,9 +126,9 @@ def flies(brick: SimulatedRcx) -> Iterator[int]:
 
 
 def test_its_motors_are_off_nobody_answers_and_it_begins_as_new(tmp_path: Path, full: bool) -> None:
-    """Every 83rd tick of 6 s, or with --full each, at any ms within it: rest, turn and drive are among them."""
+    """Every tenth tick of 6 s, or with --full each, at any ms within it: rest, turn and drive are among them."""
     program = built(tmp_path)
-    every, tried, drove = 1 if full else 83, 0, 0
+    every, tried, drove = 1 if full else 10, 0, 0
     with SimulatedRcx() as brick:
         brick.convert(319, 512, 512, 512)
         rcx_flight.start(brick, program.image)
@@ -165,4 +165,4 @@ def test_its_motors_are_off_nobody_answers_and_it_begins_as_new(tmp_path: Path, 
         again.command("start")
         brick.run(300)
         assert brick.driven != (0, 0)
-    assert tried == (667 if full else 9)
+    assert tried == (667 if full else 67)

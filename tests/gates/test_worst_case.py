@@ -1,0 +1,30 @@
+"""Any start, a line full of requests and any settings: a control period stays within its bound, on each brick.
+
+`tests/loop/worst_case.py` has the figures of hal/avr/README.md and hal/rcx/README.md; here are two short flights each.
+"""
+
+from __future__ import annotations
+
+import pytest
+import worst_case
+from brickpilot.bench.avr_budget import PERIOD
+
+AVR_SHARE = 1.2
+"""Of a period. A step that ends behind it begins the next one that much later; from 2 on it would count as late."""
+
+RCX_MS = 12.0
+"""The watchdog stops a run at 20 ms."""
+
+FLIGHTS = (0, 1)  # one by itself, one in a host's session
+
+
+@pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
+def test_a_period_of_an_avr_chip_stays_within_its_bound(target: str) -> None:
+    longest = max(int(worst_case.avr_cycles(target, 3.0, seed).max()) for seed in FLIGHTS)
+    assert 0.8 * PERIOD < longest <= AVR_SHARE * PERIOD
+
+
+@pytest.mark.parametrize("target", sorted(worst_case.RCX_TARGETS))
+def test_a_step_of_an_rcx_follows_the_last_one_in_time(target: str) -> None:
+    longest = max(float(worst_case.rcx_ticks_ms(target, 3.0, seed).max()) for seed in FLIGHTS)
+    assert 9.0 < longest <= RCX_MS
