@@ -16,6 +16,7 @@
     EFFECT(battery_sag) \
     EFFECT(pwm_quantisation) \
     EFFECT(actuator_lag) \
+    EFFECT(slew_limit) \
     EFFECT(actuator_deadband) \
     EFFECT(voltage_compression) \
     EFFECT(motor_asymmetry) \
@@ -25,6 +26,7 @@
     EFFECT(pwm_coast) \
     EFFECT(zero_coast) \
     EFFECT(dead_time) \
+    EFFECT(current_limit) \
     EFFECT(torque_constant_asymmetry) \
     EFFECT(motor_heating) \
     EFFECT(torque_ripple) \

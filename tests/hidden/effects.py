@@ -51,6 +51,7 @@ LIBRARY: dict[str, Effect] = {
     "battery_sag": _one("resistance", 7.5),
     "pwm_quantisation": _one("step", 0.06),
     "actuator_lag": _one("time_constant", 0.025),
+    "slew_limit": _one("time_per_volt", 0.017),
     "actuator_deadband": _one("voltage", 0.15),
     "motor_asymmetry": _one("difference", 0.04, signed=True),
     "direction_asymmetry": Effect({"torque": 0.003, "drag": 0.0, "gain": 0.0}, ("torque",), signed=True, kind="torque"),
@@ -118,6 +119,7 @@ LIBRARY: dict[str, Effect] = {
     "voltage_compression": _one("compression", 0.15),
     "zero_coast": Effect({"share": 0.45}, ("share",)),
     "dead_time": _one("voltage", 0.2),
+    "current_limit": Effect({"voltage": -1.5}, ("voltage",), offset={"voltage": 6.0}, kind="voltage"),
     "load_friction": _one("share", 0.15),
     "viscous_loss": Effect(
         {"drag": 4e-4}, ("drag",), kind="torque", absent=("viscous_friction", "rolling_friction")

@@ -22,9 +22,9 @@ ZERO = 0.01  # share of the battery's voltage up to which a command is zero to a
 
 EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
-     "pwm_quantisation", "actuator_lag", "actuator_deadband", "voltage_compression", "motor_asymmetry",
-     "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time", "torque_constant_asymmetry",
-     "motor_heating", *electrics_laws.LAWS}
+     "pwm_quantisation", "actuator_lag", "slew_limit", "actuator_deadband", "current_limit", "voltage_compression",
+     "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time",
+     "torque_constant_asymmetry", "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
 """The effects that act only here, in the order in which a command passes them. The gain of direction_asymmetry too."""
 
@@ -77,6 +77,9 @@ class Electrics:
         # share of a difference that is closed at the end of a step, and on average over it
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
+        slew = p("slew_limit", "time_per_volt")
+        self._climb = step_s / slew if slew > 0 else math.inf  # V a step
+        self._across = p("current_limit", "voltage", math.inf)
         self._deadband, self._by_direction = p("actuator_deadband", "voltage"), 0.5 * p("direction_asymmetry", "gain")
         self._fade, self._limit = p("odd_voltage_gain", "loss"), p("supply_saturation", "voltage", math.inf)
         self._pulses, self._brakes = "pwm_coast" in hidden, p("pwm_coast", "brakes") > 0.5
@@ -100,7 +103,7 @@ class Electrics:
     def start_run(self) -> None:
         """Sets everything to rest and no current. `heat`, `charge` and `age` stay."""
         self.current = [0.0, 0.0]
-        self._lagged = [0.0, 0.0]
+        self._lagged, self._held = [0.0, 0.0], [0.0, 0.0]
         self._sum = [0.0, 0.0]
         self._on = [True, True]
         self._count = 0
@@ -119,6 +122,7 @@ class Electrics:
         if self._plain:
             volts: list[float | None] = [command_left, command_right]
         else:
+            self._circuit.emf = [self._emf_constant[0] * speed_left, self._emf_constant[1] * speed_right]
             volts = self._drive(command_left, command_right)
             for side, speed in ((0, speed_left), (1, speed_right)):
                 volts[side] = self._switched(volts[side], self._emf_constant[side] * speed)
@@ -172,6 +176,10 @@ class Electrics:
                 missing = value - self._lagged[side]
                 value = self._lagged[side] + missing * self._midway
                 self._lagged[side] += missing * self._closed
+            if self._climb < math.inf:
+                change = max(-self._climb, min(self._climb, value - self._held[side]))
+                value = self._held[side] + 0.5 * change
+                self._held[side] += change
             size = abs(value)
             if self._deadband:
                 size = max(size - self._deadband, 0.0)
@@ -195,7 +203,7 @@ class Electrics:
             return None
         if self._coasting and abs(volts) <= ZERO * self._vehicle.battery_voltage:
             volts += self._coasting * (emf - volts)
-        left = abs(volts - emf) - self._dead
+        left = min(abs(volts - emf) - self._dead, self._across)
         return emf + math.copysign(left, volts - emf) if left > 0 else emf
 
     def _quantised(self, volts: float) -> float:

@@ -21,7 +21,8 @@ class Circuit:
         commands: V, as they arrive, before the supply and the drive.
         current: A of the motors at the start of a step.
         slow: V, what Thevenin's capacitor holds.
-        held: V, what a drive with limited slew gives.
+        held: V, what a drive gives that climbs at a limited rate.
+        emf: V, the motors' back EMF.
         at_zero: s, how long the command has been zero.
     """
 
@@ -34,6 +35,7 @@ class Circuit:
     current: list[float] = field(default_factory=lambda: [0.0, 0.0])
     slow: float = 0.0
     held: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    emf: list[float] = field(default_factory=lambda: [0.0, 0.0])
     at_zero: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
     def start_run(self) -> None:
@@ -49,10 +51,18 @@ def _sag_with_memory(c: Circuit, p: Parameters) -> float:
     return p["resistance"] * c.drawn + c.slow
 
 
-def _slew_limit(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    most = c.vehicle.battery_voltage / p["time"] * c.step
-    c.held[side] += max(-most, min(most, volts - c.held[side]))
+def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> float:
+    """The voltage climbs at a limited rate, and falls at once."""
+    held = abs(c.held[side]) if volts * c.held[side] > 0 else 0.0
+    size = min(abs(volts), held + c.vehicle.battery_voltage / p["time"] * c.step)
+    c.held[side] = math.copysign(size, volts)
     return c.held[side]
+
+
+def _current_cut_softly(c: Circuit, p: Parameters, side: int, volts: float) -> float:
+    """Of what would fall across a winding above the limit, a share is cut."""
+    across = volts - c.emf[side]
+    return volts - p["share"] * (across - max(-p["voltage"], min(p["voltage"], across)))
 
 
 def _deadband_sloped(_: Circuit, p: Parameters, __: int, volts: float) -> float:
@@ -94,7 +104,8 @@ SUPPLY: dict[str, Callable[[Circuit, Parameters], float]] = {
 DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
     act.__name__[1:]: act
     for act in (
-        _levels_cut_off, _slew_limit, _deadband_sloped, _one_side_drop, _soft_saturation, _switching_loss, _brake_late,
+        _levels_cut_off, _slew_when_driving, _deadband_sloped, _one_side_drop, _soft_saturation, _switching_loss,
+        _current_cut_softly, _brake_late,
     )
 }  # fmt: skip
 """Each returns V of one side (0: left) from V, in the order in which a command passes them. None: the motor floats."""

@@ -67,6 +67,20 @@ def actuator_lag(plant: Plant, p: Parameters) -> None:
     plant.drive.append(hook)
 
 
+def slew_limit(plant: Plant, p: Parameters) -> None:
+    if p["time_per_volt"] <= 0:
+        return
+    most = plant.step / p["time_per_volt"]
+    held = plant.memory(2)
+
+    def hook(plant: Plant) -> None:
+        change = np.clip(plant.voltage - held, -most, most)
+        plant.voltage[:] = held + 0.5 * change
+        held[:] += change
+
+    plant.drive.append(hook)
+
+
 def actuator_deadband(plant: Plant, p: Parameters) -> None:
     half = p["voltage"]
 
@@ -164,6 +178,16 @@ def dead_time(plant: Plant, p: Parameters) -> None:
 
     def hook(plant: Plant) -> None:
         plant.voltage -= np.clip(plant.voltage - emf_constant * plant.flux * plant.rotor, -lost, lost)
+
+    plant.drive.append(hook)
+
+
+def current_limit(plant: Plant, p: Parameters) -> None:
+    limit, emf_constant = p["voltage"], plant.vehicle.emf_constant
+
+    def hook(plant: Plant) -> None:
+        emf = emf_constant * plant.flux * plant.rotor
+        plant.voltage[:] = emf + np.clip(plant.voltage - emf, -limit, limit)
 
     plant.drive.append(hook)
 

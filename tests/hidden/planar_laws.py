@@ -51,13 +51,26 @@ def _sag_with_memory(plant: Plant, p: Parameters) -> None:
 # ---- drive
 
 
-def _slew_limit(plant: Plant, p: Parameters) -> None:
+def _slew_when_driving(plant: Plant, p: Parameters) -> None:
+    """The voltage climbs at a limited rate, and falls at once."""
     most = plant.vehicle.battery_voltage / p["time"] * plant.step
     held = plant.memory(2)
 
     def hook(plant: Plant) -> None:
-        held[:] += np.clip(plant.voltage - held, -most, most)
+        same = plant.voltage * held > 0
+        size = np.minimum(np.abs(plant.voltage), np.where(same, np.abs(held), 0.0) + most)
+        held[:] = np.copysign(size, plant.voltage)
         plant.voltage[:] = held
+
+    plant.drive.append(hook)
+
+
+def _current_cut_softly(plant: Plant, p: Parameters) -> None:
+    """Of what would fall across a winding above the limit, a share is cut."""
+
+    def hook(plant: Plant) -> None:
+        across = plant.voltage - plant.vehicle.emf_constant * plant.flux * plant.rotor
+        plant.voltage -= p["share"] * (across - np.clip(across, -p["voltage"], p["voltage"]))
 
     plant.drive.append(hook)
 
@@ -379,7 +392,8 @@ def _floor_wavy(plant: Plant, p: Parameters) -> None:
 LAWS: dict[str, Callable[[Plant, Parameters], None]] = {
     act.__name__[1:]: act
     for act in (
-        _start_delay_by_run, _command_jitter, _discharge_settling, _sag_with_memory, _slew_limit, _deadband_sloped,
+        _start_delay_by_run, _command_jitter, _discharge_settling, _sag_with_memory, _slew_when_driving,
+        _current_cut_softly, _deadband_sloped,
         _soft_saturation, _switching_loss, _brake_late, _levels_cut_off, _one_side_drop, _one_motor_saturates,
         _ripple_rectified, _cogging_sharp, _backlash_soft, _inertia_on_rubber, _ballast_on_spring, _coulomb_tanh,
         _friction_dahl,

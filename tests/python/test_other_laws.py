@@ -131,8 +131,9 @@ def test_steady_state_is_what_the_law_says(case, engine) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_limited_slew_makes_a_step_a_ramp(engine) -> None:
-    limited = drive(engine, {"slew_limit": {"time": 0.9}}, hold(6, 3, 1.5))[0]
+@pytest.mark.parametrize("hidden", [{"slew_limit": {"time_per_volt": 0.1}}, {"slew_when_driving": {"time": 0.9}}])
+def test_a_limited_slew_makes_a_step_a_ramp(engine, hidden) -> None:
+    limited = drive(engine, hidden, hold(6, 3, 1.5))[0]
     ramp = drive(engine, {}, ramps("ramp", 1.5, (0, 0, 0), (0.3, 3, 3), (0.6, 6, 3)))[0]
     np.testing.assert_allclose(limited.wheel_speed_left, ramp.wheel_speed_left, atol=0.12)
     np.testing.assert_allclose(limited.wheel_speed_right, ramp.wheel_speed_right, atol=0.12)
@@ -409,3 +410,15 @@ def test_tracks_stay_finite() -> None:
             hold(9, -3, 0.3),
         )[0]
         assert all(np.isfinite(getattr(track, f.name)).all() for f in fields(track)), name
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_limited_current_is_met_at_a_start_and_a_reversal_alone(engine) -> None:
+    limit = 2.0
+    run = steps("run", 3.0, (0.2, 6, 6), (1.8, -6, 6))
+    plain, limited = (drive(engine, hidden, run)[0] for hidden in ({}, {"current_limit": {"voltage": limit}}))
+    most = limit / BENCH.resistance
+    for track, bound in ((plain, 1.5 * most), (limited, 1.01 * most)):
+        largest = max(np.abs(track.current_left).max(), np.abs(track.current_right).max())
+        assert (largest <= bound) == (track is limited)
+    assert limited.wheel_speed_left[170] == pytest.approx(plain.wheel_speed_left[170], rel=0.05)
