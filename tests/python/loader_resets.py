@@ -52,7 +52,7 @@ class Outcome:
     Attributes:
         resets: of the chip; the loader's own are among them.
         off_s: from the cause until no motor was driven; None: one was driven until the end.
-        driven_s: for so long a motor was driven after that.
+        driven_s: for so long a motor was driven after that and after `OFF_S`.
         obeys: whether the robot drives when a host tells it to afterwards.
         said: why the chip started, bits of the message BOARD; -1: nothing.
     """
@@ -155,7 +155,7 @@ def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
     driven = _cause(flight_, cause)
     driven += flight_.for_s(WATCH_S - len(driven) * STEP_S)
     off = driven.index(False) if False in driven else None
-    driven_s = 0.0 if off is None else sum(driven[off:]) * STEP_S
+    driven_s = 0.0 if off is None else sum(driven[max(off, round(OFF_S / STEP_S)) :]) * STEP_S
     resets = int(flight_.robot.tell().resets)
     obeys, said = _obeys(flight_)
     return Outcome(loader, cause, at_s, resets, None if off is None else off * STEP_S, driven_s, obeys, said)

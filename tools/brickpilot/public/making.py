@@ -12,7 +12,7 @@ from brickpilot.campaign import file as campaign_file
 from brickpilot.campaign import fly_all, workers
 from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
-from brickpilot.errors import InputError
+from brickpilot.errors import InputError, disk_named
 from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read, run_topics, traffic_topics
 from brickpilot.export import fmu as fmus
 from brickpilot.export import mjcf as mjcfs
@@ -279,6 +279,7 @@ def export(
 
     Raises:
         InputError: an argument is wrong, or a file cannot be read or written.
+        WorkFailedError: the disk is full, or an FMU cannot be compiled.
     """
     if kind in ("mcap", "parquet") and isinstance(what, str | Path):
         return (_mcap if kind == "mcap" else _parquet)(Path(what), out)
@@ -301,10 +302,11 @@ def _fmu(chosen: Model, out: str | Path | None, fmi: str, binary: bool) -> Expor
         raise InputError(f"{fmi!r} is not one of {', '.join(fmus.VERSIONS)} and both", field="fmi")
     versions = fmus.VERSIONS if fmi == "both" else (fmi,)
     ends = {version: f"-fmi{version[0]}" if fmi == "both" else "" for version in versions}
-    made = {
-        path.with_name(f"{path.stem}{ends[version]}{path.suffix}"): fmus.archive(chosen, version, binary=binary)
-        for version in versions
-    }
+    with disk_named(path):
+        made = {
+            path.with_name(f"{path.stem}{ends[version]}{path.suffix}"): fmus.archive(chosen, version, binary=binary)
+            for version in versions
+        }
     files.write(made)
     return Exported(tuple(made))
 
