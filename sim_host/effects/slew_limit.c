@@ -38,7 +38,7 @@ const effect_t effect_slew_limit = {
              .equation =
                  "|dV_motor/dt| <= 1 / time_per_volt, from 0 V at the run's start; a motor that floats floats at "
                  "once",
-             .source = "rate limiter, Hippe 2006, Windup in Control, ch. 6; \"open-loop ramp rate\" of motor "
+             .source = "rate saturation, Hippe 2006, Windup in Control; \"open-loop ramp rate\" of motor "
                        "controllers for robots",
              .prior = BP_PRIOR_USUAL,
              .prior_reason = "Controllers of larger motors ramp their voltage if asked to, and plain bridges do not.",

@@ -62,7 +62,7 @@ OTHER: dict[str, Law] = {
     # drive
     "slew_when_driving": _law({"time": 0.25}, "time", "drive", "slew_limit actuator_lag"),
     "current_cut_softly": _law(
-        {"voltage": 1.0, "share": 0.5}, "share", "drive", "current_limit voltage_compression", kind="voltage"
+        {"voltage": 1.0, "share": 0.4}, "share", "drive", "current_limit voltage_compression"
     ),
     "deadband_sloped": _law({"voltage": 1.0}, "voltage", "drive", "actuator_deadband", kind="voltage"),
     "soft_saturation": _law({"compression": 0.35}, "compression", "drive", "supply_saturation voltage_compression"),

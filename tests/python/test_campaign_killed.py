@@ -25,12 +25,16 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def begun(folder: Path, jobs: int, *more: str) -> subprocess.Popen[str]:
-    """Starts the campaign, in a process group of its own, as a terminal does."""
+    """Starts the campaign, in a process group of its own, as a terminal does.
+
+    It takes Ctrl-C also where these tests are a background job of a shell, which ignores it.
+    """
     return subprocess.Popen(
         [sys.executable, str(PROGRAM), str(folder), str(jobs), *more],
         stderr=subprocess.PIPE,
         text=True,
         process_group=0,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
