@@ -171,6 +171,7 @@ def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> 
         written = _written(found.augmented)
         used = Roles(dict(found.roles), roles.note)
         scored = {"before": _free_runs(data, found.nominal_model), "after": _free_runs(data, written)}
+        scored["predictor"] = _free_runs(data, _written(_predictor(found)))
     except (InputError, SimulationError) as error:
         return {"error": str(error), "seconds": round(time.perf_counter() - began, 1)}, None
     signals = _signals(data, scored["after"])
@@ -182,7 +183,13 @@ def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> 
 
 
 def _found(data: Dataset, work: Work, progress: Progress) -> Finding:
-    return pipeline.discover(data, seed=work.seed, jobs=work.jobs, budget_s=work.budget_s, progress=progress)
+    return pipeline.discover(
+        data, seed=work.seed, jobs=work.jobs, budget_s=work.budget_s, predictor=True, progress=progress
+    )
+
+
+def _predictor(found: Finding) -> Model:
+    return found.augmented if found.predictor is None else found.predictor.model
 
 
 def _signals(data: Dataset, simulated: Predictions) -> tuple[str, ...]:
@@ -287,8 +294,11 @@ def _tested(data: Dataset, test: HiddenTest, work: Work, before: dict[str, Any],
     if work.discover:
         try:
             found = _found(fitted, work, _named("test", progress))
-            free = _free_runs(data, _written(found.augmented), [test.run])
+            free, predicted = (
+                _free_runs(data, _written(model), [test.run]) for model in (found.augmented, _predictor(found))
+            )
             before["discover"] = {"rmse": _error(data, test, free), "effects": [one.name for one in found.effects]}
+            before["predictor of discover"] = {"rmse": _error(data, test, predicted)}
         except (InputError, SimulationError) as error:
             before["discover"] = {"error": str(error)}
     for peer in work.peers:

@@ -18,7 +18,8 @@ from lab.real_score import FIGURE
 BEGIN, END = "<!-- real logs -->", "<!-- end of real logs -->"
 
 VERDICT_HEAD = ("log", "machine, what is known", "by physics", "verdict", "s")
-FIT_HEAD = ("log", "before", "after", "attainable", *(peer.name for peer in PEERS))
+MODELS = ("before", "after", "predictor")
+FIT_HEAD = ("log", *MODELS, "attainable", *(peer.name for peer in PEERS))
 
 _DELAYED = PEERS[0].name
 
@@ -94,7 +95,7 @@ def _cell(text: str) -> str:
 def fit_cells(one: Result) -> list[str]:
     """Returns a log's cells under `FIT_HEAD`, as Markdown."""
     found = models(one)
-    cells = [f"`{one['name']}`", *(_both(found.get(model)) for model in ("before", "after")), _one(attainable(one))]
+    cells = [f"`{one['name']}`", *(_both(found.get(model)) for model in MODELS), _one(attainable(one))]
     return cells + [_both(one.get("peers", {}).get(peer.name)) for peer in PEERS]
 
 
@@ -154,13 +155,15 @@ def summary(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str
     said.append(f"Peers: {measured.told(peers, 'results')}.")
     if about_the_mean := [one for one in results if one.get("figure") != FIGURE]:
         said.append(f"The figures of {len(about_the_mean)} logs are still of an older kind: about the signal's mean.")
-    said.append(f"The written model of `discover` is better than {_DELAYED} on {_wins(ran, (_DELAYED,))}.")
-    said.append(f"It is better than the best peer on {_wins(ran, tuple(peer.name for peer in PEERS))}.")
+    best = tuple(peer.name for peer in PEERS)
+    said.append(f"The explanation of `discover` is better than {_DELAYED} on {_wins(ran, (_DELAYED,), 'after')}.")
+    said.append(f"It is better than the best peer on {_wins(ran, best, 'after')}.")
+    said.append(f"The predictor of `discover` is better than the best peer on {_wins(ran, best, 'predictor')}.")
     for peer in PEERS:
         if any(pooled(one.get("peers", {}).get(peer.name), judged_on(one)) is not None for one in ran):
-            said.append(f"Than {peer.name} it is better on {_wins(ran, (peer.name,))}.")
+            said.append(f"Than {peer.name} it is better on {_wins(ran, (peer.name,), 'predictor')}.")
     gained = [one for one in ran if (_after(one) or 0) >= (_before(one) or 0)]
-    said.append(f"It is no worse than the calibrated nominal model on {len(gained)} of {len(ran)}.")
+    said.append(f"The explanation is no worse than the calibrated nominal model on {len(gained)} of {len(ran)}.")
     named = [one for one in ran if one["discover"]["verdict"] == "named"]
     shares = [share for share in map(removed, named) if share is not None]
     if shares:
@@ -181,12 +184,13 @@ def _roles(results: Sequence[Result]) -> str:
     return "held-out runs, in brackets over fit runs" + (f"; {none} have no held-out run" if none else "")
 
 
-def _wins(results: Sequence[Result], peers: Sequence[str]) -> str:
+def _wins(results: Sequence[Result], peers: Sequence[str], model: str) -> str:
+    """Returns on how many logs a model of discovery is better than these peers, of those that have both."""
     both = []
     for one in results:
         role = judged_on(one)
         others = [value for name in peers if (value := pooled(one.get("peers", {}).get(name), role)) is not None]
-        if others and (own := _after(one)) is not None:
+        if others and (own := pooled(models(one).get(model), role)) is not None:
             both.append(own > max(others))
     return f"{sum(both)} of {len(both)}"
 

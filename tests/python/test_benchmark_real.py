@@ -254,7 +254,8 @@ def a_result(name="bench", verdict="named", before=40.0, after=90.0, peer=80.0, 
              "parameters": {}, "equivalents": []}
         ],
         "fit": {"before": {"fit": {"pooled": before}, "held_out": {"pooled": before, "speed": before}},
-                "after": {"fit": {"pooled": after}, "held_out": {"pooled": after, "speed": after}}},
+                "after": {"fit": {"pooled": after}, "held_out": {"pooled": after, "speed": after}},
+                "predictor": {"fit": {"pooled": 99.0}, "held_out": {"pooled": 99.0, "speed": 99.0}}},
         "attainable": {"fit": {}, "held_out": {"speed": attainable, "not measured": 10.0}},
     }  # fmt: skip
     peers = {PEERS[0].name: {"fit": {"pooled": peer}, "held_out": {"pooled": peer}, "seconds": 1.0}}
@@ -265,6 +266,7 @@ def test_summary_counts_wins_and_what_was_removed():
     results = [a_result(), a_result("b", "unknown", after=70.0), a_result("c", before=60.0, after=50.0)]
     said = "\n".join(real_table.summary(results, {}))
     assert f"better than {PEERS[0].name} on 1 of 3" in said
+    assert "predictor of `discover` is better than the best peer on 3 of 3" in said
     assert "no worse than the calibrated nominal model on 2 of 3" in said
     share = (0.6**2 - 0.1**2) / (0.6**2 - 0.05**2)
     grown = (0.4**2 - 0.5**2) / (0.4**2 - 0.05**2)
