@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.parts import library_parts
 from brickpilot.discover.prepare import with_default_sds
+from brickpilot.discover.settle import better_predictor
 from brickpilot.fit import parameters
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import of_bins
@@ -84,6 +86,23 @@ def friction(tmp_path_factory):
 @pytest.fixture(scope="module")
 def nothing(tmp_path_factory):
     return pipeline.discover(reading.read(hidden(tmp_path_factory.mktemp("nothing") / "set", {})))
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    model: object
+
+
+def test_a_predictor_that_simulates_the_fit_runs_worse_gives_way_to_the_explanation(tmp_path):
+    data = with_default_sds(reading.read(hidden(tmp_path / "set", {"coulomb_friction": {"torque": 0.005}}, error=0.0)))
+    prepared = SimpleNamespace(dataset=data, jobs=1)
+    right, wrong = (
+        Made(dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": torque}})) for torque in (0.005, 0.02)
+    )
+    assert better_predictor(prepared, right, wrong) is right
+    kept = better_predictor(prepared, wrong, right)
+    assert kept.model.effects == right.model.effects
+    assert kept.model.name == f"{right.model.name}, predictor"
 
 
 def test_the_residual_compares_the_mean_of_each_bin(tmp_path):

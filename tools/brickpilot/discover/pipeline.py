@@ -48,7 +48,7 @@ from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, pre
 from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
 from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
-from brickpilot.discover.settle import Settled, at_samples, best_predictor, settle
+from brickpilot.discover.settle import Settled, at_samples, best_predictor, better_predictor, settle
 from brickpilot.discover.verdict import Verdict, adequate, best_so_far, confirmed
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
 from brickpilot.fit.descent import Progress
@@ -186,6 +186,8 @@ def _prove(
     if composed is not None:
         written = settle(prepared, composed.explanation)
         composed = Composed.of(written.explanation)
+    if predicts is not None:
+        predicts = better_predictor(prepared, predicts, written)
     proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
     said = proof.evidence.sentence if proof.evidence else ""
     if verdict.kind == "named" and not (proof.is_confirmed or proof.is_contradicted):

@@ -201,6 +201,17 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
                 data, current = follow(whole, current, prepared.jobs)
     except SimulationError:
         current, data = start, prepared.coarse
-    made = written(prepared, data, current, (_PREDICTOR,))
-    model = dataclasses.replace(made.model, name=f"{made.model.name}, predictor")
-    return dataclasses.replace(made, model=model)
+    return _as_predictor(written(prepared, data, current, (_PREDICTOR,)))
+
+
+def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
+    """Returns what simulates the fit runs with less error: the predictor that grew, or the settled explanation.
+
+    Parts are joined and fitted to whole runs, where a descent may end in a worse place than the explanation's own.
+    """
+    errors, own = free_run_errors(prepared, [grown.model, explained.model])
+    return grown if _change(own, errors) < 1 else _as_predictor(explained)
+
+
+def _as_predictor(made: Settled) -> Settled:
+    return dataclasses.replace(made, model=dataclasses.replace(made.model, name=f"{made.model.name}, predictor"))
