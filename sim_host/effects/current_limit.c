@@ -1,28 +1,14 @@
 #include "effects/effect.h"
-
-typedef struct {
-    real_t speed[2]; /* rad/s at the start of the last motor step */
-} before_t;
-
-static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
-{
-    (void)value;
-    before_t *before = (before_t *)memory;
-    for (int k = 0; k < 2; k++)
-        before->speed[k] = vehicle->state.wheel_speed[k];
-}
+#include "effects/middle_speed.h"
 
 /* The drive gives less than is commanded where more would flow: across the winding falls what the back EMF leaves, that of the
  * middle of the step. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
-    before_t *before = (before_t *)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const motor_t *motor = &vehicle->motor[k];
-        const real_t speed = vehicle->state.wheel_speed[k];
-        const real_t emf = motor->emf_constant * (speed + 0.5 * (speed - before->speed[k]));
+        const real_t emf = motor->emf_constant * middle_speed(memory, vehicle, k);
         const real_t across = vehicle->voltage[k] - emf;
-        before->speed[k] = speed;
         const mask_t cut = (real_abs(across) > value[0]) & mask_not(motor->torque_per_volt > 0);
         vehicle->voltage[k] = choose(cut, emf + real_signed(value[0], across), vehicle->voltage[k]); /* NaN: floats */
     }
@@ -57,6 +43,6 @@ const effect_t effect_current_limit = {
                  "more gently.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = sizeof(before_t) / sizeof(real_t),
-    .hook = {[SITE_START] = start, [SITE_DRIVE] = drive},
+    .memory_count = MIDDLE_SPEED_MEMORY,
+    .hook = {[SITE_START] = middle_speed_start, [SITE_DRIVE] = drive},
 };

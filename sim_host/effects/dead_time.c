@@ -1,28 +1,13 @@
 #include "effects/effect.h"
-
-typedef struct {
-    real_t speed[2]; /* rad/s at the start of the last motor step */
-} before_t;
-
-static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
-{
-    (void)value;
-    before_t *before = (before_t *)memory;
-    for (int k = 0; k < 2; k++)
-        before->speed[k] = vehicle->state.wheel_speed[k];
-}
+#include "effects/middle_speed.h"
 
 /* Where less than the lost voltage is left to drive a current, none flows: the motor feels its back EMF, that of the
  * middle of the step. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
-    before_t *before = (before_t *)memory;
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const motor_t *motor = &vehicle->motor[k];
-        const real_t speed = vehicle->state.wheel_speed[k];
-        const real_t middle = speed + 0.5 * (speed - before->speed[k]);
-        const real_t across = vehicle->voltage[k] - motor->emf_constant * middle;
-        before->speed[k] = speed;
+        const real_t across = vehicle->voltage[k] - motor->emf_constant * middle_speed(memory, vehicle, k);
         const real_t lost = choose(real_abs(across) <= value[0], across, real_signed(value[0], across));
         const real_t left = vehicle->voltage[k] - lost; /* a floating motor is NaN and stays so */
         vehicle->voltage[k] = choose(motor->torque_per_volt > 0, vehicle->voltage[k], left);
@@ -57,6 +42,6 @@ const effect_t effect_dead_time = {
              .parameters = PARAMETERS,
              .variant_of = "actuator_deadband",
              .variation = "against the current"},
-    .memory_count = sizeof(before_t) / sizeof(real_t),
-    .hook = {[SITE_START] = start, [SITE_DRIVE] = drive},
+    .memory_count = MIDDLE_SPEED_MEMORY,
+    .hook = {[SITE_START] = middle_speed_start, [SITE_DRIVE] = drive},
 };

@@ -1,31 +1,17 @@
 #include "effects/effect.h"
+#include "effects/middle_speed.h"
 
 /* Share of the battery's nominal voltage up to which a command counts as zero: a command that a lag leaves behind is
  * never exactly 0. */
 static const double ZERO = 0.01;
 
-typedef struct {
-    real_t speed[2]; /* rad/s at the start of the last motor step */
-} before_t;
-
-static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
-{
-    (void)value;
-    before_t *before = (before_t *)memory;
-    for (int k = 0; k < 2; k++)
-        before->speed[k] = vehicle->state.wheel_speed[k];
-}
-
 /* A motor that feels its own back EMF draws no current. So a share of it takes away that share of the braking, and the
  * response is linear in it. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
-    before_t *before = (before_t *)memory;
     const real_t zero = ZERO * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
-        const real_t speed = vehicle->state.wheel_speed[k];
-        const real_t middle = speed + 0.5 * (speed - before->speed[k]);
-        before->speed[k] = speed;
+        const real_t middle = middle_speed(memory, vehicle, k);
         const real_t voltage = vehicle->voltage[k];
         const real_t coasts = voltage + value[0] * (vehicle->motor[k].emf_constant * middle - voltage);
         vehicle->voltage[k] = choose(real_abs(voltage) <= zero, coasts, voltage); /* a floating motor is NaN */
@@ -58,6 +44,6 @@ const effect_t effect_zero_coast = {
              .parameters = PARAMETERS,
              .variant_of = "pwm_coast",
              .variation = "at zero command alone"},
-    .memory_count = sizeof(before_t) / sizeof(real_t),
-    .hook = {[SITE_START] = start, [SITE_DRIVE] = drive},
+    .memory_count = MIDDLE_SPEED_MEMORY,
+    .hook = {[SITE_START] = middle_speed_start, [SITE_DRIVE] = drive},
 };

@@ -300,7 +300,7 @@ def _tested(data: Dataset, test: HiddenTest, work: Work, before: dict[str, Any],
             before["discover"] = {"rmse": _error(data, test, free), "effects": [one.name for one in found.effects]}
             before["predictor of discover"] = {"rmse": _error(data, test, predicted)}
         except (InputError, SimulationError) as error:
-            before["discover"] = {"error": str(error)}
+            before["discover"] = before["predictor of discover"] = {"error": str(error)}
     for peer in work.peers:
         if not peer.missing():
             before[peer.name] = {"rmse": _error(data, test, peer.load()(data, roles))}

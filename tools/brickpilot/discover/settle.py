@@ -38,7 +38,6 @@ Array = NDArray[np.float64]
 _ROUNDS = 2  # of weighing the signals by their residuals and fitting again
 _MOST_JOINED = 5  # parts of a predictor beside the explanation that it starts from
 _WHOLE = "The values are those of a fit to whole runs."
-_PREDICTOR = "A predictor: its parts are what predicts best, and none of them is claimed."
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> F
     return found
 
 
-def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...]) -> Settled:
+def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...] = ()) -> Settled:
     """Returns the model of an explanation as read back from its file, with intervals that `data` give."""
     plan = found.plan
     known = assess(data, found.model, plan.free) if plan.free else None
@@ -201,7 +200,7 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
                 data, current = follow(whole, current, prepared.jobs)
     except SimulationError:
         current, data = start, prepared.coarse
-    return _as_predictor(written(prepared, data, current, (_PREDICTOR,)))
+    return _as_predictor(written(prepared, data, current))
 
 
 def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
