@@ -215,9 +215,12 @@ def _share(value: float | None) -> str:
 
 
 def _log(result: Result) -> dict[str, Any]:
-    """Returns model -> fit percent of one log by role; "nominal" is calibrated, "discover" the written model."""
+    """Returns model -> fit percent of one log by role.
+
+    "nominal" is calibrated, "discover" the explanation that is written, "predictor" what `--predictor` writes.
+    """
     found = models(result)
-    entries = {"nominal": found.get("before"), "discover": found.get("after")}
+    entries = {"nominal": found.get("before"), "discover": found.get("after"), "predictor": found.get("predictor")}
     entries |= {peer.name: result.get("peers", {}).get(peer.name) for peer in PEERS}
     return {
         "name": result["name"],
