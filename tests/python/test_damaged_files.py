@@ -282,7 +282,7 @@ def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, 
     for number in range(count):
         path.write_bytes(damaged_bytes(good, draw))
         pool = pool or ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
-        pool.submit(int).result()  # it has begun
+        pool.submit(peak_bytes).result()  # it has begun, and imported all that it needs
         try:
             could, bytes_used = pool.submit(as_importer, path).result(LONGEST_S)
         except BrokenProcessPool:
