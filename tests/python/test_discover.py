@@ -7,6 +7,7 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from brickpilot import catalogue
 from brickpilot.data import dataset, holdout, periods, reading
@@ -14,11 +15,12 @@ from brickpilot.data.motion import cut_into_windows, with_averaged_starts, with_
 from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.parts import library_parts
-from brickpilot.discover.prepare import with_default_sds
-from brickpilot.discover.settle import better_predictor
+from brickpilot.discover.prepare import calibrate, prepare, with_default_sds
+from brickpilot.discover.settle import best_predictor, better_predictor, free_run_errors, whole_runs
 from brickpilot.fit import parameters
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import of_bins
+from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import manoeuvres
 from brickpilot.vehicle.replay import Replay
 from synthetic import motor, robot, write
@@ -95,7 +97,7 @@ class Made:
 
 def test_a_predictor_that_simulates_the_fit_runs_worse_gives_way_to_the_explanation(tmp_path):
     data = with_default_sds(reading.read(hidden(tmp_path / "set", {"coulomb_friction": {"torque": 0.005}}, error=0.0)))
-    prepared = SimpleNamespace(dataset=data, jobs=1)
+    prepared = SimpleNamespace(dataset=data, measured=data, jobs=1)
     right, wrong = (
         Made(dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": torque}})) for torque in (0.005, 0.02)
     )
@@ -103,6 +105,39 @@ def test_a_predictor_that_simulates_the_fit_runs_worse_gives_way_to_the_explanat
     kept = better_predictor(prepared, wrong, right)
     assert kept.model.effects == right.model.effects
     assert kept.model.name == f"{right.model.name}, predictor"
+
+
+def cogging(signal, noise):
+    """Returns what `prepare` makes of a motor with a torque that repeats each turn, of which one signal is measured."""
+    hidden = {"torque": 0.02, "order": 2.0, "phase": 0.3, "phase_difference": 0.0}
+    truth = dataclasses.replace(motor(wheel_inertia=1e-3), effects={"cogging": hidden})
+    time, random = np.arange(0.0, 4.0, 0.01), np.random.default_rng(0)
+    frames = {}
+    for name, volts in {"up": 4.0, "down": -3.0, "slow": 2.5}.items():
+        inputs = np.where(time > 0.1, volts, 0.0)[:, np.newaxis]
+        (run,) = plant.simulate([(truth, plant.OpenLoopRun(time=time, inputs=inputs))])
+        values = run.outputs[signal] + noise * random.normal(size=len(time))
+        frames[name] = pd.DataFrame({"time": time, "voltage": inputs[:, 0], signal: values})
+    known = {
+        name: truth.parameters[name] for name in ("resistance", "torque_constant", "emf_constant", "wheel_inertia")
+    }
+    data = dataset.Dataset.from_frames(frames, vehicle="motor", nominal=known)
+    return prepare(data, None, seed=0, jobs=1)[0]
+
+
+def test_whole_runs_of_a_motor_compare_the_position_that_was_measured():
+    prepared = cogging("angle", 0.01)
+    assert prepared.coarse.signals == ["speed"]
+    assert whole_runs(prepared).signals == ["angle"]
+    assert free_run_errors(prepared, [motor()])[0].keys() == {"angle"}
+
+
+@pytest.mark.parametrize(("signal", "noise", "is_known"), [("angle", 0.01, True), ("speed", 0.05, False)])
+def test_a_predictor_has_the_phase_of_a_wheel_only_where_its_angle_is_measured(signal, noise, is_known):
+    """Where it is not, the next run begins at another angle, and a phase that fits these runs makes it worse."""
+    prepared, nominal = calibrate(cogging(signal, noise))
+    grown = best_predictor(prepared, nominal, lambda text: None)
+    assert grown.explanation.is_periodic == is_known
 
 
 def test_the_residual_compares_the_mean_of_each_bin(tmp_path):

@@ -178,3 +178,20 @@ def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
         assert not any(one.claimed for one in swapped.effects)
         assert swapped.augmented.effects == {}
     assert found.verdict in ("named", "ambiguous")
+
+
+def test_a_predictor_is_judged_by_whole_runs_and_by_rms(tmp_path: Path) -> None:
+    prepared, _, _ = ready(written(tmp_path / "set", truth(), truth()))
+    judge = Judge.of(prepared.coarse, 0).leaving_out_runs()
+    runs = [prepared.coarse.rows_of(name) for name, role in zip(MOVES, ROLES, strict=True) if role == "fit"]
+    assert judge.count == len(runs)
+    assert all(len(np.unique(judge.stretch[rows])) == 1 for rows in runs)
+    floors = judge.data.by_signal({signal: judge.data.floor(signal) for signal in judge.data.signals})
+    before = 4 * floors
+    assert judge.changes(before, 2 * floors) == pytest.approx(np.log(0.5))
+    assert judge.changes(before, 0.1 * floors) == pytest.approx(np.log(0.25))  # below the floor it is noise
+    one_worse = np.where(runs[0], 8 * floors, 2 * floors)
+    first, *draws = judge.changes(before, one_worse)
+    share = runs[0].sum() / len(floors)
+    assert first == pytest.approx(np.log((share * 64 + (1 - share) * 4) / 16) / 2)
+    assert min(draws) < 0 < max(draws)

@@ -13,6 +13,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,6 +34,7 @@ _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # of the bootstrap
 _ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and the relative change that is the last
 _LEAST_STRETCHES = 10
+_LEAST_RUNS = 4
 _DAMPED = 4.0  # times more, until a step is short enough
 _FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
@@ -110,6 +112,29 @@ class Judge:
         drawn = np.random.default_rng(seed).normal(size=len(data.measured)) * noise
         top = float(cls(data, stretch, count, 0.0).density(drawn).sum())
         return cls(data, stretch, count, top, shape)
+
+    def leaving_out_runs(self) -> Judge:
+        """Returns the judge that predicts each whole run without itself; of few runs, each quarter of all of them."""
+        stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
+        return dataclasses.replace(self, stretch=stretch, count=count)
+
+    def changes(self, before: Array, after: Array) -> Array:
+        """Returns (1 + draws,): the log of how many times as large the rms of a residual (values,) becomes.
+
+        It is the mean over the signals: first over all stretches alike, then by a Bayesian bootstrap over them. An rms
+        below a signal's floor counts as the floor.
+        """
+        weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
+        total = np.zeros(len(weights))
+        for signal in self.data.signals:
+            rows = np.concatenate(
+                [np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal]
+            )
+            least = weights @ np.bincount(self.stretch[rows], minlength=self.count) * self.data.floor(signal) ** 2
+            sums = (weights @ np.bincount(self.stretch[rows], one[rows] ** 2, self.count) for one in (before, after))
+            first, then = (np.maximum(one, least) for one in sums)
+            total += np.log(then / first) / 2
+        return np.asarray(total / len(self.data.signals))
 
     def density(self, residual: Array) -> Array:
         """Returns (stretches,): the log density of a residual (values,), SI."""
@@ -242,9 +267,13 @@ def weigh(table: Sequence[Evidence], temperature: float) -> Array:
     """Returns the weight of each explanation, (explanations,), of sum 1."""
     rows = np.array([one.by_stretch for one in table])
     odds = np.array([one.log_prior(temperature) for one in table])
-    alpha = np.random.default_rng(0).dirichlet(np.ones(rows.shape[1]), _DRAWS) * rows.shape[1]
-    total = alpha @ rows.T / temperature + odds
+    total = _bootstrap(rows.shape[1]) @ rows.T / temperature + odds
     return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)).mean(axis=0))
+
+
+def _bootstrap(count: int) -> Array:
+    """Returns (draws, stretches): weights of mean 1 (Rubin 1981, Annals of Statistics 9)."""
+    return np.asarray(np.random.default_rng(0).dirichlet(np.ones(count), _DRAWS) * count)
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:

@@ -11,9 +11,9 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     adequate         -> Verdict       of those that leave nothing predictable; if none: `unknown`    (verdict.py)
     prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
-    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
     confirmed        -> Verdict       what the measured samples leave of a name                      (verdict.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
+    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
     prove            -> Proof         the seal is opened, once: held-out runs may take a name back   (seal.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
@@ -120,9 +120,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     composed: Composed | None = None
     if explained.verdict.kind == "unknown":
         composed = compose(explained.prepared, explained.found.judge, explained.verdict, tell)
-    predicts = best_predictor(explained.prepared, explained.verdict.best, tell) if predictor else None
-    tell("computing intervals and the next experiment")
-    conclusion: Conclusion = _prove(explained, composed, predicts, sealed, tell)
+    conclusion: Conclusion = _prove(explained, composed, sealed, tell, predictor=predictor)
     finding: Finding = conclude(explained.prepared, conclusion)
     deadline = prepared.deadline
     elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
@@ -174,9 +172,10 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
 
 
 def _prove(
-    explained: Explained, composed: Composed | None, predicts: Settled | None, sealed: Sealed, tell: Stages
+    explained: Explained, composed: Composed | None, sealed: Sealed, tell: Stages, *, predictor: bool
 ) -> Conclusion:
     """Settles the model of the verdict, opens the seal, and returns what is concluded."""
+    tell("computing intervals and the next experiment")
     prepared = explained.prepared
     samples: Found = at_samples(prepared, explained.verdict.nominal, explained.verdict.best)
     verdict = confirmed(explained.verdict, samples, numbers.UNEXPLAINED_NATS * len(prepared.fine.measured))
@@ -186,8 +185,9 @@ def _prove(
     if composed is not None:
         written = settle(prepared, composed.explanation)
         composed = Composed.of(written.explanation)
-    if predicts is not None:
-        predicts = better_predictor(prepared, predicts, written)
+    predicts: Settled | None = None
+    if predictor:
+        predicts = better_predictor(prepared, best_predictor(prepared, best.explanation, tell), written)
     proof = prove(prepared, sealed, nominal.model, written.model, written.explanation.model.by_run)
     said = proof.evidence.sentence if proof.evidence else ""
     if verdict.kind == "named" and not (proof.is_confirmed or proof.is_contradicted):
@@ -201,8 +201,8 @@ def _prove(
     yardstick = Yardstick()
     if prepared.deadline.allows("what is attainable"):
         yardstick = measure(prepared, proof, nominal.model, written.model)
-    predictor = None if predicts is None else as_predictor(prepared, proof, predicts)
+    predicted = None if predicts is None else as_predictor(prepared, proof, predicts)
     judge = explained.found.judge
     return Conclusion(
-        steps, judge, samples, verdict, best, written, nominal, composed, proof, experiment, yardstick, predictor
+        steps, judge, samples, verdict, best, written, nominal, composed, proof, experiment, yardstick, predicted
     )

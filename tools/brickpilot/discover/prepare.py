@@ -68,6 +68,7 @@ class Prepared:
     Attributes:
         dataset: the fit runs with an sd on every nominal value and with averaged start states; of what is held out the
             inputs alone.
+        measured: the fit runs as they were measured: a motor's position is blank in `dataset`, which has its velocity.
         compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
         windows: the fit runs of a vehicle cut into short windows; None where no wheel was measured.
         roles: which runs are fitted and which are held out.
@@ -82,6 +83,7 @@ class Prepared:
     """
 
     dataset: Dataset
+    measured: Dataset
     compared: Dataset
     windows: Dataset | None
     roles: holdout.Roles
@@ -136,7 +138,18 @@ def prepare(
     compared = windows if windowed and windows is not None else ready
     coarse, fine = _residuals(ready, compared, plan, jobs)
     prepared = Prepared(
-        ready, compared, None if is_motor else windows, roles, plan, coarse, fine, excitation, seed, jobs, deadline
+        dataset=ready,
+        measured=_blind(measured, roles),
+        compared=compared,
+        windows=None if is_motor else windows,
+        roles=roles,
+        plan=plan,
+        coarse=coarse,
+        fine=fine,
+        excitation=excitation,
+        seed=seed,
+        jobs=jobs,
+        deadline=deadline,
     )
     return prepared, sealed
 

@@ -93,14 +93,17 @@ class Library:
 
     word, width = "effect", Width()
 
-    def __init__(self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS) -> None:
-        self._excitation, self._runs, self.most = excitation, runs, most
+    def __init__(
+        self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS, *, periodic: bool = True
+    ) -> None:
+        self._excitation, self._runs, self.most, self._periodic = excitation, runs, most, periodic
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
         base = problem.plan.at(point)
         own = [one for one in run_parts(self._runs) if one.effect not in base.by_run]
-        chosen = [*library_parts(base, problem.data.signals), *own]
+        chosen = [one for one in library_parts(base, problem.data.signals) if self._periodic or not one.is_periodic]
+        chosen += own
         kept: dict[tuple[str, tuple[str, ...]], int] = {}
         found = []
         for trial in screen(problem, point, chosen, excitation=self._excitation, deadline=deadline):

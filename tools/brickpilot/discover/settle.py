@@ -4,8 +4,8 @@ The search compares short windows and changes, because a wrong force moves a vel
 ever. What is written must also follow a whole run. So the values of the same explanation are fitted again to free runs,
 and kept where the fit runs get better by it. Nothing joins there.
 
-Where it is asked for, the best predictor is settled too: the explanation with every part that makes whole runs left out
-better, claimed or not. It is for those who want to predict and do not ask why.
+Where it is asked for, the best predictor is settled too: the explanation with every part that surely makes whole runs
+better that are left out, claimed or not. It is for those who want to predict and do not ask why.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.motion import MOTOR_RATE_OF
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Judge
@@ -62,7 +63,7 @@ class Settled:
 def settle(prepared: Prepared, found: Explanation) -> Settled:
     """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better."""
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
-    whole = whole_runs(prepared)
+    whole = None if prepared.is_biased else whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
         try:
@@ -102,9 +103,7 @@ def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple
 
 
 def whole_runs(prepared: Prepared) -> Residual | None:
-    """Returns the residual of whole runs as measured; None where a feedback loop biases free runs."""
-    if prepared.is_biased:
-        return None
+    """Returns the residual of whole runs, positions as measured; None where there is too little to compare."""
     names = [run.name for run in prepared.dataset.runs if run.outputs]
     try:
         return of_bins(
@@ -113,6 +112,7 @@ def whole_runs(prepared: Prepared) -> Residual | None:
             names,
             width_s=numbers.BIN_S,
             coarse=True,
+            samples=prepared.measured,
             as_measured=True,
             threads=prepared.jobs,
         )
@@ -145,7 +145,7 @@ def free_run_errors(prepared: Prepared, models: list[Model]) -> list[dict[str, f
 
 def _errors(prepared: Prepared, outputs: Mapping[str, Outputs]) -> dict[str, float]:
     sums: dict[str, Array] = {}
-    for run in prepared.dataset.runs:
+    for run in prepared.measured.runs:
         for signal in sorted(run.outputs.keys() & outputs[run.name].keys() - {"battery_voltage"}):
             measured = run.outputs[signal]
             known = np.isfinite(measured)
@@ -171,35 +171,36 @@ def read_back(model: Model) -> Model:
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
-    """Returns the best predictor that grows from an explanation, chosen on stretches of the fit runs left out.
+    """Returns the best predictor that grows from an explanation, chosen by the error in whole runs that are left out.
 
     Nothing in it is a finding: parts that no evidence tells apart stand in it side by side, and no prior odds hold them
-    back.
+    back. A loop around the data biases its values, but not what is simulated with them. A periodic part joins only
+    where the angle is measured: of a new run nobody knows the phase.
     """
-    data, current = prepared.coarse, start
     whole = whole_runs(prepared)
-    deadline = prepared.deadline.until(COMPOSED)
+    if whole is None:
+        return _as_predictor(written(prepared, prepared.coarse, start))
+    deadline, data, current = prepared.deadline.until(COMPOSED), whole, start
+    periodic = any(name in run.outputs for run in prepared.measured.runs for name in MOTOR_RATE_OF)
+    library = Library(prepared.excitation, runs_of(whole), periodic=periodic)
     try:
-        if whole is not None:
-            data, current = follow(whole, start, prepared.jobs)
+        data, current = follow(whole, start, prepared.jobs)
         for _ in range(_MOST_JOINED):
             if deadline.passed:
                 break
             tell("searching for the best predictor")
-            judge = Judge.of(data, prepared.seed)
+            judge = Judge.of(data, prepared.seed).leaving_out_runs()
             now = judge.of_explanation(current)
             found = Found(judge, now, {current.key: now})
-            library = Library(prepared.excitation, runs_of(data))
             search = Search(data, current, library, prepared.excitation, prepared.jobs, deadline, tell)
             found.add(search.beside(found, now), prepared.jobs)
-            best = max(found.table.values(), key=lambda one: one.total)
-            if best.total - now.total < numbers.CHANCE_NATS * judge.correlation(best):
+            changes = {key: judge.changes(now.left_out, one.left_out) for key, one in found.table.items()}
+            best = min(changes, key=lambda key: float(changes[key][0]))
+            if np.mean(changes[best] < 0) < numbers.SURE:
                 break
-            current = best.explanation
-            if whole is not None:
-                data, current = follow(whole, current, prepared.jobs)
+            data, current = follow(data, found.table[best].explanation, prepared.jobs)
     except SimulationError:
-        current, data = start, prepared.coarse
+        data, current = whole, start
     return _as_predictor(written(prepared, data, current))
 
 
