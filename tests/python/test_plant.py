@@ -1,7 +1,9 @@
 """The C plant against independent ODEs, its convergence, and the Python that calls it."""
 
+import copy
 import dataclasses
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -142,6 +144,18 @@ def test_threads_do_not_change_a_byte() -> None:
     for a, b in zip(one, many, strict=True):
         assert a.final == b.final
         assert all(a.outputs[name].tobytes() == b.outputs[name].tobytes() for name in a.outputs)
+
+
+def test_a_copy_of_a_run_that_was_simulated_reads_its_own_arrays() -> None:
+    run = OpenLoopRun(np.arange(0.0, 2.0, 0.01), np.full((200, 2), 5.0))
+    (first,) = simulate([(rcx(), run)])
+    for make in (copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))):
+        other = make(run)
+        other.inputs[:] = 0.0
+        (still,) = simulate([(rcx(), other)])
+        assert not still.outputs["surge"].any()
+        (again,) = simulate([(rcx(), run)])
+        assert np.array_equal(first.columns, again.columns, equal_nan=True)
 
 
 def test_two_halves_make_the_whole_run() -> None:

@@ -93,6 +93,10 @@ class OpenLoopRun:
             raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
         return row
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns what a copy or a pickle holds: not the addresses of this one's arrays."""
+        return {name: value for name, value in vars(self).items() if name != "_as_c"}
+
     @cached_property
     def _as_c(self) -> tuple[Array, Array, NDArray[Any], bytes]:
         """Time, inputs and restarts as C reads them, and the row of `bp_run` that points to them."""
