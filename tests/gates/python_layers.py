@@ -12,7 +12,7 @@ PACKAGE = "brickpilot"
 
 # Modules beside the rooms, which any room may import. catalogue reads the C table of effects, by compiled; constants
 # reads rcx.toml.
-BASE = {"__init__", "errors", "compiled", "catalogue", "constants"}
+BASE = {"__init__", "errors", "compiled", "catalogue", "constants", "side_by_side"}
 
 # Room -> other rooms that it may import. A room may always import itself. Only `cli` prints, and nothing imports it.
 MAY: dict[str, set[str]] = {

@@ -15,13 +15,12 @@ from brickpilot.data.axes import Segment
 from brickpilot.data.dataset import Dataset, Nominal, Run
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import SIGNALS as MEASURABLE
-from brickpilot.discover.compose import Composed, TermSource, compose
+from brickpilot.discover.compose import Atom, Composed, TermSource, atom, compose, find_atoms, with_terms
 from brickpilot.discover.deadline import NO_LIMIT
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.discover.search import Found, Search
-from brickpilot.discover.term_atoms import Atom, atom, find_atoms, with_terms
 from brickpilot.discover.verdict import Verdict, weigh
 from brickpilot.fit.parameters import Plan
 from brickpilot.report.composed_law import mathml

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from brickpilot.data.axes import Segment
-from brickpilot.discover.term_atoms import atom, find_atoms
+from brickpilot.discover.compose import atom, find_atoms
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle.composed_terms import equation
 from test_compose import BASIS, by_plant, coefficient, terms

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brickpilot.data.axes import Segment
 from brickpilot.data.signals import SIGNALS as MEASURABLE
-from brickpilot.discover.term_atoms import find_atoms
+from brickpilot.discover.compose import find_atoms
 from brickpilot.report.composed_law import mathml
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.composed_terms import equation

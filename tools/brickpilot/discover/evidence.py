@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,10 @@ class Evidence:
     def __post_init__(self) -> None:
         for values in (self.by_stretch, self.left_out, self.away, self.away_slopes, self.information):
             values.flags.writeable = False
+
+    def __reduce__(self) -> tuple[type[Evidence], tuple[Any, ...]]:
+        """Returns what a pickle holds: what is read back is made anew, and its arrays are not written to either."""
+        return Evidence, tuple(getattr(self, one.name) for one in dataclasses.fields(self))
 
     @property
     def total(self) -> float:

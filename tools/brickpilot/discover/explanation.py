@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -18,6 +17,7 @@ from brickpilot.fit.descent import descend
 from brickpilot.fit.parameters import Free, Plan
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
+from brickpilot.side_by_side import side_by_side
 from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
@@ -136,7 +136,7 @@ def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Dea
                 break
         return found
 
-    found = [one for one in side_by_side(one, fits, jobs, deadline) if one is not None]
+    found = [one for one in before(deadline, one, fits, jobs) if one is not None]
     return sorted(found, key=lambda one: one.cost)
 
 
@@ -162,19 +162,15 @@ def _is_in(free: Free, model: Model) -> bool:
     return tail in (model.by_run if "@" in free.name else model.effects).get(head, {})
 
 
-def side_by_side(
-    work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int, deadline: Deadline = NO_LIMIT
+def before(
+    deadline: Deadline, work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int
 ) -> list[_Result | None]:
     """Returns the results of `work` in the order of `items`, `jobs` at a time.
 
     The first item is always worked on; those behind it only before the deadline, and are None after it.
     """
-
-    def one(item: _Item) -> _Result | None:
-        return work(item) if item is items[0] or not deadline.passed else None
-
-    with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(one, items))
+    numbered = list(enumerate(items))
+    return side_by_side(lambda one: None if one[0] and deadline.passed else work(one[1]), numbered, jobs)
 
 
 def is_possible(found: Explanation, excitation: Excitation) -> bool:

@@ -1,6 +1,6 @@
 """The parts that an explanation is made of: effects of the library, and values that each run has of its own.
 
-Terms that are composed where no effect has a name are parts too: see `term_atoms`.
+Terms that are composed where no effect has a name are parts too: see `compose`.
 """
 
 from __future__ import annotations

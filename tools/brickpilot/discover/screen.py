@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
+from brickpilot.discover.explanation import before
 from brickpilot.discover.parts import (
     Excitation,
     Part,
@@ -27,7 +28,9 @@ from brickpilot.discover.parts import (
     scanned_parameter,
     switch_settings,
 )
+from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem, Projection
+from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import RUN_KINDS
 
@@ -96,15 +99,16 @@ def screen(
         excitation: how far the vehicle was driven.
         deadline: the parts behind it are left out.
     """
-    residual, probed = _probed(problem, point, chosen, excitation, deadline)
-    trials = []
-    for part, tried in itertools.groupby(probed, key=lambda one: one[0].part):
-        for probe, signatures in [_of_runs(part, list(tried), residual)] if isinstance(part, RunPart) else tried:
-            amplitudes = _fit_amplitudes(probe, signatures, residual)
-            after = residual - signatures @ amplitudes
-            values = _values_at(probe, amplitudes.tolist())
-            trials.append(Trial.of(part, values, residual, after, len(problem.data.measured)))
-    return sorted(trials, key=lambda one: one.left)
+    here = _Here.of(problem, point)
+
+    def trials_of(part: Part) -> list[Trial]:
+        probed = here.probed(part, excitation)
+        if isinstance(part, RunPart) and probed:
+            probed = [_of_runs(part, probed, here.residual)]
+        return [here.trial(*one) for one in probed]
+
+    found = before(deadline, trials_of, chosen, problem.data.threads)
+    return sorted((trial for trials in found if trials for trial in trials), key=lambda one: one.left)
 
 
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
@@ -128,38 +132,55 @@ def signature_strengths(
     another there.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
-    probed = _probed(problem, point, few, excitation)[1]
+    here = _Here.of(problem, point)
+    probed = [found for part in few for found in here.probed(part, excitation)]
     return [(probe.part, probe.values[0], float(np.sum(one**2)) / 2) for probe, one in probed]
 
 
-def _probed(
-    problem: Problem,
-    point: Array,
-    chosen: Sequence[Part],
-    excitation: Excitation,
-    deadline: Deadline = NO_LIMIT,
-) -> tuple[Array, list[tuple[Probe, Array]]]:
-    """Returns the residual (rows,), and each visible probe with its signatures (rows, simulations), projected."""
-    base = problem.plan.at(point)
-    plan = dataclasses.replace(problem.plan, model=base)
-    residual = problem.data.scaled(base)
-    projection = Projection(problem, point)
-    probes = [probe for part in chosen for probe in probes_of(part, base, excitation)]
-    models = [probe.part.starting(plan, values).model for probe in probes for values in probe.values]
-    simulated = problem.data.scaled_by(models)
-    found: list[tuple[Probe, Array]] = []
-    for probe in probes:
-        if found and deadline.passed:
-            break
-        changes = np.array([residual - next(simulated) for _ in probe.values])
-        if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
-            continue
-        if isinstance(probe.part, RunPart):  # one simulation with the values of all runs shows what each run's does
-            changes = np.array([np.where(problem.data.rows_of(run), changes[0], 0.0) for run in probe.part.free])
-            if np.abs(changes).max(axis=1).min() < _INVISIBLE:
+@dataclass(frozen=True)
+class _Here:
+    """The fit of a plan that parts are screened beside.
+
+    Attributes:
+        scaled: (values,) its residual, in scales.
+        residual: (rows,) the same, projected.
+    """
+
+    data: Residual
+    plan: Plan
+    projection: Projection
+    scaled: Array
+    residual: Array
+
+    @classmethod
+    def of(cls, problem: Problem, point: Array) -> _Here:
+        plan = dataclasses.replace(problem.plan, model=problem.plan.at(point))
+        scaled, projection = problem.data.scaled(plan.model), Projection(problem, point)
+        return cls(problem.data.on_threads(1), plan, projection, scaled, projection.remainder(scaled))
+
+    def probed(self, part: Part, excitation: Excitation) -> list[tuple[Probe, Array]]:
+        """Returns each visible probe of a part with its signatures (rows, simulations), projected."""
+        probes = probes_of(part, self.plan.model, excitation)
+        models = [part.starting(self.plan, values).model for probe in probes for values in probe.values]
+        simulated = self.data.scaled_by(models)
+        found: list[tuple[Probe, Array]] = []
+        for probe in probes:
+            changes = np.array([self.scaled - next(simulated) for _ in probe.values])
+            if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-        found.append((probe, projection.signatures(changes)))
-    return projection.remainder(residual), found
+            if isinstance(part, RunPart):  # one simulation with the values of all runs shows what each run's does
+                changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
+                if np.abs(changes).max(axis=1).min() < _INVISIBLE:
+                    continue
+            found.append((probe, self.projection.signatures(changes)))
+        return found
+
+    def trial(self, probe: Probe, signatures: Array) -> Trial:
+        """Returns a probe's trial, with its signatures (rows, simulations) as many times as explain the residual."""
+        amplitudes = _fit_amplitudes(probe, signatures, self.residual)
+        after = self.residual - signatures @ amplitudes
+        values = _values_at(probe, amplitudes.tolist())
+        return Trial.of(probe.part, values, self.residual, after, len(self.data.measured))
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,11 @@ from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import (
     ROUGH,
     Explanation,
+    before,
     fit,
     is_possible,
     joined,
     refine,
-    side_by_side,
     without,
 )
 from brickpilot.discover.parts import Excitation, Part, library_parts, run_parts
@@ -37,6 +37,7 @@ from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import pseudo_huber_loss
+from brickpilot.side_by_side import side_by_side
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -278,9 +279,9 @@ class Search:
         found.tried |= {(current, one.part.name, one.part.free) for one in trials}
         if not trials:
             return []
-        rough = self._possible(side_by_side(start, trials, self.jobs, self.deadline))
+        rough = self._possible(before(self.deadline, start, trials, self.jobs))
         near = self.source.nearby(here, current, rough)
-        rough += self._possible(side_by_side(start, near, self.jobs, self.deadline))
+        rough += self._possible(before(self.deadline, start, near, self.jobs))
         rough.sort(key=_information)
         if rough and rough[0].is_periodic and (other := self._with_better_order(rough[0])) is not None:
             rough.insert(0, other)
@@ -305,7 +306,7 @@ class Search:
             here = Problem(self.data, begin.plan).keeping(begin.point, len(self.base.point))
             return fit(here, begin.parts, begin.plan, begin.point, ROUGH)
 
-        return sorted(self._possible(side_by_side(one, starts, self.jobs, self.deadline)), key=_information)
+        return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
         """Returns the best pairs of singles, each fitted from where both stood alone: two are not taken for a third."""
