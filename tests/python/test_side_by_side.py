@@ -64,6 +64,15 @@ def test_what_a_copy_that_was_killed_had_is_done_here() -> None:
 
 
 @on_linux
+def test_a_program_that_ignores_the_ends_of_its_children_gets_its_results_too() -> None:
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        assert side_by_side(lambda item: -item, range(4), 2) == [0, -1, -2, -3]
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+
+
+@on_linux
 def test_a_result_larger_than_a_pipe_comes_whole() -> None:
     found = side_by_side(lambda item: bytes([item]) * 3_000_000, range(4), 2)
     assert [one == bytes([item]) * 3_000_000 for item, one in enumerate(found)] == [True] * 4

@@ -66,12 +66,14 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
                     found |= pickle.load(results)
         except BaseException:
             for child in copies:
-                os.kill(child, signal.SIGKILL)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGKILL)
             raise
         finally:
             for child, results in copies.items():
                 results.close()
-                os.waitpid(child, 0)
+                with contextlib.suppress(ChildProcessError):  # a program that ignores SIGCHLD has no ends to wait for
+                    os.waitpid(child, 0)
     made = []
     for index, item in enumerate(items):
         value = found[index] if index in found else work(item)
