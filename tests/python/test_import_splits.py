@@ -11,6 +11,7 @@ from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.events import with_events
+from brickpilot.importers.split import pauses
 from brickpilot.importers.table import import_table
 from brickpilot.importers.writer import Imported
 from serial_logs import DRIVES, HEADER, MAPPING, driven, lines_of, write_log
@@ -145,3 +146,28 @@ def test_a_bad_table_of_inputs_is_named(tmp_path: Path, commands: str, says: str
         )  # fmt: skip
     assert says in str(caught.value)
     assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize("split", [(), ("rests",)])
+def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...], tmp_path: Path) -> None:
+    """Over the pause nobody knows what drove the vehicle, so that no run may hold it."""
+    log = driven()
+    middle = (DRIVES[0][0] + DRIVES[0][1]) / 2
+    log[log[:, 0] > 1000 * middle, 0] += 12_000
+    made = imported(tmp_path, [HEADER, *lines_of(log)], *split)
+    first, second = read(made.folder).runs[:2]
+    assert first.time[-1] == pytest.approx(middle, abs=0.05)
+    assert second.time[0] == pytest.approx(middle + 12, abs=0.05)
+    assert second.gap_s == pytest.approx(12, abs=0.05)
+    assert any("its rows pause 1 times, at most for 12 s: a new run begins behind each" in one for one in made.notes)
+
+
+def test_a_log_of_changes_alone_has_no_pause() -> None:
+    """Its rows stand where something changes: some seconds apart, and a few at once."""
+    changes = np.cumsum(np.random.default_rng(1).uniform(1.0, 6.0, 200))
+    assert pauses(np.sort(np.concatenate([changes, changes[::10] + 0.01]))) == []
+    assert pauses(np.array([0.0])) == pauses(np.array([0.0, 5.0])) == []
+    rows = np.arange(0.0, 0.3, 0.01)
+    assert pauses(np.concatenate([rows, rows + 0.8, rows + 2.2, rows])) == [
+        60
+    ]  # a hole, a pause, a clock that restarts

@@ -20,6 +20,7 @@ Vector = NDArray[np.float64]
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # of the rest before a manoeuvre and after it
 _SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # a longer hole is a pause: s, and as many times the step that 90 % of rows keep
 _STILL = 0.05  # of the fastest motion of the log: a slower motion counts as rest
 
 
@@ -84,6 +85,16 @@ def split_log(
     if not parts:
         raise InputError("finds no manoeuvre: no input is ever other than 0", field="--split rests")
     return parts
+
+
+def pauses(time: Vector) -> list[int]:
+    """Returns the rows of a log, time (n,) in s, behind a pause of the logger: nobody knows what was driven in it.
+
+    A log that has rows only where something changes has no pause as long as its holes are like one another.
+    """
+    steps = np.diff(time)
+    usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf
+    return (np.flatnonzero(steps > max(_PAUSE_S, _PAUSE_STEPS * usual)) + 1).tolist()
 
 
 def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:

@@ -16,7 +16,7 @@ from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.guess import Guess, guess
 from brickpilot.importers.mapping import Source, common_scalings, parse_mapping, units_of
-from brickpilot.importers.split import manoeuvres, parse_split, split_log
+from brickpilot.importers.split import manoeuvres, parse_split, pauses, split_log
 from brickpilot.importers.table_log import Log, joined, read_log
 from brickpilot.importers.text_table import TextTable, read_table
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
@@ -124,14 +124,19 @@ def runs_of(
     whole, prefix = names
     runs: list[NewRun] = []
     before: int | None = None
-    for part in split_log(time, signals, log.starts, spans):
+    paused = pauses(time)
+    for part in split_log(time, signals, sorted({*log.starts, *paused}), spans):
         first, last = part.rows.start, part.rows.stop - 1
         pause = None if before is None else float(time[first] - time[before])
         gap_s = None if pause is None or pause < 0.0 else round(pause, 6)
         cells = {name: values[part.rows] for name, values in columns.items()}
         runs.append(NewRun(f"{prefix}{part.name}" if part.name else whole, cells, gap_s))
         before = last
-    return runs, _split_notes(log, time, signals, spans, runs)
+    notes = []
+    if paused and not spans:
+        longest = max(float(time[row] - time[row - 1]) for row in paused)
+        notes.append(f"its rows pause {len(paused)} times, at most for {longest:.3g} s: a new run begins behind each")
+    return runs, notes + _split_notes(log, time, signals, spans, runs)
 
 
 def _split_notes(
