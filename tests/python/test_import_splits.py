@@ -159,7 +159,7 @@ def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...]
     assert first.time[-1] == pytest.approx(middle, abs=0.05)
     assert second.time[0] == pytest.approx(middle + 12, abs=0.05)
     assert second.gap_s == pytest.approx(12, abs=0.05)
-    assert any("its rows pause 1 times, at most for 12 s: a new run begins behind each" in one for one in made.notes)
+    assert any("pauses between its rows: 1, of 12 s at most; a new run begins behind each" in one for one in made.notes)
 
 
 def test_a_log_of_changes_alone_has_no_pause() -> None:

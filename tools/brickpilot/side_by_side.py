@@ -23,14 +23,15 @@ from typing import Any, BinaryIO, TypeVar
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+_TURN = struct.Struct("=I")
+_MOST_AT_ONCE = 4096  # items whose turns a pipe holds on every Linux
+
 
 @dataclass(frozen=True)
 class _Raised:
+    """What a copy sends in the place of a result."""
+
     error: Exception
-
-
-_TURN = struct.Struct("=I")
-_MOST_AT_ONCE = 4096  # items whose turns a pipe holds on every Linux
 
 
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:

@@ -35,7 +35,7 @@ _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # of the bootstrap
 _ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and the relative change that is the last
 _LEAST_STRETCHES = 10
-_LEAST_RUNS = 4
+_LEAST_RUNS = 4  # parts that are left out in turn for a predictor, where there are fewer runs
 _DAMPED = 4.0  # times more, until a step is short enough
 _FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
@@ -132,9 +132,7 @@ class Judge:
         weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
         total = np.zeros(len(weights))
         for signal in self.data.signals:
-            rows = np.concatenate(
-                [np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal]
-            )
+            rows = self._rows(signal)
             least = weights @ np.bincount(self.stretch[rows], minlength=self.count) * self.data.floor(signal) ** 2
             sums = (weights @ np.bincount(self.stretch[rows], one[rows] ** 2, self.count) for one in (before, after))
             first, then = (np.maximum(one, least) for one in sums)
@@ -145,11 +143,13 @@ class Judge:
         """Returns (stretches,): the log density of a residual (values,), SI."""
         total = np.zeros(self.count)
         for signal in self.data.signals:
-            rows = np.concatenate(
-                [np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal]
-            )
+            rows = self._rows(signal)
             total += _density(residual[rows], self.stretch[rows], self.count, self.data.floor(signal))
         return total
+
+    def _rows(self, signal: str) -> Indices:
+        """Returns which of the compared values are of a signal."""
+        return np.concatenate([np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal])
 
     def rises(self, before: Array, after: Array) -> Array:
         """Returns (stretches,): by how much the log density rises from one residual (values,) to another.

@@ -135,7 +135,9 @@ def runs_of(
     notes = []
     if paused and not spans:
         longest = max(float(time[row] - time[row - 1]) for row in paused)
-        notes.append(f"its rows pause {len(paused)} times, at most for {longest:.3g} s: a new run begins behind each")
+        notes.append(
+            f"pauses between its rows: {len(paused)}, of {longest:.3g} s at most; a new run begins behind each"
+        )
     return runs, notes + _split_notes(log, time, signals, spans, runs)
 
 
