@@ -11,6 +11,7 @@
 #define EFFECTS \
     EFFECT(start_delay) \
     EFFECT(input_delay) \
+    EFFECT(speed_control) \
     EFFECT(battery_discharge) \
     EFFECT(battery_fade) \
     EFFECT(battery_sag) \

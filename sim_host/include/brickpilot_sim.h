@@ -106,8 +106,9 @@ typedef struct {
     const char *variation;  /* what differs from that one; NULL: none */
     const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */
     const char *made_of;    /* names of the effects that together are this law, with spaces between; NULL: none */
-    const char *stated_by;  /* key of a channel in a data set by which a rotation sensor has it, at its presets; NULL:
-                               none */
+    const char
+        *stated_by; /* how a data set states it, at its presets: of an effect on sensors by this key of a rotation
+                               sensor's channel, of one on drives by inputs whose names begin so; NULL: not so */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */

@@ -155,7 +155,7 @@ def test_the_only_channel_is_turned_back_and_not_lost(tmp_path: Path) -> None:
 
 def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
     """Counts without a sign disagree with the drives and the other sensors in each turn backward."""
-    sensor = next(effect for effect in catalogue.effects() if effect.stated_by)
+    sensor = next(one for one in catalogue.effects() if one.stated_by and one.acts_on == "sensor")
     truth = dataclasses.replace(synthetic.robot(), effects={sensor.name: {}})
     assert {kind for kind, _ in wrong(robot(tmp_path / "s", {}, truth=truth)).values()} == {"sign"}
     toml = tmp_path / "s" / "dataset.toml"

@@ -120,7 +120,8 @@ def test_a_wrong_statement_is_refused_at_its_place(tmp_path: Path, signal: str, 
 
 
 def test_the_key_and_the_effect_are_stated_in_the_table_alone() -> None:
-    assert {one.stated_by: one.name for one in catalogue.effects() if one.stated_by} == {"unsigned": "unsigned_sensor"}
+    stated = {one.stated_by: one.name for one in catalogue.effects() if one.stated_by}
+    assert stated == {"unsigned": "unsigned_sensor", "reference": "speed_control"}
 
 
 @pytest.mark.parametrize(("record", "target"), [(1, 0.10), (2, 0.09)])

@@ -118,7 +118,7 @@ def test_the_folder_and_its_toml_name_the_same_data_set(tmp_path: Path) -> None:
 @pytest.mark.parametrize("signal", sorted(SIGNALS))
 def test_only_sideways_and_yaw_signals_turn_with_the_frame(signal: str) -> None:
     values = np.array([1.0, -2.0])
-    sign = -1.0 if signal in {"accel_sway", "yaw_rate", "yaw_angle"} else 1.0
+    sign = -1.0 if signal in {"accel_sway", "yaw_rate", "yaw_angle", "reference_yaw_rate"} else 1.0
     np.testing.assert_array_equal(to_frd(signal, values, "FLU"), sign * values)
     np.testing.assert_array_equal(to_frd(signal, values, "FRD"), values)
 

@@ -220,3 +220,26 @@ def test_only_a_kind_that_guesses_may_be_told_to(tmp_path: Path) -> None:
     assert done.stderr.startswith("brickpilot: --guess: works only with table")
     done = brickpilot("import", "matlab", "a.mat", "--out", "set", cwd=tmp_path)
     assert done.stderr == "brickpilot: --vehicle: is needed to import matlab\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "unit"),
+    [
+        ("/cmd_vel/linear/x", "reference_velocity", "m/s"),
+        ("cmd_vel.angular.z", "reference_yaw_rate", "rad/s"),
+        ("target_vel_left [rad/s]", "reference_wheel_speed_left", "rad/s"),
+        ("setpoint speed [rpm]", "reference_speed", "rpm"),
+        ("desired_yaw_rate [deg/s]", "reference_yaw_rate", "deg/s"),
+    ],
+)
+def test_a_demand_to_a_controller_is_a_set_point(name: str, signal: str, unit: str) -> None:
+    column = column_of(name, np.array([0.0, 0.4, 0.4]))
+    found = taken_for(column, [column], driven=False)
+    assert isinstance(found, Taken)
+    assert (found.signal, found.unit) == (signal, unit)
+
+
+@pytest.mark.parametrize("name", ["/cmd_vel/linear/y", "/cmd_vel/angular/x", "target speed"])
+def test_a_demand_that_no_vehicle_follows_or_without_a_unit_is_left_out(name: str) -> None:
+    column = column_of(name, np.array([0.0, 0.4, 0.4]))
+    assert isinstance(taken_for(column, [column], driven=False), str)

@@ -83,7 +83,8 @@ class EffectInfo:
         variation: what differs from that one, to be read after "but"; empty: none.
         contains: the effects whose laws are this one's with some of its parameters at 0 or equal to each other.
         made_of: the effects that together are this law, at sizes of their own.
-        stated_by: the key of a rotation sensor's channel in a data set that states it, at its presets; empty: none.
+        stated_by: how a data set states it: of an effect on sensors by this key of a rotation sensor's channel, of one
+            on drives by inputs whose names begin so; empty: not so.
     """
 
     name: str
@@ -105,6 +106,11 @@ class EffectInfo:
     contains: tuple[str, ...]
     made_of: tuple[str, ...]
     stated_by: str
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether discovery looks for it: what the kind of the inputs says is no finding."""
+        return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 
 def _text(value: Any) -> str:

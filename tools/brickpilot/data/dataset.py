@@ -17,7 +17,7 @@ from scipy.ndimage import median_filter
 from brickpilot import catalogue
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.shown import Result
-from brickpilot.data.signals import INPUT_SETS, Frame, Vehicle, to_frd
+from brickpilot.data.signals import Frame, Vehicle, input_names, of_motors, to_frd
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
@@ -264,17 +264,25 @@ def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
 def motor_inputs(run: Run, dataset: Dataset) -> Vector:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
-    NaN means that the motor floats. A duty is multiplied, sample by sample, by the measured battery voltage; its
-    single-sample dropouts are repaired and its blanks are filled. Without a measured voltage the nominal one is used,
-    else `PRESET_BATTERY_VOLTAGE`. duty_mean is (left + right) / 2, duty_diff is left - right.
+    NaN means that the motor floats. A set point becomes the voltage at which the wheel has that speed without a load. A
+    duty is multiplied, sample by sample, by the measured battery voltage; its single-sample dropouts are repaired and
+    its blanks are filled. Without a measured voltage the nominal one is used, else `PRESET_BATTERY_VOLTAGE`. duty_mean
+    is (left + right) / 2, duty_diff is left - right.
     """
-    names = next(names for names in INPUT_SETS[dataset.vehicle] if names[0] in run.inputs)
-    columns = np.column_stack([run.inputs[name] for name in names])
-    if names[0] == "duty_mean":
-        columns = np.column_stack([columns[:, 0] + columns[:, 1] / 2, columns[:, 0] - columns[:, 1] / 2])
-    if names[0].startswith("voltage"):
+    first = input_names(run.inputs)[0]
+    columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
+    if first.startswith("voltage"):
         return columns
+    if first.startswith("reference"):
+        radius = _nominal(dataset, "wheel_radius") if first == "reference_velocity" else 1.0
+        return _nominal(dataset, "emf_constant") / radius * columns
     return columns * battery(run, dataset)[0][:, np.newaxis]
+
+
+def _nominal(dataset: Dataset, name: str) -> float:
+    """Returns a nominal value, or its preset where none is stated."""
+    stated = dataset.nominal.get(name)
+    return catalogue.parameter(name).preset if stated is None else stated.value
 
 
 def battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:

@@ -43,6 +43,11 @@
 - Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
   channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
   first row that has it. Inputs stay as logged, and so do the files.
+- Where a controller follows set points, and neither voltage nor duty is logged, the inputs are
+  `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
+  `reference_speed` of a motor. Then the model contains a speed controller. What is known of its gains stands under
+  `[nominal.effects]`; else `feedforward` and `integral` are fitted. The volts of such a model are on the scale of
+  `emf_constant`, and a proportional gain shows as a smaller resistance.
 - A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
 """
 
@@ -57,6 +62,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from brickpilot import catalogue
+from brickpilot.catalogue import EffectInfo
 from brickpilot.data.input_timing import INPUT_TIMINGS, UNKNOWN_TIMING, InputTiming, Sampling
 from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
 from brickpilot.data.rows import DELIMITERS, CsvFormat
@@ -82,6 +88,12 @@ _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
+
+_SET_POINTS = "reference"  # how the names of inputs begin that a controller follows
+_NO_VOLTAGE = (
+    "the inputs are set points, and no voltage is logged: all voltages are on the scale of a back EMF constant of {:g} "
+    "V s/rad, and the controller's proportional gain cannot be told from the motor's resistance"
+)
 
 _LONGEST_GAP_S = 1e8
 _SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
@@ -170,8 +182,14 @@ def described(toml: TomlFile) -> Description:
     layout = _layout(toml)
     _check_columns(toml, signals, layout)
     nominal_table = toml.table(("nominal",), data.get("nominal", {}))
+    nominal = read_nominal(toml, nominal_table, vehicle)
     effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
     effects = _of_channels(toml, data["signals"]) | read_nominal_effects(toml, effects_table, frame)
+    notes = _notes(data, signals)
+    if any(name.startswith(_SET_POINTS) for name in signals):
+        effects |= _controllers(effects)
+        nominal["emf_constant"] = _scale_of_volts(toml, nominal, signals)
+        notes.append(_NO_VOLTAGE.format(nominal["emf_constant"].value))
     gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
     timing = toml.choice(("input_timing",), data.get("input_timing", "held"), INPUT_TIMINGS)
     runs = _runs(toml, vehicle, frame, gap_s)
@@ -181,15 +199,44 @@ def described(toml: TomlFile) -> Description:
         frame=frame,
         layout=layout,
         signals=signals,
-        nominal=read_nominal(toml, nominal_table, vehicle),
+        nominal=nominal,
         nominal_effects=effects,
         gap_s=gap_s,
         input_timing=cast(InputTiming, timing),
         runs=runs,
-        notes=tuple(_notes(data, signals)),
+        notes=tuple(notes),
         guessed=tuple(_guessed(toml, data.get("guessed", []))),
         as_wired=_switch(toml, ("as_wired",), data.get("as_wired", False)),
     )
+
+
+def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
+    """Returns the effects of drives whose inputs are set points. What is 0 by preset stays so unless it is stated."""
+    return {
+        one.name: {info.name: Nominal(0.0) for info in one.parameters if info.preset == 0}
+        | dict(stated.get(one.name, {}))
+        for one in catalogue.effects()
+        if one.stated_by == _SET_POINTS
+    }
+
+
+def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Iterable[str]) -> Nominal:
+    """Returns the back EMF constant, exactly: where no voltage is logged, it only says what a volt is.
+
+    Raises:
+        InputError: a body's velocity is wanted, and no geometry says how fast its wheels are; or the drive closes a
+            current loop.
+    """
+    for name in ("wheel_radius", "half_track") if "reference_velocity" in {*signals} else ():
+        if name not in nominal:
+            toml.refuse(
+                ("nominal",), f"{name} is missing: the controller's own turns reference_velocity into wheel speeds"
+            )
+    for name in ("force_per_volt", "torque_per_volt"):
+        if name in nominal:
+            toml.refuse(("nominal", name), "belongs to a motor whose input is a voltage, not a set point")
+    known = nominal.get("emf_constant")
+    return Nominal(catalogue.parameter("emf_constant").preset if known is None else known.value)
 
 
 def _guessed(toml: TomlFile, given: object) -> list[str]:
@@ -249,12 +296,17 @@ def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal
     return {name: _signal(toml, name, entry, frame) for name, entry in table.items()}
 
 
+def _of_sensors() -> list[EffectInfo]:
+    """Returns the effects that a rotation sensor's channel may state."""
+    return [one for one in catalogue.effects() if one.stated_by and one.acts_on == "sensor"]
+
+
 def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str, Nominal]]:
     """Returns the effects that channels state of their sensors, such as `unsigned`, at their presets."""
     stated = {}
-    for effect in catalogue.effects():
+    for effect in _of_sensors():
         key = effect.stated_by
-        if key and any(_switch(toml, ("signals", name, key), one[key]) for name, one in table.items() if key in one):
+        if any(_switch(toml, ("signals", name, key), one[key]) for name, one in table.items() if key in one):
             stated[effect.name] = {one.name: Nominal(one.preset) for one in effect.parameters}
     return stated
 
@@ -279,7 +331,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     entry = toml.table(key, value)
     own = {"sampling"} if name.startswith("accel_") else set()
     if name in RATE_OF or name in RATE_OF.values():
-        own |= {one.stated_by for one in catalogue.effects() if one.stated_by}
+        own |= {one.stated_by for one in _of_sensors()}
     toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | own)
     for needed in ("column", "unit"):
         if needed not in entry:
@@ -305,7 +357,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
         sampling=cast(Sampling, toml.choice((*key, "sampling"), entry["sampling"], _SAMPLED))
         if "sampling" in entry
         else None,
-        stated=tuple(one.stated_by for one in catalogue.effects() if one.stated_by and entry.get(one.stated_by)),
+        stated=tuple(one.stated_by for one in _of_sensors() if entry.get(one.stated_by)),
     )
 
 

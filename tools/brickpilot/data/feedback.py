@@ -20,7 +20,7 @@ from scipy.stats import ttest_1samp
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.data.signals import INPUT_SETS, RATE_OF
+from brickpilot.data.signals import RATE_OF, input_names
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     Args:
         level: the chance of being wrong up to which it counts as shown.
     """
-    commands = next(names for names in INPUT_SETS[dataset.vehicle] if names[0] in dataset.runs[0].inputs)
+    commands = input_names(dataset.runs[0].inputs)
     motion = {*RATE_OF, *RATE_OF.values(), "yaw_rate", "yaw_angle"}
     measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)
     outputs = [name for name in measured if name in motion]

@@ -86,7 +86,7 @@ def _of_frames(
         read = read_frame(entry.file, frames[entry.name], wanted)
         for signal in wanted:
             blank = np.isnan(read.values[signal])
-            if signal.startswith("voltage") and not floats and blank.any():
+            if signal.startswith(("voltage", "reference")) and not floats and blank.any():
                 message = "is NaN; say floats=True if the motor floats there"
                 raise read.fault(message, int(np.argmax(blank)), signal)
         return read

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +13,7 @@ Vehicle = Literal["diff_drive", "motor"]
 Frame = Literal["FLU", "FRD"]
 Kind = Literal["time", "input", "output"]
 
-TURNS_WITH_FRAME = frozenset({"accel_sway", "sway", "yaw_rate", "yaw_angle"})
+TURNS_WITH_FRAME = frozenset({"accel_sway", "sway", "yaw_rate", "yaw_angle", "reference_yaw_rate"})
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,10 @@ SIGNALS: dict[str, SignalType] = {
     **_sides("duty", "1", "input", 1e5),
     "duty_mean": SignalType("1", "input", 1e5, _DIFF),
     "duty_diff": SignalType("1", "input", 1e5, _DIFF),
+    **_sides("reference_wheel_speed", "rad/s", "input", 1e6),
+    "reference_velocity": SignalType("m/s", "input", 1e6, _DIFF),
+    "reference_yaw_rate": SignalType("rad/s", "input", 1e6, _DIFF),
+    "reference_speed": SignalType("rad/s", "input", 1e6, _MOTOR),
     "voltage": SignalType("V", "input", 1e5, _MOTOR),
     "duty": SignalType("1", "input", 1e5, _MOTOR),
     "accel_surge": SignalType("m/s^2", "output", 1e6, _DIFF),
@@ -67,8 +72,14 @@ SIGNALS: dict[str, SignalType] = {
 }
 
 INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
-    "diff_drive": (("voltage_left", "voltage_right"), ("duty_left", "duty_right"), ("duty_mean", "duty_diff")),
-    "motor": (("voltage",), ("duty",)),
+    "diff_drive": (
+        ("voltage_left", "voltage_right"),
+        ("duty_left", "duty_right"),
+        ("duty_mean", "duty_diff"),
+        ("reference_wheel_speed_left", "reference_wheel_speed_right"),
+        ("reference_velocity", "reference_yaw_rate"),
+    ),
+    "motor": (("voltage",), ("duty",), ("reference_speed",)),
 }
 """The inputs of a vehicle: exactly one of these sets, complete."""
 
@@ -92,6 +103,26 @@ RATE_OF: dict[str, str] = {"angle": "speed", "position": "velocity"} | {
 
 SUMMED = frozenset(RATE_OF) | {"yaw_angle"}
 """Signals that sum up motion from an arbitrary origin: only their change since the first sample has a meaning."""
+
+
+def input_names(inputs: Mapping[str, object]) -> tuple[str, ...]:
+    """Returns the names of a complete set of inputs, in the order of `INPUT_SETS`."""
+    return next(names for sets in INPUT_SETS.values() for names in sets if names[0] in inputs)
+
+
+def of_motors(inputs: Mapping[str, NDArray[np.float64]], half_track: float) -> NDArray[np.float64]:
+    """Returns what each motor is given, in the inputs' unit: (n, 2) left and right, or (n, 1). NaN: it floats.
+
+    Args:
+        inputs: signal -> (n,), in SI and the paper's frame.
+        half_track: m, with which a velocity and a yaw rate become the velocities of two wheels.
+    """
+    names = input_names(inputs)
+    columns = np.column_stack([inputs[name] for name in names])
+    arm = {"duty_mean": 0.5, "reference_velocity": half_track}.get(names[0])
+    if arm is None:
+        return columns
+    return np.column_stack([columns[:, 0] + arm * columns[:, 1], columns[:, 0] - arm * columns[:, 1]])
 
 
 def to_frd(signal: str, values: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:

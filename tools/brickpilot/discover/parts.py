@@ -157,7 +157,7 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
     found = []
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
     for info in catalogue.effects():
-        if info.name in base.effects or info.composed:
+        if info.name in base.effects or not info.is_searched:
             continue
         if info.acts_on == "supply" and has_current_loop:  # it makes up for the supply
             continue

@@ -25,6 +25,7 @@ _UNITS = {
     "radps": "rad/s", "rps": "rotation/s",
     "mps": "m/s", "mmps": "mm/s", "cmps": "cm/s", "deg": "deg", "degrees": "deg", "rad": "rad", "mm": "mm", "cm": "cm",
 }  # fmt: skip
+_SET_POINT = {"setpoint", "target", "ref", "reference", "desired", "demand", "goal"}
 _RATES = {"deg/s", "rad/s", "rpm", "rotation/s"}
 _TIME = {"t", "time", "millis", "micros", "timestamp", "clock", "uptime", "tms", "tus"}
 _DUTY = {"pwm", "duty", "cmd", "command", "power", "throttle", "motor", "mot", "dutycycle"}
@@ -113,6 +114,8 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         return _time(column)
     if words & _BATTERY:
         return _battery(column)
+    if words >= {"cmd", "vel"} or (words & _SET_POINT and words & (_SPEED | {"yaw", "linear", "angular"})):
+        return _set_point(column)
     if words & _DUTY and not words & _SPEED:
         return _duty(column, [one for one in columns if one.words & _DUTY and not one.words & _SPEED] or [column])
     if words & _ENCODER:
@@ -131,6 +134,23 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         unit = column.unit or ("deg" if column.largest > 7.0 else "rad")
         return Taken("yaw_angle", column.name, unit, f"its name; values up to {column.largest:g}")
     return _wheel(column, driven)
+
+
+def _set_point(column: Column) -> Taken | str:
+    """A demand to a controller: of a wheel or motor by its unit, of a body forward or about the upright axis."""
+    words, unit = column.words, column.unit
+    if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
+        return "it is a demand that no vehicle with two wheels follows"
+    is_turn = bool(words & {"yaw", "angular", "z"} or (not column.side and words & {"omega", "w"}))
+    is_ros = words >= {"cmd", "vel"}  # a Twist is in SI
+    signal = f"reference_wheel_speed_{column.side}" if column.side else "reference_speed"
+    if is_turn:
+        signal, unit = "reference_yaw_rate", unit or ("rad/s" if is_ros else None)
+    elif not column.side and (unit in ("m/s", "mm/s", "cm/s") or (is_ros and unit is None)):
+        signal, unit = "reference_velocity", unit or "m/s"
+    if unit is None:
+        return f"the unit of a demand is not told; state it with --map {signal}={column.name}:UNIT"
+    return Taken(signal, column.name, unit, "named like a demand to a controller")
 
 
 def _time(column: Column) -> Taken | str:

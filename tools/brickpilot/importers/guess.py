@@ -61,7 +61,8 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     stated = parse_mapping(mapping, partly=True)
     columns = [column_of(name, _values(table, name)) for name in table.names if name]
     if vehicle is None:
-        vehicle = "diff_drive" if any(one.side for one in columns) else "motor"
+        turns = any(one.words >= {"cmd", "vel"} for one in columns)  # a demand to a vehicle
+        vehicle = "diff_drive" if turns or any(one.side for one in columns) else "motor"
     sources, reasons = dict(stated), {signal: "stated by --map" for signal in stated}
     left_out: list[str] = []
     asked: list[str] = []

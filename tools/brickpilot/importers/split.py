@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot import catalogue
 from brickpilot.data.holdout import kind_of
-from brickpilot.data.signals import RATE_OF, SIGNALS
+from brickpilot.data.signals import RATE_OF, SIGNALS, of_motors
 from brickpilot.errors import InputError
 
 Vector = NDArray[np.float64]
@@ -183,7 +184,4 @@ def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
 
 def _kind(inputs: Mapping[str, Vector]) -> str:
     """Returns the kind of drive: straight, spin or curve; for a motor: drive."""
-    driven = np.column_stack(list(inputs.values()))
-    if "duty_mean" in inputs:
-        driven = np.column_stack([inputs["duty_mean"] + sign * inputs["duty_diff"] / 2 for sign in (1, -1)])
-    return kind_of(driven)
+    return kind_of(of_motors(inputs, catalogue.parameter("half_track").preset))

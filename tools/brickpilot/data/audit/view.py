@@ -9,7 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot import catalogue
 from brickpilot.data.audit.held import Held
+from brickpilot.data.signals import of_motors
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -109,15 +111,10 @@ def drives(inputs: Mapping[str, Vector]) -> dict[str, Vector]:
 
     A drive is 0 where its motor floats.
     """
-    known = {name: np.nan_to_num(values) for name, values in inputs.items()}
-    for kind in ("voltage", "duty"):
-        if kind in known:
-            return {"shaft": known[kind]}
-        if f"{kind}_left" in known:
-            left, right = known[f"{kind}_left"], known[f"{kind}_right"]
-            return {"left": left, "right": right, "yaw": left - right}
-    mean, difference = known["duty_mean"], known["duty_diff"]
-    return {"left": mean + difference / 2, "right": mean - difference / 2, "yaw": difference}
+    columns = np.nan_to_num(of_motors(inputs, catalogue.parameter("half_track").preset)).T
+    if len(columns) == 1:
+        return {"shaft": columns[0]}
+    return {"left": columns[0], "right": columns[1], "yaw": columns[0] - columns[1]}
 
 
 def driven_by(name: str) -> str:
