@@ -128,7 +128,10 @@ def test_a_bad_frame_is_refused_with_run_row_and_column(
             {"signals": {**SIGNALS, "speed": ("rpm", "1/s")}},
             "from_frames: signals.speed.unit: '1/s' is of another",
         ),
-        ({"signals": {"speed": "rpm"}}, "from_frames: signals: no input; one of voltage or duty or reference_speed is needed"),
+        (
+            {"signals": {"speed": "rpm"}},
+            "from_frames: signals: no input; one of voltage or duty or reference_speed is needed",
+        ),
         ({"nominal": {"masss": 1.0}}, "from_frames: nominal.masss: "),
         ({"nominal": {"resistance": -1.0}}, "from_frames: nominal.resistance: -1.0 is outside"),
         ({"roles": {"hihg": "fit"}}, "from_frames: roles: no run 'hihg'; the runs are low, high"),

@@ -163,3 +163,19 @@ def test_a_bag_with_demands_and_joint_states_is_imported(tmp_path: Path, rubbing
     (run,) = reading.read(tmp_path / "out").runs
     assert run.inputs["reference_velocity"].max() == pytest.approx(rubbing["bend"].reference_velocity.max())
     assert run.inputs["reference_yaw_rate"].min() == pytest.approx(-1.2)
+
+
+@pytest.mark.parametrize(("sign", "frame"), [(1.0, "FLU"), (-1.0, "FRD")])
+def test_the_frame_of_a_table_is_the_one_in_which_nothing_is_swapped(
+    tmp_path: Path, soft: dict[str, pd.DataFrame], sign: float, frame: str
+) -> None:
+    names = {
+        "time": "time [s]", "reference_velocity": "/cmd_vel/linear/x", "reference_yaw_rate": "/cmd_vel/angular/z",
+        "wheel_speed_left": "left_speed [rad/s]", "wheel_speed_right": "right_speed [rad/s]", "yaw_rate": "gz [rad/s]",
+    }  # fmt: skip
+    turns = soft["bend"].assign(reference_yaw_rate=lambda log: sign * log.reference_yaw_rate)
+    turns.assign(yaw_rate=sign * turns.yaw_rate).rename(columns=names).to_csv(tmp_path / "log.csv", index=False)
+    geometry = {"wheel_radius": RADIUS, "half_track": HALF_TRACK}
+    made = bp.import_log(tmp_path / "log.csv", tmp_path / "out", guessed=True, nominal=geometry)
+    assert made.wiring == ()
+    assert reading.read(tmp_path / "out").frame == frame

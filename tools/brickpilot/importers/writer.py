@@ -160,20 +160,30 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
             _fill(new, folder)
         read_back = reading.read(folder)
         if new.frame is None:
-            new = replace(new, **_framed(new, read_back))
-            with disk_named(out):
-                _describe(new, folder)
-            read_back = reading.read(folder)
+            other = _described(replace(new, frame="FLU"), folder, out) if "reference_yaw_rate" in new.units else None
+            new = replace(new, **_framed(new, read_back, other))
+            read_back = _described(new, folder, out)
     except InputError as error:
         reason = str(error).replace(f"{folder}{os.sep}", "")
         raise InputError(f"makes no valid data set: {reason}", file=source) from error
     return new, read_back
 
 
-def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
+def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
+    """Writes the description of runs that are written, and reads all."""
+    with disk_named(out):
+        _describe(new, folder)
+    return reading.read(folder)
+
+
+def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
     """Returns the frame that the data show, and the notes, with a note on the frame.
 
-    The data show the sign of the yaw if one of both signs contradicts wheels and drives.
+    The data show the sign of the yaw if one of both signs contradicts wheels and drives. A demand to turn has the frame
+    of the gyro, and in the wrong one both sides are exchanged: then that frame counts in which less is wired wrongly.
+
+    Args:
+        as_flu: the data set in the other frame, where it holds such a demand.
     """
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":
@@ -188,6 +198,9 @@ def _framed(new: NewDataset, as_frd: Dataset) -> dict[str, Any]:
     shown: Frame | None = (
         "FLU" if is_against(found) else "FRD" if is_against(miswired(list(map(_turned, channels)), nominal)) else None
     )
+    if as_flu is not None:
+        more = len(as_frd.wiring) - len(as_flu.wiring)
+        shown = None if more == 0 else "FLU" if more > 0 else "FRD"
     if shown is None:
         note = f"the sign of {yaw} is not shown by the wheels: the frame is taken as FRD; see --frame"
         return {"frame": "FRD", "notes": (*new.notes, note), "guessed": (*new.guessed, "the frame FRD")}
