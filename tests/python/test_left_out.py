@@ -118,3 +118,39 @@ def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
     room = np.array([[-9.0, -9.0], [0.05, 9.0]])
     step, _ = evidence._step(matrix, np.array([0.6, 0.6]), np.ones(2), room)
     assert step == pytest.approx([0.05, 0.55], abs=1e-6)
+
+
+class Valley:
+    """What a residual predicts where the data tell the product of two coordinates: a curved valley."""
+
+    slopes: Array = np.zeros(0)
+
+    def predict(self, points: list[Array]) -> Array:
+        return np.array([self.slopes * point[0] * point[1] for point in points])
+
+
+@pytest.mark.parametrize(
+    ("step", "halvings"),
+    [((0.008, 0.0), 0), ((1.0, -0.9), 4), ((0.0, -0.9), None)],  # along the valley's tangent the product falls
+)
+def test_a_long_step_is_halved_until_it_fits_the_other_stretches_no_worse(
+    step: tuple[float, float], halvings: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judge, _ = given(stretches=10, each=8)
+    here = np.flatnonzero(judge.stretch == 4)
+    slopes = np.random.default_rng(3).normal(size=len(judge.stretch))
+    monkeypatch.setattr(Valley, "slopes", slopes)
+    monkeypatch.setattr(type(judge.data), "predict", lambda self, points: Valley().predict(points))
+    judge = dataclasses.replace(judge, data=dataclasses.replace(judge.data, measured=1.005 * slopes))
+    problem: Any = SimpleNamespace(
+        plan=SimpleNamespace(at=lambda end: end), prior=lambda end: np.zeros(2), simulated=lambda end: slopes
+    )
+    found = list(judge._beyond(problem, np.ones(2), [evidence._Far(here, np.array(step))]))
+    if halvings is None:
+        assert found == []
+        return
+    ((stretch, left),) = found
+    end = np.ones(2) + 0.5**halvings * np.array(step)
+    assert np.array_equal(stretch, here)
+    assert left == pytest.approx((1.005 - end[0] * end[1]) * slopes[here])
+    assert abs(1.005 - end[0] * end[1]) <= 0.005

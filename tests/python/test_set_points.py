@@ -84,6 +84,16 @@ def test_dry_friction_is_found_behind_a_controller(rubbing: dict[str, pd.DataFra
     assert "coulomb_friction" in {name for one in found.explanations for name in one.effects}
 
 
+def test_dry_friction_is_found_in_one_long_recording(rubbing: dict[str, pd.DataFrame]) -> None:
+    """Behind an integral it shows for some tenths of a second at each start, under the floor of all the rest."""
+    lasts = ROW_S * len(rubbing["ahead"])
+    table = pd.concat([log.assign(time=log.time + k * lasts) for k, log in enumerate(rubbing.values())])
+    nominal = {"wheel_radius": RADIUS, "half_track": HALF_TRACK}
+    found = bp.discover(Dataset.from_frames({"all": table}, vehicle="diff_drive", frame="FLU", nominal=nominal))
+    assert found.verdict in ("named", "ambiguous")
+    assert ("coulomb_friction",) in {one.effects for one in found.explanations}
+
+
 def test_a_late_controller_without_feedforward_is_found_late() -> None:
     found = bp.discover(dataset(logs(HARD_AND_LATE)))
     late = [table["delay"] for name, table in found.augmented.effects.items() if "delay" in table]

@@ -2,7 +2,7 @@
 
 1. Each stretch is predicted without itself: one Gauss-Newton step from the fit to all runs, with the stretch's rows
    deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). Where the step is long, what stands at its
-   end is simulated.
+   end is simulated; it is shortened until it fits the other stretches no worse.
 2. Its density is hyperbolic, with a scale that the other stretches set, signal by signal, and never below what noise
    and the error of every simulator make. So each signal sets its own yardstick, machines included that no model
    explains to the noise.
@@ -14,7 +14,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,7 @@ from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
-from brickpilot.fit.robust import correlation_time
+from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,6 +37,8 @@ _ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and th
 _LEAST_STRETCHES = 10
 _LEAST_RUNS = 4  # parts that are left out in turn for a predictor, where there are fewer runs
 _DAMPED = 4.0  # times more, until a step is short enough
+_HALVINGS = 5  # of a long step, at most
+_LOWEST = 1e-3  # of a floor: a smaller scale counts as so large
 _FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
 
@@ -178,23 +180,48 @@ class Judge:
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         order = np.argsort(self.stretch, kind="stable")
         ends = np.searchsorted(self.stretch[order], np.arange(self.count + 1))
-        far: list[tuple[Indices, Array]] = []
+        far: list[_Far] = []
         for number in range(self.count):
             here = order[ends[number] : ends[number + 1]]
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
+            left_out[here] -= moved[here] @ step
             if is_long:
-                far.append((here, found.point + step))
-            else:
-                left_out[here] -= moved[here] @ step
-        if far:
-            simulated = self.data.predict([found.plan.at(end) for _, end in far])
-            for (here, _), values in zip(far, simulated, strict=True):
-                known = np.isfinite(values[here])
-                left_out[here[known]] = (self.data.measured[here] - values[here])[known]
+                far.append(_Far(here, step))
+        for here, values in self._beyond(problem, found.point, far):
+            left_out[here] = values
         away, away_slopes = problem.prior(found.point), np.array(problem.prior_slopes(found.point))
         information = slopes[:count].T @ slopes[:count]
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
+
+    def _beyond(self, problem: Problem, point: Array, far: Sequence[_Far]) -> Iterator[tuple[Indices, Array]]:
+        """Yields stretches to which steps lead that are too long for a linear model, and their simulated residuals.
+
+        A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
+        this stretch would follow. Where the shortest does, too, nothing is yielded: the linear model is better there
+        because it stays in the valley.
+        """
+        weight, taus = self.data.weight(), self.data.taus()
+
+        def losses(values: Array) -> Array:
+            return pseudo_huber_loss((self.data.measured - values) * weight) / taus
+
+        here = losses(problem.simulated(point)) if far else np.empty(0)
+        for halvings in range(_HALVINGS):
+            ends = [point + 0.5**halvings * one.step for one in far]
+            worse = []
+            for one, end, values in zip(
+                far, ends, self.data.predict([problem.plan.at(end) for end in ends]), strict=True
+            ):
+                rises = losses(values) - here
+                priors = float(np.sum(problem.prior(end) ** 2) - np.sum(problem.prior(point) ** 2)) / 2
+                if rises.sum() - rises[one.stretch].sum() + priors <= 0:
+                    yield one.stretch, (self.data.measured - values)[one.stretch]
+                else:
+                    worse.append(one)
+            far = worse
+            if not far:
+                break
 
     def correlation(self, evidence: Evidence) -> float:
         """Returns after how many values the residual is another one: the mean over signals, by their values."""
@@ -220,9 +247,15 @@ class Judge:
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence) -> Array:
-        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor."""
-        squares = {one: self.squares(evidence, one) / self.data.floor(one) ** 2 for one in self.data.signals}
-        return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
+        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
+
+        It is below 0 where the floor is higher than what is left.
+        """
+        found = []
+        for signal in self.data.signals:
+            floor, left = self.data.floor(signal), np.concatenate(self.data.parts(evidence.left_out, signal))
+            found.append(self.counts[signal] * ((scale_of_rest(left, _LOWEST * floor) / floor) ** 2 - 1))
+        return np.array(found)
 
     def squares(self, evidence: Evidence, signal: str) -> float:
         """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""
@@ -232,6 +265,14 @@ class Judge:
     def counts(self) -> dict[str, int]:
         """Signal -> how many of its values are compared."""
         return {signal: sum(map(len, self.data.parts(self.data.measured, signal))) for signal in self.data.signals}
+
+
+@dataclass(frozen=True, eq=False)
+class _Far:
+    """A stretch, by its values, and the step (parameters,) to where it is not fitted: too long for a linear model."""
+
+    stretch: Indices
+    step: Array
 
 
 def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array, bool]:
