@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.campaign import workers
-from brickpilot.campaign.crew import Finished
+from brickpilot.campaign.engine import Finished
 from brickpilot.data import reading
 from brickpilot.errors import InputError, SimulationError
 from click.testing import CliRunner

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.campaign import designs, file, runs, sensitivity, summary, variables
-from brickpilot.campaign.distributions import Distribution
+from brickpilot.campaign import designs, file, runs, summary, variables
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.inputs import Input
+from brickpilot.campaign.variables import Distribution
 from brickpilot.errors import InputError
 from numpy.typing import NDArray
 from scipy import stats
@@ -117,7 +117,7 @@ def test_saltelli_gives_the_indices_of_a_known_function() -> None:
     given = cube("saltelli", 1024)
     x, figure = ishigami(given)
     for values in (figure, np.where(np.arange(len(figure)) == 77, np.nan, figure)):  # a run without the figure
-        found = sensitivity.indices(given, x, values)
+        found = summary.sensitivity_indices(given, x, values)
         assert [one.input for one in found] == ["one", "two", "three"]
         for one in found:
             assert one.total is not None
@@ -129,16 +129,16 @@ def test_saltelli_gives_the_indices_of_a_known_function() -> None:
 
 def test_independent_draws_give_the_first_order_alone() -> None:
     given = cube("monte_carlo", 4000)
-    for one in sensitivity.indices(given, *ishigami(given)):
+    for one in summary.sensitivity_indices(given, *ishigami(given)):
         assert one.value == pytest.approx(FIRST[one.input], abs=0.04)
-    assert sensitivity.indices(given, {}, np.ones(4000)) == []
-    assert sensitivity.indices(given, {}, np.where(np.arange(4000) < 90, np.arange(4000.0), np.nan)) == []
+    assert summary.sensitivity_indices(given, {}, np.ones(4000)) == []
+    assert summary.sensitivity_indices(given, {}, np.where(np.arange(4000) < 90, np.arange(4000.0), np.nan)) == []
 
 
 def test_morris_orders_a_linear_function_by_its_slopes() -> None:
     given = cube("morris", 20)
     x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
-    found = sensitivity.indices(given, x, 3 * x["two"] - x["three"])
+    found = summary.sensitivity_indices(given, x, 3 * x["two"] - x["three"])
     assert [one.input for one in found] == ["two", "three", "one"]
     assert found[0].value / found[1].value == pytest.approx(3.0)
     assert found[2].value == pytest.approx(0.0, abs=1e-12)
@@ -149,7 +149,7 @@ def test_a_number_of_an_effect_that_is_off_has_not_the_index_of_its_switch(tmp_p
     x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
     on = x["effect.coulomb_friction.on"] > 0
     torque = np.where(on, x["effect.coulomb_friction.torque"], np.nan)
-    found = sensitivity.indices(given, x | {"effect.coulomb_friction.torque": torque}, on.astype(float))
+    found = summary.sensitivity_indices(given, x | {"effect.coulomb_friction.torque": torque}, on.astype(float))
     indices = {one.input: one.value for one in found}
     assert indices["effect.coulomb_friction.on"] > 0.8
     assert abs(indices["effect.coulomb_friction.torque"]) < 0.1

@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from brickpilot.campaign import designs, file, fly_all, versions, workers
+from brickpilot.campaign import conduct, designs, file, store, workers
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.gains import Gains
@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def conducted(folder: Path) -> None:
-    fly_all.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
+    conduct.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
 
 
 def changed(folder: Path, name: str) -> None:
@@ -75,8 +75,8 @@ def test_a_folder_is_refused_when_a_library_has_another_version(
     library: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     conducted(folder)
-    other = dataclasses.replace(versions.here(), **{library: "0.0"})
-    monkeypatch.setattr(versions, "here", lambda: other)
+    other = dataclasses.replace(store.versions_here(), **{library: "0.0"})
+    monkeypatch.setattr(store, "versions_here", lambda: other)
     with pytest.raises(InputError, match=f"was begun with {library} .*, not 0.0"):
         conducted(folder)
 

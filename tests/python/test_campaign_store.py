@@ -12,7 +12,7 @@ import campaign_parts
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from brickpilot.campaign import store, versions
+from brickpilot.campaign import store
 from brickpilot.campaign.store import Parts
 from brickpilot.errors import InputError, WorkFailedError
 
@@ -132,10 +132,10 @@ def test_another_campaign_is_refused(tmp_path: Path) -> None:
 def test_another_version_of_the_program_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     filled(tmp_path, [0]).__exit__(None, None, None)
     file = tmp_path / "campaign.json"
-    file.write_text(file.read_text().replace(versions.here().plant, "0123456789ab"))
+    file.write_text(file.read_text().replace(store.versions_here().plant, "0123456789ab"))
     with pytest.raises(InputError) as refused, Parts(tmp_path, {"seed": 1}):
         pass
-    assert f"was begun with plant 0123456789ab, not {versions.here().plant}" in one_line(refused)
+    assert f"was begun with plant 0123456789ab, not {store.versions_here().plant}" in one_line(refused)
     file.write_text("{}")
     with pytest.raises(InputError) as refused, Parts(tmp_path, {"seed": 1}):
         pass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from brickpilot.bench import h8_states
-from brickpilot.bench.step_budget import STAGES, Counter, Program
+from brickpilot.bench.rcx_budget import STAGES, Counter, Program
 
 # Hitachi H8/300 Series Programming Manual, appendix A: states with everything in on-chip memory.
 ON_CHIP = {

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from brickpilot.bench import scaling
-from brickpilot.campaign import file, fly_all, workers
+from brickpilot.campaign import conduct, file, workers
 from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibration import calibrate
@@ -157,7 +157,7 @@ def campaign(folder: Path) -> str:
     )
     given = file.load(folder / "trial.toml")
     hostile = dataclasses.replace(given, name=HOSTILE)
-    fly_all.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
+    conduct.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
     return (folder / "trial" / "report.html").read_text(encoding="utf-8")
 
 

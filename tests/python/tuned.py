@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-from brickpilot.campaign.crew import Crew, Finished, Function, Part
+from brickpilot.campaign.engine import Crew, Finished, Function, Part
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.tune import robot_task
 from brickpilot.tune.cma import Budget

@@ -3,8 +3,7 @@
 speed.py           the simulator and the links, beside a peer in the same process
 scaling.py         how time grows with the amount of work
 control_peers.py   the control law on a brick's processor, beside other arithmetic
-kernel_share.py    what kernel, interrupts and program take of the RCX's time, in simulated time
-step_budget.py     instructions, states, stack and bytes of a control step on the H8 simulator
+rcx_budget.py      instructions, states, stack and bytes of a control step on the H8 simulator; the kernel's share
 h8_states.py       states of each H8/300 instruction
 avr_budget.py      cycles, stack and bytes of a control period on simavr, drivers and interrupts included
 """

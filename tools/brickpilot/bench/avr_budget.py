@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.bench.step_budget import STAGES, STEP
+from brickpilot.bench.rcx_budget import STAGES, STEP
 from brickpilot.constants import STEP_MS
 from brickpilot.errors import SimulationError
 from brickpilot.hil import avr_flight
@@ -74,7 +74,7 @@ class AvrBudget:
     """The cost of a control period.
 
     Attributes:
-        cycles: part -> its cycles in each period, shape (periods,): the stages of `step_budget.STAGES`, "rest", "step"
+        cycles: part -> its cycles in each period, shape (periods,): the stages of `rcx_budget.STAGES`, "rest", "step"
             (the sum of these), "drivers" (the HAL's functions within the step), "commands" (the host's requests, with
             their drivers), "interrupts", and "all": what the processor does not sleep.
         stack: the most bytes of stack, interrupts included.

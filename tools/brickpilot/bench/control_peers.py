@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.bench import step_budget
+from brickpilot.bench import rcx_budget
 from brickpilot.constants import RCX, STEP_S
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.checkout import checkout, script_output
@@ -146,12 +146,12 @@ def _on_h8(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDAr
         check=False,
     )
     numbers = _numbers(done.stdout, steps)
-    program = step_budget.Program.of(folder / f"{name}.coff")
+    program = rcx_budget.Program.of(folder / f"{name}.coff")
     at, stack = np.fromfile(trace, dtype=np.uint16).reshape(-1, 2).T
     trace.unlink()
     sums = np.concatenate([[0], np.cumsum(program.costs["external"][at])])
     begins = np.flatnonzero(at == program.at["control_law"])
-    ends = [step_budget.end_of_call(stack, begin) for begin in begins.tolist()]
+    ends = [rcx_budget.end_of_call(stack, begin) for begin in begins.tolist()]
     if len(begins) != steps or None in ends:
         raise SimulationError("the trace of the control law has not one call a step")
     return np.asarray(sums[np.array(ends, dtype=np.int64)] - sums[begins], dtype=np.int64), numbers[:, :4]

@@ -1,20 +1,31 @@
-"""Speed beside a peer in the same process: on a shared machine absolute times mean little."""
+"""Speed beside a peer in the same process: on a shared machine absolute times mean little.
+
+One peer is the packaged robot once more, as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import platform
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
+from math import cos, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
-from brickpilot import catalogue
-from brickpilot.bench import control_peers, scipy_robot, this_machine
+from brickpilot import catalogue, compiled
+from brickpilot.bench import control_peers
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
+from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
@@ -101,7 +112,7 @@ def _side_by_side(model: Model) -> dict[str, Figure]:
         rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
-        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine.describe())
+        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
     return found
 
 
@@ -156,9 +167,9 @@ def host() -> dict[str, Figure]:
     solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
     plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
     """
-    model, on = rcx(), this_machine.describe()
+    model, on = rcx(), this_machine()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
-    scipy = {"full_loop": _scipy(model, scipy_robot.controlled()), "plant": _scipy(model, scipy_robot.held())}
+    scipy = {"full_loop": _scipy(model, controlled()), "plant": _scipy(model, held())}
     mujoco: dict[str, Callable[[], float]] = {}
     if find_spec("mujoco"):
         _mujoco_model()  # before the clock starts
@@ -176,11 +187,11 @@ def host() -> dict[str, Figure]:
     return first | by_scipy | _side_by_side(model) | {"lockstep_pty": link}
 
 
-def _scipy(model: Model, manoeuvre: scipy_robot.Manoeuvre) -> dict[str, Callable[[], float]]:
+def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]:
     """Returns for each of SciPy's methods, in words, the manoeuvre at the plant's accuracy, to be timed."""
 
-    def fly(setting: scipy_robot.Setting) -> float:
-        scipy_robot.solve(model, manoeuvre, setting.tolerance, setting.method)
+    def fly(setting: SolverSetting) -> float:
+        solve(model, manoeuvre, setting.tolerance, setting.method)
         return manoeuvre.seconds
 
     held = f"inputs held for {manoeuvre.held * STEP_S:.3g} s"
@@ -188,7 +199,7 @@ def _scipy(model: Model, manoeuvre: scipy_robot.Manoeuvre) -> dict[str, Callable
         f"SciPy solve_ivp, {one}, {held}, errs {one.scipy_m:.0e} m where the plant errs {one.plant_m:.0e} m": partial(
             fly, one
         )
-        for one in scipy_robot.loosest(model, manoeuvre)
+        for one in loosest(model, manoeuvre)
     }
 
 
@@ -235,3 +246,167 @@ def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterato
         cost = f"{law.ratio * law.value:.0f} (at most {law.peer_most})"
         flash = f"{law.flash_bytes} and {law.peer_flash_bytes} bytes"
         yield f"{'':12}{cost}; flash {flash}; answers within {1e3 * law.apart_v:.0f} mV; {law.machine}"
+
+
+Array = NDArray[np.float64]
+
+METHODS = ("LSODA", "RK45", "RK23")
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+_EXACT = 1e-10
+
+VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
+"""V left and right of the manoeuvre, each for `HELD` steps: a curve, a turn nearly on the spot, and straight on."""
+
+HELD = 333
+_FIRST_STEP = STEP_S / 5  # of a step that begins anew: the fastest of six tried, from a tenth of it to the whole
+STATES = 7
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """Inputs held for some steps of `STEP_S`: ``held`` steps each, ``voltages`` (pieces, 2)."""
+
+    held: int
+    voltages: Array
+
+    @property
+    def seconds(self) -> float:
+        return float(len(self.voltages) * self.held * STEP_S)
+
+
+def held() -> Manoeuvre:
+    """Returns `VOLTAGES`, each held for a second: SciPy at its best, for it takes long steps."""
+    return Manoeuvre(HELD, np.array(VOLTAGES))
+
+
+def controlled() -> Manoeuvre:
+    """Returns the same as in a closed loop: a controller's voltages change a little in every step of 3 ms."""
+    pieces = np.repeat(np.array(VOLTAGES), HELD, axis=0)
+    ripple = 0.2 * np.sin(0.7 * np.arange(len(pieces)))
+    return Manoeuvre(1, pieces + np.column_stack([ripple, -ripple]))
+
+
+def slope_of(model: Model) -> Callable[..., list[float]]:
+    """Returns the robot's slope(time, state, left, right): state is currents, wheel speeds, heading, x and y."""
+    p = model.parameters
+    resistance, inductance, radius, track = p["resistance"], p["inductance"], p["wheel_radius"], p["half_track"]
+    torque, emf = p["torque_constant"], p["emf_constant"]
+    loss = p["viscous_friction"] + p["mass"] * p["gravity"] * p["rolling_friction"] * radius**2
+    inertia_sum = p["wheel_inertia"] + p["mass"] * radius**2 / 2
+    inertia_difference = p["wheel_inertia"] + p["yaw_inertia"] * radius**2 / (2 * track**2)
+    drag = 0.5 * p["drag_area"] * p["air_density"]
+
+    def slope(_: float, s: Any, left: float, right: float) -> list[float]:
+        i_l, i_r, w_l, w_r, heading = s[:5]
+        torque_l, torque_r = torque * i_l - loss * w_l, torque * i_r - loss * w_r
+        surge = radius * (w_l + w_r) / 2
+        common = ((torque_l + torque_r) / 2 - radius * drag * surge * abs(surge) / 2) / inertia_sum
+        difference = (torque_l - torque_r) / 2 / inertia_difference
+        return [
+            (left - resistance * i_l - emf * w_l) / inductance,
+            (right - resistance * i_r - emf * w_r) / inductance,
+            common + difference,
+            common - difference,
+            radius * (w_l - w_r) / (2 * track),
+            surge * cos(heading),
+            surge * sin(heading),
+        ]
+
+    return slope
+
+
+def solve(model: Model, manoeuvre: Manoeuvre, tolerance: float, method: Any) -> Array:
+    """Returns the robot's states after each step, shape (steps, `STATES`), SI units.
+
+    Args:
+        tolerance: rtol; atol is a thousandth of it.
+        method: of `solve_ivp`.
+    """
+    slope = slope_of(model)
+    state, found = [0.0] * STATES, []
+    for index, (left, right) in enumerate(manoeuvre.voltages.tolist()):
+        times = (index * manoeuvre.held + np.arange(manoeuvre.held + 1)) * STEP_S
+        solved: Any = solve_ivp(
+            slope,
+            (times[0], times[-1]),
+            state,
+            method,
+            args=(left, right),
+            rtol=tolerance,
+            atol=1e-3 * tolerance,
+            t_eval=times[1:] if manoeuvre.held > 1 else None,
+            first_step=_FIRST_STEP if manoeuvre.held == 1 else None,
+        )
+        rows = solved.y.T if manoeuvre.held > 1 else solved.y.T[-1:]
+        found.append(rows)
+        state = rows[-1].tolist()
+    return np.concatenate(found)
+
+
+def simulate_plant(model: Model, manoeuvre: Manoeuvre) -> Array:
+    """Returns the plant's positions after each step, shape (steps, 2), m."""
+    steps = len(manoeuvre.voltages) * manoeuvre.held
+    inputs = np.repeat(manoeuvre.voltages, manoeuvre.held, axis=0)
+    time_s = np.arange(steps + 1, dtype=np.float64) * STEP_S
+    [run] = plant.simulate([(model, plant.OpenLoopRun(time_s, np.concatenate([inputs, inputs[-1:]])))])
+    return np.column_stack([run.outputs["x"], run.outputs["y"]])[1:]
+
+
+@dataclass(frozen=True)
+class SolverSetting:
+    """A method and the tolerance of `loosest`, and the largest errors of position, m: the plant's and SciPy's."""
+
+    method: str
+    tolerance: float
+    plant_m: float
+    scipy_m: float
+
+    def __str__(self) -> str:
+        return f"{self.method}, rtol {self.tolerance:.0e}"
+
+
+def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
+    """Returns for each of `METHODS` the largest of `TOLERANCES` with which its position errs no more than the plant's.
+
+    The errors are the largest over the manoeuvre, from a solution at a tolerance of 1e-10.
+
+    Raises:
+        SimulationError: no tolerance is as accurate.
+    """
+    exact = solve(model, manoeuvre, _EXACT, "LSODA")[:, 5:]
+    plant_m = float(np.abs(simulate_plant(model, manoeuvre) - exact).max())
+    found = []
+    for method in METHODS:
+        for tolerance in TOLERANCES:
+            scipy_m = float(np.abs(solve(model, manoeuvre, tolerance, method)[:, 5:] - exact).max())
+            if scipy_m <= plant_m:
+                found.append(SolverSetting(method, tolerance, plant_m, scipy_m))
+                break
+        else:
+            raise SimulationError(f"no tolerance of SciPy's {method} errs by {plant_m:.1e} m at most")
+    return found
+
+
+def this_machine() -> str:
+    """Returns one line: "Intel(R) Xeon(R) Processor, 2 cores, gcc (Debian 12.2.0-14) 12.2.0"."""
+    return f"{processor()}, {cores()} cores, {compiler()}"
+
+
+def processor() -> str:
+    """Returns the name of the processor, as Linux or Python's platform tells it."""
+    told = Path("/proc/cpuinfo")
+    named = re.search(r"^model name\s*: (.+)$", told.read_text(), re.MULTILINE) if told.exists() else None
+    return named[1].strip() if named else platform.processor() or platform.machine()
+
+
+def cores() -> int:
+    """Returns the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compiler() -> str:
+    """Returns what the compiler wrote into the plant's library about itself."""
+    told = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
+    if told is None:
+        return "a compiler that does not tell its name"
+    return f"gcc {told[1].decode()}" if told[1] else told[0].decode()

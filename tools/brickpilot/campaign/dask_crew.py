@@ -20,9 +20,9 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from brickpilot.campaign import versions
-from brickpilot.campaign.crew import Finished, Function, Part
-from brickpilot.campaign.versions import Versions
+from brickpilot.campaign import store
+from brickpilot.campaign.engine import Finished, Function, Part
+from brickpilot.campaign.store import Versions
 from brickpilot.errors import InputError, WorkFailedError
 
 CONNECT_S = 5.0
@@ -76,7 +76,7 @@ class DaskCrew:
         # Pickled here, so that Dask does not look into the argument and the scheduler needs no import for it.
         task = pickle.dumps((self._function, part.argument))
         key = f"{self._name}-{part.key}"
-        future = self._client.submit(_called, versions.here(), self._scheduler, task, key=key, pure=False)
+        future = self._client.submit(_called, store.versions_here(), self._scheduler, task, key=key, pure=False)
         self._flying[future.key] = (part, future)
         future.add_done_callback(self._finished.put)
 
@@ -150,13 +150,13 @@ class DaskCrew:
         """
         field = _field(self._scheduler)
         try:
-            self._client.run_on_scheduler(versions.here)
+            self._client.run_on_scheduler(store.versions_here)
         except Exception as error:  # whatever its import may raise
             raise InputError(f"the scheduler cannot load this brickpilot: {error}", field=field) from None
-        for address, found in sorted(self._client.run(versions.here, on_error="return").items()):
+        for address, found in sorted(self._client.run(store.versions_here, on_error="return").items()):
             if not isinstance(found, Versions):
                 raise InputError(f"worker {address} cannot load this brickpilot: {found}", field=field)
-            _check_versions(address, found, versions.here(), self._scheduler)
+            _check_versions(address, found, store.versions_here(), self._scheduler)
 
 
 def _field(scheduler: str) -> str:
@@ -214,7 +214,7 @@ def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
 
     If a worker has several threads, they take turns, because BLAS or the function may not be safe for several.
     """
-    found = versions.here()
+    found = store.versions_here()
     if found != wanted:
         from distributed import get_worker
 

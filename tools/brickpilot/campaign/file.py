@@ -51,7 +51,7 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import distributions, inputs, robots, variables
+from brickpilot.campaign import inputs, robots, variables
 from brickpilot.campaign.inputs import Input
 from brickpilot.campaign.robots import Allowed
 from brickpilot.constants import STEP_S
@@ -253,8 +253,8 @@ def _box(toml: TomlFile) -> Box | None:
     for name in ("waypoints", "x_m", "y_m"):
         if name not in table:
             toml.refuse(("route", name), "is missing")
-    whole = distributions.Range(1, 32, "", whole=True)
-    waypoints = distributions.parse(toml, ("route", "waypoints"), table["waypoints"], whole)
+    whole = variables.Range(1, 32, "", whole=True)
+    waypoints = variables.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
     if waypoints.varies:
         toml.refuse(("route", "waypoints"), "needs one whole number")
     x, y = (_ends(toml, name, table[name]) for name in ("x_m", "y_m"))

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign import distributions, variables
-from brickpilot.campaign.distributions import Distribution, Range
-from brickpilot.campaign.variables import ON, Value
+from brickpilot.campaign import variables
+from brickpilot.campaign.variables import ON, Distribution, Range, Value
 from brickpilot.compiled import interface
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle import faults as scenario_faults
@@ -111,7 +110,7 @@ def parse(toml: TomlFile, sensors: Sequence[str]) -> list[Input]:
 
 
 def _number(toml: TomlFile, key: Key, name: str, entry: object, physical: Range) -> Input:
-    return Input(name, physical.unit, distributions.parse(toml, key, entry, physical))
+    return Input(name, physical.unit, variables.parse_distribution(toml, key, entry, physical))
 
 
 def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.campaign import designs, flight_row, robots, variables
-from brickpilot.campaign.crew import Part
+from brickpilot.campaign.engine import Part
 from brickpilot.campaign.file import Box, Campaign, runs
 from brickpilot.campaign.robots import Robot
 from brickpilot.campaign.variables import ON, Drawn

@@ -2,7 +2,8 @@
 
 A part is written beside its place and then renamed, so that it is there as a whole or not at all. Its name holds the
 checksum of its bytes, KEY.CRC32.parquet: a file that a power cut damaged is found and made again. The bytes depend on
-the table alone, not on time or host.
+the table alone, not on time or host. The folder also holds the versions, of this program and of its libraries, that a
+result may depend on besides its argument.
 """
 
 from __future__ import annotations
@@ -11,10 +12,14 @@ import dataclasses
 import hashlib
 import json
 import os
+import platform
 import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
@@ -24,8 +29,61 @@ import filelock
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from brickpilot.campaign import versions
+import brickpilot
 from brickpilot.errors import InputError, WorkFailedError
+
+_COMPILED = (".so", ".dylib", ".dll")
+_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Versions:
+    """The versions of one process. Two processes with equal versions give the same bytes for the same part.
+
+    Attributes:
+        brickpilot: the version of the program.
+        code: hash of its Python files and tables.
+        plant: hash of its compiled libraries.
+        python: the version of Python, without its last number.
+        numpy, scipy, pyarrow: those of the libraries.
+    """
+
+    brickpilot: str
+    code: str
+    plant: str
+    python: str
+    numpy: str
+    scipy: str
+    pyarrow: str
+
+    def differences(self, other: Versions) -> str:
+        """Returns the differences as text, this one's first: "brickpilot 0.1.0, not 0.2.0". Nothing if nothing does."""
+        pairs = [(one.name, getattr(self, one.name), getattr(other, one.name)) for one in dataclasses.fields(self)]
+        return "; ".join(f"{name} {mine}, not {theirs}" for name, mine, theirs in pairs if mine != theirs)
+
+
+@cache
+def versions_here() -> Versions:
+    """Returns the versions of this process."""
+    files = sorted(path for path in Path(brickpilot.__file__).parent.rglob("*") if path.is_file())
+    return Versions(
+        brickpilot=brickpilot.__version__,
+        code=_hash([path for path in files if path.suffix in (".py", ".toml")]),
+        plant=_hash([path for path in files if path.suffix in _COMPILED]),
+        python=".".join(platform.python_version_tuple()[:2]),
+        numpy=version("numpy"),
+        scipy=version("scipy"),
+        pyarrow=version("pyarrow"),
+    )
+
+
+def _hash(files: list[Path]) -> str:
+    """Returns the hash of files, with their names."""
+    found = hashlib.sha256()
+    for path in files:
+        found.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return found.hexdigest()[:_DIGITS]
+
 
 ROWS = 16_384
 """Rows of a row group of the merged table, at most a part more: with 50 numbers a row it needs 7 MB."""
@@ -146,12 +204,12 @@ class Parts:
     def _claim(self) -> None:
         """Writes to which campaign the folder belongs, or refuses the folder of another one."""
         path = self.folder / _CAMPAIGN
-        here = dataclasses.asdict(versions.here())
+        here = dataclasses.asdict(versions_here())
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
         mine = {"campaign": hashlib.sha256(text.encode()).hexdigest(), "versions": here}
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
-            theirs, made_by = found["campaign"], versions.Versions(**found["versions"])
+            theirs, made_by = found["campaign"], Versions(**found["versions"])
         except FileNotFoundError:
             with _written_beside(path) as file:
                 file.write((json.dumps(mine, indent=1) + "\n").encode())
@@ -162,7 +220,7 @@ class Parts:
             ) from error
         if theirs != mine["campaign"]:
             raise InputError("holds another campaign: name another folder, or remove this one", file=self.folder)
-        if differences := made_by.differences(versions.here()):
+        if differences := made_by.differences(versions_here()):
             raise InputError(f"was begun with {differences}: name another folder, or remove this one", file=self.folder)
 
     def _look_through(self) -> None:

@@ -1,17 +1,35 @@
-"""The workers of a campaign: processes of this machine, a Dask cluster, or this process itself."""
+"""The workers of a campaign: processes of this machine, a Dask cluster, or this process itself.
+
+Each process has its own pipe and shares no lock with the others: if one is killed, at any moment, only its part is
+lost. The pools of the standard library and of loky break as a whole when one process dies, and do not say which part
+it had.
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import pickle
 import platform
 import re
+import signal
+import sys
+import threading
+import traceback
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
-from brickpilot.campaign.crew import Crew, Finished, Function, Part
-from brickpilot.campaign.crew import Workers as Workers
-from brickpilot.errors import InputError
+from brickpilot.campaign.engine import Crew, Finished, Function, Part
+from brickpilot.campaign.engine import Workers as Workers
+from brickpilot.errors import InputError, WorkFailedError
 
 _ADDRESS = re.compile(r"(tcp|tls)://([^\s/:]+|\[[0-9a-f:]+\]):\d{1,5}")
 
@@ -27,8 +45,6 @@ class Local:
     jobs: int
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        from brickpilot.campaign.local_crew import LocalCrew
-
         return LocalCrew(function, self.jobs)
 
 
@@ -107,3 +123,188 @@ def shared(path: Path) -> Path:
     if not path.exists():
         raise InputError(f"is missing on the worker {platform.node()}: each worker needs the same files", file=path)
     return path
+
+
+DEATHS = 3
+"""Workers that a part may end before the campaign does: one may have been killed by chance or by a lack of memory."""
+
+_STOP_S = 2.0  # for a process to end by itself, before it is killed
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+# "spawn" starts a fresh Python: a copy of this process would hold the locks of its threads, of BLAS and Arrow too.
+_CONTEXT = multiprocessing.get_context("spawn")
+
+
+@dataclass
+class _Worker:
+    process: SpawnProcess
+    pipe: Connection
+    part: Part | None = None
+
+
+class LocalCrew:
+    """A crew of processes, for a `with`."""
+
+    def __init__(self, function: Function, jobs: int) -> None:
+        self._function = function
+        self._jobs = jobs
+        self._workers: list[_Worker] = []
+        self._deaths: Counter[str] = Counter()
+        self._had_handler = True
+
+    def __enter__(self) -> LocalCrew:
+        is_main = threading.current_thread() is threading.main_thread()
+        self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+        if not self._had_handler:  # without one SIGTERM ends this process alone, and each worker goes on
+            signal.signal(signal.SIGTERM, _end)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
+        for worker in self._workers:
+            worker.pipe.close()  # this ends a worker that waits for a part
+            if worker.part is not None:
+                worker.process.terminate()
+        for worker in self._workers:
+            worker.process.join(_STOP_S)
+            if worker.process.is_alive():
+                worker.process.kill()
+                worker.process.join()
+        self._workers.clear()
+        if not self._had_handler:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def room(self) -> int:
+        return self._jobs - sum(worker.part is not None for worker in self._workers)
+
+    def give(self, part: Part) -> None:
+        idle = (worker for worker in self._workers if worker.part is None)
+        worker = next(idle, None) or self._started()
+        worker.part = part
+        try:
+            worker.pipe.send((self._function, part.argument))
+        except (BrokenPipeError, ConnectionResetError):  # it died while it had nothing to do
+            self._workers.remove(_buried(worker))
+            self.give(part)
+
+    def wait(self) -> Sequence[Finished]:
+        while True:
+            busy = [worker for worker in self._workers if worker.part is not None]
+            events = set(wait([one for worker in busy for one in (worker.pipe, worker.process.sentinel)]))
+            heard = [worker for worker in busy if events & {worker.pipe, worker.process.sentinel}]
+            finished = [one for one in map(self._heard, heard) if one is not None]
+            if finished:
+                return finished
+
+    def _started(self) -> _Worker:
+        ours, theirs = _CONTEXT.Pipe()
+        process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
+        worker = _Worker(process, ours)
+        self._workers.append(worker)  # before it starts: whatever happens in between, `__exit__` ends it
+        with _quiet_and_single_threaded():
+            process.start()
+        theirs.close()  # so that its end is seen here
+        return worker
+
+    def _heard(self, worker: _Worker) -> Finished | None:
+        """Returns a worker's answer, or gives its part again if it died."""
+        part = worker.part
+        assert part is not None
+        try:
+            if not worker.process.is_alive() and not worker.pipe.poll():
+                raise EOFError  # a process that the worker started holds the pipe open
+            done, answer = worker.pipe.recv()
+        except (EOFError, OSError):  # the end of the pipe, also in the middle of an answer
+            self._workers.remove(_buried(worker))
+            self._count_death(part, worker.process.exitcode)
+            self.give(part)
+            return None
+        worker.part = None
+        if not done:
+            raise answer
+        return Finished(part, answer)
+
+    def _count_death(self, part: Part, exitcode: int | None) -> None:
+        self._deaths[part.key] += 1
+        if self._deaths[part.key] == DEATHS:
+            raise WorkFailedError(f"part {part.key} ended its worker {DEATHS} times, last by {_how(exitcode)}")
+
+
+def _end(number: int, frame: object) -> None:
+    """Ends this process through each `with`, with the status that a shell gives for a signal."""
+    sys.exit(128 + number)
+
+
+def _buried(worker: _Worker) -> _Worker:
+    """Returns a worker after its end: it is killed if it closed its pipe but still runs."""
+    worker.pipe.close()
+    worker.process.join(_STOP_S)
+    if worker.process.is_alive():
+        worker.process.kill()
+        worker.process.join()
+    return worker
+
+
+def _how(exitcode: int | None) -> str:
+    """Returns how a process ended, in words."""
+    if exitcode is None or exitcode >= 0:
+        return f"exit status {exitcode}"
+    return f"signal {-exitcode} ({signal.strsignal(-exitcode)})"
+
+
+@contextmanager
+def _quiet_and_single_threaded() -> Iterator[None]:
+    """Gives each process that starts here one thread of BLAS, and leaves Ctrl-C to this process."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
+    if has_masks:
+        resource_tracker.ensure_running()  # the first worker would start it, and that lets Ctrl-C through again
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if has_masks else set()  # a child keeps the mask
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        if has_masks:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _serve(pipe: Connection) -> None:
+    """Calls each function that comes through the pipe, until the other end is closed. Runs in the worker."""
+    while True:
+        try:
+            function, argument = pipe.recv()
+        except EOFError:
+            return
+        except Exception as error:  # a module that this process cannot import
+            answer: tuple[bool, Any] = (False, _portable(error))
+        else:
+            answer = _called(function, argument)
+        try:
+            pipe.send(answer)
+        except (BrokenPipeError, ConnectionResetError):
+            return
+        except Exception as error:  # of pickling; nothing was sent yet
+            pipe.send((False, WorkFailedError(f"a worker cannot send what it made: {error}")))
+
+
+def _called(function: Function, argument: Any) -> tuple[bool, Any]:
+    """Returns whether the function returned, and what it returned or raised."""
+    try:
+        return True, function(argument)
+    except Exception as error:
+        return False, _portable(error)
+
+
+def _portable(error: Exception) -> Exception:
+    """Returns an error that can be sent, with the worker's traceback as a note: the traceback itself cannot."""
+    error.add_note("".join(traceback.format_exception(error)).rstrip())
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return WorkFailedError(f"{type(error).__name__}: {error}")
+    return error

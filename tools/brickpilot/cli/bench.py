@@ -151,19 +151,19 @@ def _print_avr(target: str, found: dict[str, Any]) -> None:
 
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
-    from brickpilot.bench import h8_states, kernel_share, step_budget
+    from brickpilot.bench import h8_states, rcx_budget
     from brickpilot.hil import h8_simulator
 
     built_for = h8_simulator.H8SIM_TARGETS[target]
     with progress_shown(as_json) as progress:
-        found = step_budget.mission(target, profile, sensors, seconds, progress)
+        found = rcx_budget.mission(target, profile, sensors, seconds, progress)
         kernel = None
         if built_for is not None:
-            kernel = kernel_share.as_dict(
-                kernel_share.measure(built_for, min(seconds or _KERNEL_S, _KERNEL_S), progress)
+            kernel = rcx_budget.shares_as_dict(
+                rcx_budget.measure_shares(built_for, min(seconds or _KERNEL_S, _KERNEL_S), progress)
             )
     if as_json:
-        click.echo(json.dumps(step_budget.as_dict(found) | ({} if kernel is None else {"kernel": kernel})))
+        click.echo(json.dumps(rcx_budget.as_dict(found) | ({} if kernel is None else {"kernel": kernel})))
         return
     click.echo(f"{'':10} {'instructions':>15}   {'states, all in external RAM':>30}   {'states, all on chip':>30}")
     click.echo(f"{'':10} {'typical':>7} {'most':>7}" + f"   {'typical':>7} {'most':>7} {'most, ms':>14}" * 2)
@@ -177,7 +177,7 @@ def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json:
     for name, size in found.sizes.items():
         click.echo(f"{name:24} {size.text:6d} {size.data:6d} {size.bss:6d}")
     if kernel is not None:
-        _print_kernel(kernel, kernel_share.LABELS)
+        _print_kernel(kernel, rcx_budget.LABELS)
 
 
 def _print_kernel(kernel: dict[str, Any], labels: dict[str, str]) -> None:

@@ -70,15 +70,15 @@ def _print(found: Mapping[str, Any]) -> None:
 
 
 def _replay(file: str, index: int, out: str | None, count: int | None, seed: int | None, as_json: bool) -> None:
+    from brickpilot.campaign import conduct
     from brickpilot.campaign import file as campaign_file
-    from brickpilot.campaign import fly_again
     from brickpilot.discover.prepare import SD_SHARE
     from brickpilot.report import link_figures, run_folder, run_page
 
     given = campaign_file.load(Path(file), count=count, seed=seed, shares=SD_SHARE)
     command = ["brickpilot", "campaign", file, *(["--runs", str(count)] if count is not None else [])]
     command += ["--seed", str(seed)] if seed is not None else []
-    found = fly_again.replay(given, index)
+    found = conduct.replay(given, index)
     folder = Path(out) if out else Path("runs") / f"{given.name}-run-{index}"
     figures = found.figures | {"campaign": given.name, "run": index, "inputs": found.inputs}
     link = None if found.ticks is None else link_figures.shown(found.ticks, realtime=False)

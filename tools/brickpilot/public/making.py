@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from brickpilot.campaign import conduct, workers
 from brickpilot.campaign import file as campaign_file
-from brickpilot.campaign import fly_all, workers
 from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError, disk_named
@@ -72,7 +72,7 @@ def campaign(
     words += ["--runs", str(count)] if count is not None else []
     words += ["--seed", str(seed)] if seed is not None else []
     folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
-    found = fly_all.conduct(
+    found = conduct.conduct(
         given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, shlex.join(words)
     )
     return Made(folder, campaign_page.verdict(found), found)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from brickpilot.campaign.crew import Crew, Part, Workers
+from brickpilot.campaign.engine import Crew, Part, Workers
 from brickpilot.tune.task import Batch, Outcome, Problem, Raw, fly_batch
 
 FLIGHTS = 8

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from brickpilot.campaign.crew import Workers
+from brickpilot.campaign.engine import Workers
 from brickpilot.tune.cma import Budget, Searched, search
 from brickpilot.tune.flying import Flyer, flyer
 from brickpilot.tune.judge import JUDGE, Change, Judged, Rate, judge

@@ -1,8 +1,7 @@
-"""What a control step of the firmware costs on the RCX's processor.
+"""What a control step of the firmware costs on the RCX's processor, and what the kernel takes beside the program.
 
-A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
-call of `loop_tick`: sensors in, motors out, telemetry included. The HAL is counted apart: on the simulator it is the
-link to the host, on a brick it is drivers.
+The step is counted on the simulator of the processor. For the kernel's share the image flies the mission in a
+simulated brick, in which every instruction and every interrupt takes its time.
 """
 
 from __future__ import annotations
@@ -22,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.bench import h8_states
+from brickpilot.bench.h8_states import CLOCK_HZ
 from brickpilot.errors import SimulationError
-from brickpilot.hil import ends, fly, h8_simulator
+from brickpilot.hil import ends, fly, h8_simulator, rcx_flight
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
@@ -268,3 +268,73 @@ def as_dict(budget: Budget) -> dict[str, Any]:
     }
     bytes_of = {name: dataclasses.asdict(size) for name, size in budget.sizes.items()}
     return {"stages": stages, "stack_bytes": budget.stack, "bytes": bytes_of, "clock_hz": h8_states.CLOCK_HZ}
+
+
+LABELS = {
+    "idle": "idle",
+    "program": "the program's own code",
+    "kernel": "the kernel's code in tasks",
+    "clock": "interrupt of each ms: clock",
+    "motors": "interrupt of 2 ms: motors, task switch",
+    "subsystems": "interrupt of 2 ms: buttons, display",
+    "converter": "interrupts of the A/D converter",
+    "serial": "interrupts of the infrared line",
+}
+SERIAL = ("ERI", "RXI", "TXI", "TEI")
+
+
+@dataclass(frozen=True)
+class Share:
+    """Of one kind: its share of the time, 0..1; how often an interrupt came per s; and its states, on average."""
+
+    share: float
+    per_s: float
+    states: float
+
+
+@dataclass(frozen=True)
+class KernelShare:
+    """What was measured in a flight.
+
+    Attributes:
+        seconds: simulated, from the button Run on.
+        ticks_ms: from the beginning of one control step to that of the next.
+        shares: each kind of `LABELS`.
+    """
+
+    seconds: float
+    ticks_ms: NDArray[np.float64]
+    shares: dict[str, Share]
+
+
+def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, str], None]) -> KernelShare:
+    """Flies the first part of the packaged mission with the image for these sensors.
+
+    Args:
+        sensors: ``imu`` or ``rotation``.
+        seconds: from the button Run on; the robot rests for the first two.
+        progress: called with the steps done, all steps, and a text.
+
+    Raises:
+        InputError: no checkout of the project, no compiler or no brickOS.
+    """
+    mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=seconds)
+    plan = flight.plan(mission, rcx(), sensors=rcx_flight.SENSORS[sensors], seed=0)
+    flown = rcx_flight.fly(rcx_flight.build(sensors), plan, progress)
+    tally = flown.tally
+    time = tally.states / CLOCK_HZ
+    count = tally.count | {"serial": sum(tally.count[kind] for kind in SERIAL)}
+    spent = tally.spent | {"serial": sum(tally.spent[kind] for kind in SERIAL)}
+    shares = {
+        kind: Share(spent[kind] / tally.states, count[kind] / time, spent[kind] / max(1, count[kind]))
+        for kind in LABELS
+    }
+    return KernelShare(time, flown.ticks_ms, shares)
+
+
+def shares_as_dict(measured: KernelShare) -> dict[str, Any]:
+    """Returns the figures for JSON."""
+    ticks = measured.ticks_ms
+    tick = {"median": float(np.median(ticks)), "p99": float(np.percentile(ticks, 99)), "most": float(ticks.max())}
+    shares = {kind: dataclasses.asdict(share) for kind, share in measured.shares.items()}
+    return {"seconds": measured.seconds, "tick_ms": tick, "shares": shares}

@@ -1,0 +1,177 @@
+"""Conducts a campaign in a folder, with the numbers behind the figures of its page, and flies one of its runs again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.campaign import designs, engine, runs
+from brickpilot.campaign.engine import Part, Workers
+from brickpilot.campaign.file import Campaign
+from brickpilot.campaign.file import runs as count_of
+from brickpilot.campaign.inputs import Input
+from brickpilot.campaign.store import Parts
+from brickpilot.campaign.summary import Table, summary
+from brickpilot.campaign.variables import Value
+from brickpilot.data.toml_file import write_whole
+from brickpilot.errors import InputError
+from brickpilot.report import campaign_page
+from brickpilot.report.campaign_page import Histogram, Scatter
+from brickpilot.vehicle import flight, flight_checks, flight_figures
+
+TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
+
+
+def conduct(
+    campaign: Campaign, folder: Path, workers: Workers, show: Callable[[int, int, str], None], command: str
+) -> dict[str, Any]:
+    """Flies the runs that `folder` does not hold, writes its files, and returns the content of `summary.json`.
+
+    Args:
+        show: called with (parts done, all parts, text).
+        command: the command line that conducts this campaign; with `--replay` it flies one run again.
+
+    Raises:
+        InputError: the folder holds another campaign, or the workers cannot be reached.
+        WorkFailedError: the disk is full, or no worker is left. Finished parts stay, and the same command resumes.
+    """
+    keys = [part.key for part in runs.parts(campaign)]
+    identity = {"campaign": campaign.identity(), "runs": count_of(campaign), "design": designs.made_by(campaign)}
+    with Parts(folder, identity) as parts:
+        done = parts.done()
+        left = (part for part in runs.parts(campaign) if part.key not in done)
+
+        def keep(part: Part, rows: Any) -> None:
+            parts.write(part.key, rows)
+
+        what = f"parts of {runs.part_size(campaign)} runs or fewer"
+        progress = engine.Progress(show, total=len(keys), done=len(done), what=what)
+        if len(done) < len(keys):
+            engine.run(runs.fly, left, keep=keep, workers=workers, progress=progress)
+        parts.merge(keys, folder / TABLE)
+        table = Table(folder / TABLE)
+        found = summary(campaign, table)
+        write_whole(folder / SUMMARY, json.dumps(found, indent=2, allow_nan=False) + "\n")
+        drawn = histograms(table, found["figures"]), scatters(campaign, table, found["sensitivity"])
+        write_whole(folder / PAGE, campaign_page.page(found, *drawn, command))
+    return found
+
+
+Ticks = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A run that was flown again.
+
+    Attributes:
+        inputs: the values that the campaign drew for the run; None: of an effect that its robot lacks.
+        figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
+        ticks: the columns of ticks.csv; None: the run has no link.
+    """
+
+    inputs: dict[str, Value | None]
+    flight: flight.Flight
+    figures: dict[str, Any]
+    ticks: Ticks | None
+
+
+def replay(campaign: Campaign, index: int) -> Replayed:
+    """Flies run `index` again: the same motor commands, to the last bit.
+
+    Raises:
+        InputError: the campaign has no such run.
+        SimulationError: the plant diverges, as it did then.
+    """
+    if not 0 <= index < count_of(campaign):
+        last = count_of(campaign) - 1
+        raise InputError(f"the campaign has the runs 0 to {last}", field=f"--replay {index}")
+    run = runs.one(campaign, index)
+    given = dict(run.drawn) | runs.of_robot(campaign, run)
+    if run.plan.scenario.faults:
+        found = _over_a_link(run, given)
+    else:
+        flown = flight.fly(run.plan)
+        found = Replayed(given, flown, flight_figures.summary(flown), None)
+    found.figures["failure"] = flight_checks.failure(found.figures)
+    return found
+
+
+def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
+    from brickpilot.hil import board, memory_link
+
+    flown = memory_link.fly_alone(run.plan)
+    figures = flight_figures.summary(flown.flight) | {
+        "link": memory_link.SPEC,
+        "pace": "lockstep",
+        "late_ticks": flown.late_ticks,
+        "lost_frames": flown.lost_frames,
+        "safe_stops": flown.safe_stops,
+        "broke_off": flown.broke_off,
+        "board": board.told(flown.board),
+    }
+    return Replayed(given, flown.flight, figures, flown.ticks.columns())
+
+
+Array = NDArray[np.float64]
+
+SHOWN = (
+    "cross_track_rms_m", "closest_approach_max_m", "position_estimate_error_m", "heading_rms_rad", "time_s", "charge_c",
+)  # fmt: skip
+"""The figures whose distribution the page draws."""
+
+MOST_DOTS = 1500
+"""Runs of a scatter plot: more points overlap and take long to draw."""
+
+STRONGEST = 3
+"""Inputs of each figure that are drawn against it."""
+
+_DRAWN_OUT = (0.001, 0.999)  # quantiles: a histogram's range; runs beyond it are counted in the outermost bars
+_BARS = 40
+
+
+def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[Histogram]:
+    """Returns the distributions of the runs' figures, for success and failure apart."""
+    success = table.numbers("success") > 0
+    found = []
+    for name in SHOWN:
+        values = table.numbers(name)
+        known = np.isfinite(values)
+        if known.sum() < 2:
+            continue
+        low, high = np.quantile(values[known], _DRAWN_OUT)
+        edges = np.linspace(low, high if high > low else low + abs(low) * 1e-3 + 1e-9, _BARS + 1)
+        inside = np.clip(values, edges[0], edges[-1])
+        counts = [np.histogram(inside[known & chosen], edges)[0] for chosen in (success, ~success)]
+        found.append(Histogram(name, figures[name]["unit"], edges, *(one.astype(np.float64) for one in counts)))
+    return found
+
+
+def scatters(campaign: Campaign, table: Table, sensitivity: Mapping[str, Any] | None) -> list[Scatter]:
+    """Returns each figure against its strongest inputs; the first runs stand for all."""
+    if sensitivity is None:
+        return []
+    inputs = {one.name: one for one in campaign.drawn}
+    success = table.numbers("success")[:MOST_DOTS] > 0
+    found = []
+    for figure, indices in sensitivity["figures"].items():
+        if figure == "success":
+            continue
+        values = table.numbers(figure)[:MOST_DOTS]
+        for index in indices[:STRONGEST]:
+            one = inputs[index["input"]]
+            x = table.numbers(one.name)[:MOST_DOTS]
+            found.append(_scatter(figure, one, x, values, success))
+    return found
+
+
+def _scatter(figure: str, one: Input, x: Array, values: Array, success: NDArray[np.bool_]) -> Scatter:
+    known = np.isfinite(x) & np.isfinite(values)
+    order = np.argsort(x[known], kind="stable")
+    return Scatter(figure, one.name, one.unit, x[known][order], values[known][order], success[known][order])
